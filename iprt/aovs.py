@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import LightView
-from iprt.methods.protocol import Image, Method, Signals, in_front
+from iprt.method import Image, Method, Signals, in_front
 from iprt.view.real_layer import UNEVEN, RealLayer
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.real_world import RealWorld

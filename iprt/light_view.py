@@ -13,7 +13,7 @@ from iprt.device.kernel import Kernel
 from iprt.gbuffer.context import FrameContext, ViewConstants
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.methods.protocol import GBuffer, Image, Signals
+from iprt.method import GBuffer, Image, Signals
 from iprt.settings.features import Features
 from iprt.view.real_layer import RealLayer
 from iprt.world.objects.object_layers import VisibleSurfaces

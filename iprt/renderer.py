@@ -25,7 +25,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, require_same_objects
 from iprt.geometry.pose import seen_from, view_from
 from iprt.light_view import LightView
-from iprt.methods.protocol import GBuffer, Method, Setup, Signals
+from iprt.method import GBuffer, Method, Setup, Signals
 from iprt.settings.features import Features
 from iprt.settings.methods import method
 from iprt.settings.model import Settings
@@ -264,7 +264,6 @@ class Renderer:
             method.prepare_video(self.world)
         if context.objects_changed:
             method.prepare_objects(self.world)
-        self.real_world.panorama.learn()
         if self.light is None:
             return method.trace(self.world, context)
         reduced = self.light.prepare(self.real_world, seen.view, seen.previous, context)

@@ -138,12 +138,6 @@ def films(**settings: Any) -> dict[str, Film]:
             LOOK,
             {"method": "oil", "oil": {"region": 1.0}, "learning": {"samples": 256, "models": 64}},
         ),
-        "learned and hidden": (
-            _carried(room),
-            (clay, mirror),
-            LOOK,
-            {**SEEN_ONLY, "trace": {"learned": True}, "learning": {"samples": 256, "models": 64}},
-        ),
         "learned on a walk": (
             _carried(room),
             (plastic, mirror),

@@ -32,7 +32,7 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
-from iprt.methods import voxels
+from iprt.trace import voxels
 from tests.films import entry_points, films, launches, play
 
 LIBRARY = Path("/usr/lib/oclgrind/liboclgrind-rt-icd.so")

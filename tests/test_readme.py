@@ -22,6 +22,7 @@ from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+METHOD_PAGES = sorted(ROOT.glob("iprt/methods/*/*.md"))
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -106,7 +107,9 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page", [*PAGES, *METHOD_PAGES], ids=lambda page: str(page.relative_to(ROOT))
+)
 def test_named_files_exist(page: Path) -> None:
     text = page.read_text()
     links = [link.partition("#") for link in re.findall(r"\]\(([^):]+)\)", text)]

@@ -16,7 +16,7 @@
 // are neighbours in the list are neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
 #include "filter/surface.h"
-#include "methods/rays.h"
+#include "trace/rays.h"
 
 #define CHUNK 64
 

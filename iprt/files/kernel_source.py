@@ -69,7 +69,7 @@ class KernelSource:
     Attributes
     ----------
     folder : Path
-        Folder of the files that are included.
+        Folder of the headers that all files share, `cl/lib`.
     macros : dict
         By name.
     lines : list of str
@@ -109,8 +109,7 @@ class KernelSource:
             elif match is None or not taken:
                 keep = taken and bool(line.strip())
             elif match[1] == "include":
-                file = match[2].strip().strip('"')
-                self._read(_text(self.folder / file), f"lib/{file}")
+                self._read(*self._included(match[2].strip().strip('"'), name))
                 keep = False
             else:
                 maybe = any(block.compilers for block in open_blocks)
@@ -118,6 +117,13 @@ class KernelSource:
                 keep = True
             if keep:
                 self._emit(line, name, number)
+
+    def _included(self, file: str, name: str) -> tuple[str, str]:
+        """Return the text and name of a header beside the file `name`, else of a shared one."""
+        beside = Path(name).parent / file
+        if (self.folder.parent / beside).is_file():
+            return _text(self.folder.parent / beside), beside.as_posix()
+        return _text(self.folder / file), f"lib/{file}"
 
     def _emit(self, line: str, name: str, number: int) -> None:
         file, next_number = self._place

@@ -53,8 +53,6 @@ class Features:
         There are several frames.
     background : bool
         What moving things hide is remembered, and rays find it.
-    learned_hidden : bool
-        Rays find surfaces that the frame hides, as far as the video's frames have shown them.
     real_materials : tuple of Material
         Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
     moving_camera : bool
@@ -74,7 +72,6 @@ class Features:
     color_map: bool
     video: bool
     background: bool
-    learned_hidden: bool
     real_materials: tuple[Material, ...]
     moving_camera: bool
     needs: Needs
@@ -111,9 +108,6 @@ class Features:
             and not (needs.distant or needs.impostor)
             and settings.trace.background
             and footage.static_camera,
-            learned_hidden=tracing
-            and not (needs.distant or needs.impostor)
-            and settings.trace.learned,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
             moving_camera=bool(kinds) and footage.poses,
             needs=needs,
@@ -154,11 +148,6 @@ class Features:
     def light_sampling(self) -> bool:
         """Rays are aimed at lights."""
         return self.tracing and self.settings.trace.light_sampling
-
-    @property
-    def learning(self) -> bool:
-        """The radiance of real surfaces is learned from the video."""
-        return self.learned_hidden or (self.tracing and self.needs.learned)
 
     @property
     def impostor(self) -> bool:
@@ -209,14 +198,13 @@ class Features:
             self.color_map,
             self.video,
             self.background,
-            self.learning,
             self.real_materials,
             self.moving_camera,
             self.delta,
             tuple(self.real_defines().items()),
             self.light_sampling,
             (trace.thickness, trace.thickness_ratio, trace.back_faces),
-            (settings.gloss, settings.irradiance, settings.learning),
+            (settings.gloss, settings.irradiance),
             settings.seed,
         )
 
@@ -225,7 +213,6 @@ class Features:
         return {
             "OUTSIDE_ROWS": OUTSIDE_ROWS,
             "BACKGROUND": self.background,
-            "LEARNED_HIDDEN": self.learned_hidden,
             **(BVH_DEFINES if self.bvh else {}),
         }
 
@@ -257,7 +244,6 @@ class Features:
             "distant environment behind windows": self.opening_environment,
             "drift of the video's exposure and white balance": self.color_map,
             "memory of what moving things hide": self.background,
-            "learned radiance of real surfaces": self.learning,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "distance impostor around the objects": self.impostor,

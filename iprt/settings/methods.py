@@ -55,8 +55,6 @@ class Needs:
         What rays meet of objects: their triangles, or rasterized layers.
     irradiance : bool
         E_R of real surfaces, cached.
-    learned : bool
-        Radiance of real surfaces is learned from the video.
     gloss : bool
         Highlights of glossy real surfaces are split from their diffuse part.
     relit_reflections : bool
@@ -73,7 +71,6 @@ class Needs:
     relit: bool = False
     objects: Literal["triangles", "layers"] = "triangles"
     irradiance: bool = False
-    learned: bool = False
     gloss: bool = False
     relit_reflections: bool = False
     ratio_rows: int = 0
@@ -91,7 +88,7 @@ class MethodInfo:
     title : str
         What it does, in a few words.
     implementation : str
-        "module:Class" of its `iprt.methods.protocol.Method`.
+        "module:Class" of its `iprt.method.Method`.
     paper, doi : str
         Where it was published; empty if it was not.
     settings : subclass of MethodSettings or None

@@ -58,11 +58,6 @@ class TraceSettings(BaseModel):
         description="Remember what moving things hide in the video of a camera that stays, for "
         "rays that pass behind these.",
     )
-    learned: bool = Field(
-        default=False,
-        description="Rays find surfaces that the panorama hides where earlier frames have shown "
-        "them, and take what is learned of their radiance.",
-    )
     openings: Literal["environment", "surface"] = Field(
         default="environment",
         description="What windows show: what is far behind them, or their own radiance.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import pyopencl.array as cla
 
@@ -11,11 +11,21 @@ from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.world.objects.object_layers import EMPTY
 from iprt.world.objects.objects import Objects
-from iprt.world.real.impostor import Impostor
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.lights import Lights, no_lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
+
+
+class Substitute(Protocol):
+    """What rays that light takes meet instead of the panorama's surfaces."""
+
+    @property
+    def lights(self) -> Lights | None:
+        """What rays are aimed by; None: they are not aimed."""
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what kernels built with `-D IMPOSTOR` take besides others."""
 
 
 class World:
@@ -25,14 +35,14 @@ class World:
     ----------
     real : RealWorld
     objects : Objects
-    impostor : Impostor or None
+    impostor : Substitute or None
         What rays meet instead of `real`, once the method has placed it.
     """
 
     def __init__(self, real: RealWorld, objects: Objects) -> None:
         self.real = real
         self.objects = objects
-        self.impostor: Impostor | None = None
+        self.impostor: Substitute | None = None
         self._relit: dict[str, Any] = {
             "relit_screen": None,
             "relit_view": None,

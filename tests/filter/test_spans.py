@@ -13,10 +13,10 @@ from iprt.filter.mask import Mask, Masks
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal, signal_planes
 from iprt.gbuffer.guide import Guide, span_arguments
-from iprt.methods.relight import Relight
 from iprt.settings.model import Settings
+from iprt.trace.relight import Relight
 from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
-from tests.methods.even_cache import WORLD, EvenCache
+from tests.trace.even_cache import WORLD, EvenCache
 
 WIDTH, HEIGHT = 150, 20
 

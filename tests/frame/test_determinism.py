@@ -28,9 +28,9 @@ from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene
 from tests.frame.whole_frame import METHOD, METHODS, chosen
-from tests.methods.estimators import furnace, kernels, lamps
 from tests.oracles.worlds import Box, World
 from tests.scene.files import box_room, write_channels, write_scene
+from tests.trace.estimators import furnace, kernels, lamps
 from tests.waiting import DEADLINE_S
 from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, cuboid, room_frame
 

@@ -31,8 +31,8 @@ PLASTIC = Material("plastic")
 LAYERS = Settings(method="iprt2023")
 
 UNLIT = Settings.model_validate({"iprt": {"relight_reflections": False}})
-VIRTUAL = "methods/trace_virtual.cl"
-ESTIMATORS = {"delta": "methods/trace_delta.cl", "ratio": "methods/trace_real.cl"}
+VIRTUAL = "trace/trace_virtual.cl"
+ESTIMATORS = {"delta": "trace/trace_delta.cl", "ratio": "trace/trace_real.cl"}
 
 
 def plan(
@@ -95,9 +95,9 @@ def test_kernels_that_trace_are_built_alike_for_all_objects() -> None:
         "world/real/irradiance.cl",
         "world/real/highlight.cl",
         "world/objects/visibility.cl",
-        "methods/trace_delta.cl",
-        "methods/trace_virtual.cl",
-        "methods/trace_gloss.cl",
+        "trace/trace_delta.cl",
+        "trace/trace_virtual.cl",
+        "trace/trace_gloss.cl",
     ):
         assert defines(one, file) == defines(other, file), file
 
@@ -106,11 +106,11 @@ def test_the_view_and_the_map_around_it_share_what_looks_into_neither() -> None:
     """Rays of real surfaces meet the view only where it holds layers of the objects."""
     for settings, file in ((Settings(), "trace_delta"), (LAYERS, "trace_real")):
         device = plan(DIFFUSE, settings=settings)
-        used = [one.defines for one in device.kernels if one.file == f"methods/{file}.cl"]
+        used = [one.defines for one in device.kernels if one.file == f"trace/{file}.cl"]
         assert used
         assert not any("VIEW_EQUIRECT" in variant for variant in used)
     around = plan(DIFFUSE, view=PANORAMA, settings=LAYERS)
-    assert "VIEW_EQUIRECT" in defines(around, "methods/trace_real.cl")
+    assert "VIEW_EQUIRECT" in defines(around, "trace/trace_real.cl")
 
 
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])
@@ -137,15 +137,15 @@ def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -
 def test_the_distant_environment_traces_nothing(view: View) -> None:
     device = plan(DIFFUSE, GLOSSY, view=view, settings=Settings(method="ibl"))
     unused = {
-        "methods/trace_real.cl",
-        "methods/trace_delta.cl",
+        "trace/trace_real.cl",
+        "trace/trace_delta.cl",
         "world/real/irradiance.cl",
         "world/objects/object_surface.cl",
-        "methods/relight.cl",
+        "trace/relight.cl",
     }
     assert not unused & files(device)
     assert not buffers(device, "light cells")
-    assert "DISTANT_ENVIRONMENT" in defines(device, "methods/trace_virtual.cl")
+    assert "DISTANT_ENVIRONMENT" in defines(device, "trace/trace_virtual.cl")
     assert not buffers(device, "layers")
     assert not buffers(device, "ratio")
     assert not buffers(device, "real signal")
@@ -156,8 +156,8 @@ def test_rasterized_a_view_has_layers_of_its_own_and_of_the_panorama() -> None:
     assert buffers(device, "screen layers")
     assert buffers(device, "equirect layers")
     assert not buffers(device, "bvh")
-    assert "OBJECTS_BVH" not in defines(device, "methods/trace_virtual.cl")
-    assert "DISTANT_ENVIRONMENT" not in defines(device, "methods/trace_virtual.cl")
+    assert "OBJECTS_BVH" not in defines(device, "trace/trace_virtual.cl")
+    assert "DISTANT_ENVIRONMENT" not in defines(device, "trace/trace_virtual.cl")
 
 
 @pytest.mark.parametrize("view", [VIEW, PANORAMA])
@@ -166,7 +166,7 @@ def test_triangles_are_traced_without_layers(view: View) -> None:
     assert buffers(device, "bvh nodes")
     assert not buffers(device, "layers")
     assert "world/objects/object_surface.cl" not in files(device)
-    assert "OBJECTS_BVH" in defines(device, "methods/trace_virtual.cl")
+    assert "OBJECTS_BVH" in defines(device, "trace/trace_virtual.cl")
     assert not buffers(device, "texels")
     textured = plan(replace(DIFFUSE, texture=np.ones((4, 8, 3), np.float32)), view=view)
     assert textured.buffers["bvh texels"] == 4 * 8 * 4 * 2
@@ -189,12 +189,12 @@ def tracing(**trace: Any) -> Settings:
 def test_one_estimator_is_built(view: View) -> None:
     """The cache of E_R with the one that is relative to it."""
     delta = plan(DIFFUSE, view=view)
-    assert {"methods/trace_delta.cl", "world/real/irradiance.cl"} <= files(delta)
-    assert "methods/trace_real.cl" not in files(delta)
+    assert {"trace/trace_delta.cl", "world/real/irradiance.cl"} <= files(delta)
+    assert "trace/trace_real.cl" not in files(delta)
     assert "irradiance" in delta.buffers
     ratio = plan(DIFFUSE, view=view, settings=LAYERS)
-    assert "methods/trace_real.cl" in files(ratio)
-    assert not {"methods/trace_delta.cl", "world/real/irradiance.cl"} & files(ratio)
+    assert "trace/trace_real.cl" in files(ratio)
+    assert not {"trace/trace_delta.cl", "world/real/irradiance.cl"} & files(ratio)
     assert not buffers(ratio, "irradiance")
 
 

@@ -148,7 +148,7 @@ def test_a_compiler_at_work_is_told(
         settings = SETTINGS.model_copy(update={"method": "ibl"})
         driver.answer(client, driver.change(settings=settings))
         files = [status.what for status in told if status.doing == "compiling"]
-        assert "methods/trace_virtual.cl" in files
+        assert "trace/trace_virtual.cl" in files
         assert driver.mailbox.status.doing == "rendering"
         driver.settle()
         assert driver.mailbox.status == Status("waiting")

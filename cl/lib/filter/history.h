@@ -6,7 +6,7 @@
 #define IPRT_HISTORY_H
 
 #include "gbuffer/batch.h"
-#include "methods/rays.h"
+#include "trace/rays.h"
 #include "filter/signal.h"
 #include "filter/surface.h"
 

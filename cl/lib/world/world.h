@@ -117,10 +117,6 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
 #ifdef IMPOSTOR
     return impostor_radiance(world.real.impostor, hit.direction);
 #else
-#ifdef LEARNED_HIDDEN
-    if (hit.kind == HIT_LEARNED)
-        return hit.learned;
-#endif
     __global const float *picture = world.color;
     int width = world.real.grid.width, height = world.real.grid.height;
     float2 uv = equirect_uv(hit.direction);

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.gbuffer.context import FrameContext
+from iprt.method import Setup
 from iprt.methods.iprt.ratio_map import RatioMap
-from iprt.methods.protocol import Setup
-from iprt.methods.sparse import SparseMethod
+from iprt.trace.sparse import SparseMethod
 from iprt.world.world import World
 
 

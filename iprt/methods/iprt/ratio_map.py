@@ -12,8 +12,8 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.methods.pixels import RealPixels
 from iprt.settings.features import Features
+from iprt.trace.pixels import RealPixels
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 

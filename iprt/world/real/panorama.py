@@ -13,13 +13,12 @@ from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.world.real.background import Background
 from iprt.world.real.clipped import ShownTexels
-from iprt.world.real.learned import LearnedRadiance
 from iprt.world.real.pyramid import Pyramid, PyramidShape
 from iprt.world.real.radiance import Flux, PictureLoader
 from iprt.world.real.surfaces import Surfaces
 
 if TYPE_CHECKING:
-    from iprt.settings.trace import LearningSettings, TraceSettings
+    from iprt.settings.trace import TraceSettings
 
 COARSEST_COLUMNS = 8
 """Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
@@ -54,8 +53,6 @@ class Panorama:
         Min/max pyramid of radial distances, level 0 first.
     background : Background or None
         What the video has shown behind all this, where that is remembered.
-    learned : LearnedRadiance or None
-        What the video has shown of the radiance of surfaces, where that is learned.
     median_depth, nearest, farthest : float
         Median, least and largest finite depth, in metres; `farthest` is 0 where all is open sky.
     flux : Flux
@@ -73,11 +70,10 @@ class Panorama:
         color_map: bool = False,
         share: bool = False,
         background: TraceSettings | None = None,
-        learning: LearningSettings | None = None,
     ) -> None:
         """`color_map`: frames may have one; `share`: pictures stay in the host's memory where the
         device reads that, and no frame has a map; `background`: what frames hide is remembered, by
-        the thickness that surfaces are assumed to have; `learning`: how radiance is learned.
+        the thickness that surfaces are assumed to have.
         """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
@@ -103,7 +99,6 @@ class Panorama:
         self.background: Background | None = None
         if background is not None:
             self.background = Background(device, self.surfaces, self.shape, background)
-        self.learned = None if learning is None else LearnedRadiance(device, learning)
         self._pyramid = Pyramid(device)
         self.flux = Flux(0.0, 0.0)
         self.median_depth = self.nearest = self.farthest = 0.0
@@ -166,11 +161,6 @@ class Panorama:
         )
         self._pyramid.run(background.range, self.shape)
 
-    def learn(self) -> None:
-        """Learn more of the radiance of the loaded frame, where that is learned."""
-        if self.learned is not None:
-            self.learned.learn(self.surfaces, self.radiated, self.mean_radiance)
-
     def _enlarged(self, image: Any) -> Any:
         if self._repeat == 1:
             return image
@@ -207,7 +197,6 @@ class Panorama:
             "real_color": self.radiance,
             "real_outside": self.outside,
             **({} if self.background is None else self.background.arguments()),
-            **({} if self.learned is None else self.learned.arguments()),
         }
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pyopencl.array as cla
-from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.cut import SWITCHED, is_cut
@@ -57,7 +56,6 @@ class RealWorld:
             color_map=features.color_map,
             share=not (features.video or features.color_map),
             background=features.settings.trace if features.background else None,
-            learning=features.settings.learning if features.learning else None,
         )
         self._color_map = ColorMap(device) if features.color_map else None
         self.lights = Lights(device, frame.width, frame.height) if features.light_sampling else None
@@ -99,23 +97,15 @@ class RealWorld:
         if features.objects:
             changed = self.panorama.flux.change
             cut = abandoned or is_cut(before, frame, changed)
-            other_light = cut or changed > SWITCHED
-            if other_light:
+            if cut or changed > SWITCHED:
                 self.cut_version = self.version
             elsewhere = cut or not np.array_equal(motion, STILL)
             self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
-            self._follow_learned(frame.pose, forget=other_light or self.version == 1)
             if self.lights is not None:
                 self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
             if self.irradiance is not None:
                 self.irradiance.place(self.panorama, motion, changed=changed, cut=cut)
         self.frame, self._complete = frame, True
-
-    def _follow_learned(self, pose: NDArray[np.float64] | None, *, forget: bool) -> None:
-        panorama = self.panorama
-        if panorama.learned is not None:
-            texels = panorama.width * panorama.height
-            panorama.learned.follow(pose, texels=texels, scale=panorama.scale, forget=forget)
 
     def split_highlights(self) -> None:
         """Take highlights off the panorama before its first use, where surfaces are glossy."""

@@ -14,8 +14,8 @@ from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.pose import camera_motion, view_from
-from iprt.methods.reflection_motion import ReflectionMotion
 from iprt.settings.filter import TemporalSettings
+from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.view.real_layer import RealLayer
 from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.real.panorama import Panorama

@@ -54,14 +54,6 @@ static inline float3 to_world(__global const float *pose, float3 v, float w)
                     pose[8] * v.x + pose[9] * v.y + pose[10] * v.z + pose[11] * w);
 }
 
-// A direction in the world, in the axes of the capture centre.
-static inline float3 to_centre(__global const float *pose, float3 v)
-{
-    return (float3)(pose[0] * v.x + pose[4] * v.y + pose[8] * v.z,
-                    pose[1] * v.x + pose[5] * v.y + pose[9] * v.z,
-                    pose[2] * v.x + pose[6] * v.y + pose[10] * v.z);
-}
-
 // Coordinates of the cell of a point; a point that is not finite has some cell, too.
 static inline int3 grid_cell(float3 p, float inverse_radius)
 {

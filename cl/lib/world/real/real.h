@@ -6,8 +6,7 @@
 //
 // -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown
 // there (remember.cl), which is the first one's own where nothing nearer hides it (background.h).
-// -D LEARNED_HIDDEN: behind the first layer, rays also find surfaces that the video has shown before and
-// whose radiance was learned (hidden.h).
+// -D LEARNED_RADIANCE: what the video has shown of the surfaces' radiance is kept beside (learned.h).
 // -D IMPOSTOR: rays do not march, but meet what the distance impostor shows (impostor.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
@@ -17,8 +16,7 @@
 #ifdef IMPOSTOR
 #include "world/real/impostor.h"
 #endif
-#if defined(LEARNED_HIDDEN) || defined(LEARNED_RADIANCE)
-#define LEARNED
+#ifdef LEARNED_RADIANCE
 #include "world/real/learned.h"
 #endif
 
@@ -36,7 +34,6 @@
 #define HIT_BACK_FACE 2     // it meets an assumed back face
 #define HIT_SKY 3           // it leaves the scene through open sky
 #define HIT_UNKNOWN 4       // it leaves the scene behind visible surfaces, or at the step cap
-#define HIT_LEARNED 5       // it meets a hidden surface whose radiance was learned
 
 typedef struct {
     Grid grid;
@@ -52,22 +49,13 @@ typedef struct {
     __global const float2 *back_range;     // as `grid.range`
     __global const float *back_color;      // radiance, 3 a texel
 #endif
-#ifdef LEARNED
+#ifdef LEARNED_RADIANCE
     Learned learned;
 #endif
 #ifdef IMPOSTOR
     Impostor impostor;
 #endif
 } RealLayer;
-
-#ifdef LEARNED_HIDDEN
-// The first back face that a ray has passed, members as those of RealHit.
-typedef struct {
-    float t;            // INFINITY: none
-    float3 direction;
-    int texel;
-} AssumedHit;
-#endif
 
 typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
@@ -77,11 +65,6 @@ typedef struct {
     int kind;           // HIT_*
 #ifdef BACKGROUND
     int behind;         // it is background that the first layer hides
-#endif
-#ifdef LEARNED_HIDDEN
-    AssumedHit assumed;
-    float hidden_from;  // metres along the ray to where it first passes behind the first layer
-    float3 learned;     // radiance of HIT_LEARNED
 #endif
 } RealHit;
 
@@ -276,13 +259,6 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     return 1;
 }
 
-#ifdef LEARNED_HIDDEN
-#include "world/real/hidden.h"
-#define REAL_LEAF noted_leaf
-#else
-#define REAL_LEAF real_leaf
-#endif
-
 #define MARCH_NAME march_real_layer
 #define MARCH_LAYER RealLayer
 #define MARCH_STATE int
@@ -290,7 +266,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
 #define MARCH_WORK WORK_REAL
 #define MARCH_SKIP(state, near, far, range, cell)                                                  \
     real_skip(layer, &state, near, far, range, cell)
-#define MARCH_LEAF(layer, ray, at, state, hit) REAL_LEAF(layer, ray, at, state, hit)
+#define MARCH_LEAF(layer, ray, at, state, hit) real_leaf(layer, ray, at, state, hit)
 #define MARCH_END(state) (state == SIDE_BEHIND ? -1 : 0)
 #include "world/real/march.h"
 
@@ -304,9 +280,6 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
     const float2 range = layer.grid.range[texel];
     const float radius = surface_radius(0.0f, dot(surface.xyz, ray.d), 1.0f, 1.0f, range);
     if (ray.od > radius + layer.bias) {
-#ifdef LEARNED_HIDDEN
-        hit->hidden_from = 0.0f;
-#endif
 #ifdef BACKGROUND
         return radial_background(layer, ray, texel, hit);
 #else
@@ -352,9 +325,6 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     }
     return hit;
 #else
-#ifdef LEARNED_HIDDEN
-    hit.hidden_from = hit.assumed.t = INFINITY;
-#endif
     int found = 0;
 #ifndef DISTANT_ENVIRONMENT
     COUNT_RAY(layer.grid.work, WORK_REAL);
@@ -367,17 +337,6 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
         found = radial_real(layer, ray, texel, &hit);
     else
         found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
-#ifdef LEARNED_HIDDEN
-    if (hidden_surface(layer, o, d, found == 1, t_last, &hit))
-        return hit;
-    if (hit.assumed.t < INFINITY) {
-        found = 1;
-        hit.t = hit.assumed.t;
-        hit.direction = hit.assumed.direction;
-        hit.texel = hit.assumed.texel;
-        hit.kind = HIT_BACK_FACE;
-    }
-#endif
 #endif
     if (found != 1) {
         hit.t = INFINITY;

@@ -1,0 +1,70 @@
+// The panorama prefiltered: radiance in coarser and coarser texels, which cones look up by their width
+// (trace/reduce_panorama.cl). -D OPENING_ENVIRONMENT: what windows show in any direction, likewise.
+#ifndef IPRT_PREFILTERED_H
+#define IPRT_PREFILTERED_H
+
+#include "maths/equirect.h"
+#include "trace/voxels.h"
+#include "world/real/panorama.h"
+
+typedef struct {
+    __global const float *texels;    // 3 a texel, level after level
+    __global const int4 *levels;     // width, height, first texel
+    int count;
+} Prefiltered;
+
+#define PREFILTERED_PARAMETERS                                                                     \
+    __global const float *restrict prefiltered, __global const int4 *restrict prefiltered_levels,  \
+        const int prefiltered_count
+
+#define PREFILTERED {prefiltered, prefiltered_levels, prefiltered_count}
+
+static inline float3 prefiltered_level(const Prefiltered panorama, int level, float2 uv)
+{
+    const int4 at = panorama.levels[level];
+    return panorama_bilinear(panorama.texels + 3 * at.z, at.x, at.y, uv);
+}
+
+// Mean radiance around the direction d over about `width` radians, between two levels.
+static inline float3 prefiltered_radiance(const Prefiltered panorama, float3 d, float width)
+{
+    const float2 uv = equirect_uv(d);
+    const float texels = fmax(width * panorama.levels[0].y * (1.0f / IPRT_PI), 1.0f);
+    const float level = fmin(log2(texels), (float)(panorama.count - 1));
+    const int fine = (int)level, coarse = min(fine + 1, panorama.count - 1);
+    return mix(prefiltered_level(panorama, fine, uv), prefiltered_level(panorama, coarse, uv),
+               level - (float)fine);
+}
+
+// What is around the voxels of the room.
+typedef struct {
+    Prefiltered panorama;
+#ifdef OPENING_ENVIRONMENT
+    Prefiltered outside;
+#endif
+} Surroundings;
+
+#ifdef OPENING_ENVIRONMENT
+#define SURROUNDINGS_PARAMETERS                                                                    \
+    PREFILTERED_PARAMETERS, __global const float *restrict outside,                                \
+        __global const int4 *restrict outside_levels, const int outside_count
+#define SURROUNDINGS {PREFILTERED, {outside, outside_levels, outside_count}}
+#else
+#define SURROUNDINGS_PARAMETERS PREFILTERED_PARAMETERS
+#define SURROUNDINGS {PREFILTERED}
+#endif
+
+// All that arrives through a cone of the room, and of what is behind its windows and around it.
+static inline float3 all_arriving(const Surroundings around, const Cone cone, const ConeLight room)
+{
+    // The sides of a square of the cone's solid angle.
+    const float wide = sqrt(IPRT_PI) * cone.slope;
+    float3 sum = room.radiance + room.passed * prefiltered_radiance(around.panorama, cone.d, wide);
+#ifdef OPENING_ENVIRONMENT
+    if (room.open > 0.0f)
+        sum += room.open * prefiltered_radiance(around.outside, cone.d, wide);
+#endif
+    return sum;
+}
+
+#endif

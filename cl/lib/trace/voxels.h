@@ -1,0 +1,215 @@
+// Voxels of opacity and radiance in a mip chain, and cones that are traced through them (C. Crassin et
+// al., "Interactive Indirect Illumination Using Voxel Cone Tracing", Pacific Graphics 2011).
+//
+// A voxel has an opacity along each axis: the share of parallel rays through it that something stops.
+// Along other directions it has the cross section of an ellipsoid with these: exact for a flat sheet
+// across an axis and for what is alike from all sides.
+#ifndef IPRT_VOXELS_H
+#define IPRT_VOXELS_H
+
+#include "maths/equirect.h"
+#include "maths/tracing.h"
+#include "world/boxes.h"
+
+// Voxels are looked up where their size times this lies above the surface that the cone starts from:
+// half a voxel of the surface's own, and one that interpolation adds.
+#define CONE_CLEARANCE 1.5f
+// Cones that rise less than so much per metre start as far away as these.
+#define LEAST_RISE 0.05f
+// Cones end where so little light passes.
+#define CONE_DARK 0.004f
+// More steps than any diagonal has.
+#define CONE_STEP_CAP 2048
+#define CONE_FAR 1e30f
+
+typedef struct {
+    __global const float4 *opacity;  // along x, y, z; weight of windows
+    __global const float4 *light;    // radiance times weight, weight
+    __global const int4 *levels;     // voxels along x, y, z; first voxel
+    int count;                       // of levels
+    float4 box;                      // lower corner and size of a voxel of the finest level, metres
+} Voxels;
+
+#define SCENE_VOXEL_PARAMETERS                                                                     \
+    __global const float4 *restrict scene_opacity, __global const float4 *restrict scene_light,    \
+        __global const int4 *restrict scene_levels, const int scene_count, const float4 scene_box
+
+#define SCENE_VOXELS {scene_opacity, scene_light, scene_levels, scene_count, scene_box}
+
+#define OBJECT_VOXEL_PARAMETERS                                                                    \
+    __global const float4 *restrict object_opacity, __global const float4 *restrict object_light,  \
+        __global const int4 *restrict object_levels, const int object_count,                       \
+        const float4 object_box
+
+#define OBJECT_VOXELS {object_opacity, object_light, object_levels, object_count, object_box}
+
+// Real surfaces around the objects, and what objects change there.
+#define DELTA_VOXEL_PARAMETERS                                                                     \
+    __global const float4 *restrict delta_opacity, __global const float4 *restrict delta_light,    \
+        __global const int4 *restrict delta_levels, const int delta_count, const float4 delta_box
+
+#define DELTA_VOXELS {delta_opacity, delta_light, delta_levels, delta_count, delta_box}
+
+typedef struct {
+    float3 o;
+    float3 d;
+    float slope;   // tangent of half its aperture
+    float lift;    // of o above the surface that is not to shadow itself; CONE_FAR: there is none
+    float rise;    // how much the cone rises above it per metre
+} Cone;
+
+// What a cone has gathered.
+typedef struct {
+    float3 radiance;   // of all from `front` on, less what hides it
+    float open;        // likewise, the share that ends at windows, which send nothing themselves
+    float passed;      // share that gets through all
+    float front;       // share that gets as far as where it counts from
+    float distance;    // mean of what stops it, metres; CONE_FAR: nothing does
+} ConeLight;
+
+// The tangent of half the aperture of a cone of that solid angle, 60 degrees at most.
+static inline float cone_slope(float solid_angle)
+{
+    const float x = fmin(solid_angle * (0.5f / IPRT_PI), 0.5f);
+    return sqrt(x * (2.0f - x)) / (1.0f - x);
+}
+
+// Four voxels of a layer across an axis, and their weights: 0 outside.
+typedef struct {
+    int a, b, below_a, below_b;
+    float4 weights;
+} VoxelTaps;
+
+// The axis comes last.
+static inline float3 axis_last(float3 v, int axis)
+{
+    return axis == 0 ? v.yzx : axis == 1 ? v.zxy : v;
+}
+
+static inline int3 axis_last_int(int3 v, int axis)
+{
+    return axis == 0 ? v.yzx : axis == 1 ? v.zxy : v;
+}
+
+// Around `at`, in voxels of the level, in the layer across the axis that it lies in.
+static inline VoxelTaps voxel_taps(int4 level, int axis, float3 at)
+{
+    const int3 size = axis_last_int(level.xyz, axis);
+    const int3 stride = axis_last_int((int3)(1, level.x, level.x * level.y), axis);
+    const float3 place = clamp(axis_last(at, axis) - (float3)(0.5f, 0.5f, 0.0f), -1.0f,
+                               convert_float3(size));
+    const float3 low = floor(place);
+    const float2 part = (place - low).xy;
+    const int3 cell = convert_int3(low), last = size - 1;
+    const int there = cell.z >= 0 && cell.z <= last.z;
+    const float2 near = (float2)(cell.x >= 0 && cell.x <= last.x ? 1.0f - part.x : 0.0f,
+                                 cell.y >= 0 && cell.y <= last.y ? 1.0f - part.y : 0.0f);
+    const float2 far = (float2)(cell.x >= -1 && cell.x < last.x ? part.x : 0.0f,
+                                cell.y >= -1 && cell.y < last.y ? part.y : 0.0f);
+    const int3 a = clamp(cell, (int3)(0), last), b = clamp(cell + 1, (int3)(0), last);
+    const int layer = level.w + stride.z * a.z;
+    VoxelTaps taps;
+    taps.a = layer + stride.x * a.x + stride.y * a.y;
+    taps.b = layer + stride.x * b.x + stride.y * a.y;
+    taps.below_a = layer + stride.x * a.x + stride.y * b.y;
+    taps.below_b = layer + stride.x * b.x + stride.y * b.y;
+    taps.weights = there ? (float4)(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y)
+                         : (float4)(0.0f);
+    return taps;
+}
+
+static inline float4 blend_voxels(__global const float4 *voxels, const VoxelTaps taps)
+{
+    return taps.weights.x * voxels[taps.a] + taps.weights.y * voxels[taps.b]
+        + taps.weights.z * voxels[taps.below_a] + taps.weights.w * voxels[taps.below_b];
+}
+
+// The level whose voxels are at most a quarter as wide as a cone `t` metres on, as layers of wider ones
+// that hide the same part of it would add up, and at most as wide as the surface that it starts from lets
+// them be.
+static inline int cone_level(const Voxels voxels, const Cone cone, float t)
+{
+    const float wide = fmin(0.5f * cone.slope * t, (cone.lift + cone.rise * t) / CONE_CLEARANCE);
+    // The exponent of a float is the logarithm, rounded down.
+    return min((int)(as_uint(fmax(wide / voxels.box.w, 1.0f)) >> 23) - 127, voxels.count - 1);
+}
+
+// The middle of voxel i of a level of that size.
+static inline float3 voxel_middle(int4 size, float4 box, int i)
+{
+    return box.xyz
+        + box.w * ((float3)(i % size.x, i / size.x % size.y, i / (size.x * size.y)) + 0.5f);
+}
+
+// Where the axis of a cone enters and leaves the box, enlarged by the cone's radius there.
+static inline float2 cone_span(const Voxels voxels, const Cone cone)
+{
+    const float3 reach = 0.5f * voxels.box.w * convert_float3(voxels.levels[0].xyz);
+    const float3 middle = voxels.box.xyz + reach - cone.o;
+    const float3 wide = reach + cone.slope * length(middle);
+    const float3 d = copysign(fmax(fabs(cone.d), 1e-12f), cone.d);
+    const float3 a = (middle - wide) / d, b = (middle + wide) / d;
+    const float3 near = fmin(a, b), far = fmax(a, b);
+    return (float2)(fmax(near.x, fmax(near.y, near.z)), fmin(far.x, fmin(far.y, far.z)));
+}
+
+// Front to back from `start` metres on, layer by layer across the axis that the cone follows most: each layer
+// is met once, in its middle, so that a closed one lets nothing pass. What lies before `front` metres hides
+// what is behind, and sends nothing. `lit` 0: nothing sends light.
+static inline ALWAYS_INLINE ConeLight trace_cone(
+    const Voxels voxels, const Cone cone, float start, float front, int lit)
+{
+    ConeLight found = {(float3)(0.0f), 0.0f, 1.0f, 1.0f, CONE_FAR};
+    const float2 span = cone_span(voxels, cone);
+    const float3 size = fabs(cone.d);
+    const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+    const float along = component(cone.d, axis), sense = along < 0.0f ? -1.0f : 1.0f;
+    // Voxels of the finest level, along the axis in the sense of the cone: where it starts, and per metre.
+    const float3 from = (cone.o - voxels.box.xyz) / voxels.box.w;
+    const float begin = sense * component(from, axis), pace = fabs(along) / voxels.box.w;
+    const float first = fmax(start, span.x);
+    const int coarse = 1 << cone_level(voxels, cone, first);
+    int layer = coarse * (int)ceil((begin + first * pace) / coarse - 0.5f);
+    float stopped_at = 0.0f;
+    for (int step = 0; step < CONE_STEP_CAP && found.passed > CONE_DARK; step++) {
+        // Layers of coarse levels begin where their number is a multiple of their width.
+        const int aligned = popcount((layer & -layer) - 1);
+        const int level = min(aligned, cone_level(voxels, cone, fmax((layer - begin) / pace, 0.0f)));
+        const int width = 1 << level;
+        // The last one may begin inside and have its middle outside.
+        if (!((layer - begin) / pace < span.y))
+            break;
+        const float at = (layer + 0.5f * width - begin) / pace;
+        layer += width;
+        const VoxelTaps taps = voxel_taps(voxels.levels[level], axis,
+                                          (from + at / voxels.box.w * cone.d) / (float)width);
+        const float4 opacity = blend_voxels(voxels.opacity, taps);
+        // Seen along the cone, the voxels' cross sections fill so much of the layer.
+        const float3 across = opacity.xyz * cone.d;
+        const float blocked = fmin(sqrt(dot(across, across)) / fabs(along), 1.0f);
+        if (blocked > 0.0f) {
+            const float stopped = found.passed * blocked;
+            if (lit && at >= front) {
+                const float4 light = blend_voxels(voxels.light, taps);
+                const float share = light.w > 0.0f ? stopped / light.w : 0.0f;
+                found.radiance += share * light.xyz;
+                found.open += share * opacity.w;
+            }
+            stopped_at += stopped * at;
+            found.passed -= stopped;
+            found.front = at < front ? found.passed : found.front;
+        }
+    }
+    if (found.passed < 1.0f)
+        found.distance = stopped_at / (1.0f - found.passed);
+    return found;
+}
+
+// Whether the box of the voxels reaches above the surface at p with normal n.
+static inline int voxels_above(const Voxels voxels, float3 p, float3 n)
+{
+    const float3 reach = 0.5f * voxels.box.w * convert_float3(voxels.levels[0].xyz);
+    return dot(n, voxels.box.xyz + reach - p) + dot(fabs(n), reach) > 0.0f;
+}
+
+#endif

@@ -1,0 +1,105 @@
+// Discs that stand for regions of the panorama's light (iprt/methods/dvct/area_lights.py), and the shadow maps of
+// the space around the objects that are seen from them: with the objects, and without.
+//
+// A map shows a cap around the direction to the objects in Lambert's azimuthal equal-area projection.
+#ifndef IPRT_AREA_LIGHTS_H
+#define IPRT_AREA_LIGHTS_H
+
+#include "maths/equirect.h"
+#include "maths/maths.h"
+#include "maths/sampling.h"
+#include "maths/tracing.h"
+
+#define AREA_LIGHT_ROWS 4
+// Voxels that what is looked up in a map may lie behind what the map shows.
+#define VOXEL_SLACK 1.5f
+// Cones towards lights are at most so wide.
+#define MOST_SLOPE 1.7f
+
+typedef struct {
+    float3 position;
+    float squared_radius;
+    float3 normal;
+    float3 power;       // radiance times area, along the normal
+    float3 axis;        // towards the objects
+    float cap;          // sine of half the angle that its map reaches to from there
+} AreaLight;
+
+typedef struct {
+    __global const float4 *rows;     // AREA_LIGHT_ROWS of each light
+    __global const float2 *maps;     // metres to the nearest object, and to the nearest real surface
+    int count;
+    int side;                        // texels of a map
+} AreaLights;
+
+#define AREA_LIGHT_PARAMETERS                                                                      \
+    __global const float4 *restrict area_lights, __global const float2 *restrict light_maps,       \
+        const int area_light_count, const int map_side
+
+#define AREA_LIGHTS {area_lights, light_maps, area_light_count, map_side}
+
+static inline AreaLight area_light(__global const float4 *restrict rows, int number)
+{
+    rows += AREA_LIGHT_ROWS * number;
+    return (AreaLight){rows[0].xyz, rows[0].w, rows[1].xyz, rows[2].xyz, rows[3].xyz, rows[3].w};
+}
+
+// Irradiance over pi that an unhidden light sends to the surface at x with normal n. On its axis a disc's is
+// exactly that.
+static inline float3 light_irradiance(const AreaLight light, float3 x, float3 n)
+{
+    const float3 away = light.position - x;
+    const float squared = dot(away, away);
+    const float cosines = fmax(dot(n, away), 0.0f) * fmax(-dot(light.normal, away), 0.0f);
+    return light.power
+        * (cosines / (IPRT_PI * fmax(squared, 1e-12f) * (squared + light.squared_radius)));
+}
+
+// Where a direction from the light falls on its map, in texels.
+static inline float2 map_place(const AreaLight light, float3 d, int side)
+{
+    const float3 v = frame_to_local(build_frame(light.axis), d);
+    const float2 half_angle = v.xy / sqrt(fmax(2.0f + 2.0f * v.z, 1e-12f));
+    return (0.5f + 0.5f / light.cap * half_angle) * (float)side;
+}
+
+// The direction of that place; 0 where there is none.
+static inline float3 map_direction(const AreaLight light, float2 place, int side)
+{
+    const float2 half_angle = (2.0f / side * place - 1.0f) * light.cap;
+    const float squared = dot(half_angle, half_angle);
+    if (squared > 1.0f)
+        return (float3)(0.0f);
+    const float2 across = 2.0f * sqrt(1.0f - squared) * half_angle;
+    return frame_to_world(build_frame(light.axis),
+                          (float3)(across.x, across.y, 1.0f - 2.0f * squared));
+}
+
+// Share of the light that arrives at x past real surfaces, and share that does past objects as well.
+// `slack`: metres that x may lie behind what a map shows; half the width of a texel comes on top.
+static inline float2 light_passing(const AreaLights lights, int number, const AreaLight light, float3 x,
+                                   float slack)
+{
+    const float3 away = x - light.position;
+    const float distance = length(away);
+    const float2 place =
+        map_place(light, away / fmax(distance, 1e-12f), lights.side) - (float2)(0.5f);
+    const float2 low = floor(place), part = place - low;
+    const int x0 = (int)low.x, y0 = (int)low.y, last = lights.side - 2;
+    if (x0 < 0 || y0 < 0 || x0 > last || y0 > last)
+        return (float2)(1.0f);
+    // A texel is about 4 cap / side radians wide.
+    const float before = distance * (1.0f - 2.0f * light.cap / lights.side) - slack;
+    __global const float2 *map = lights.maps + (number * lights.side + y0) * lights.side + x0;
+    float2 passing = (float2)(0.0f);
+    #pragma unroll
+    for (int i = 0; i < 4; i++) {
+        const float2 met = map[(i >> 1) * lights.side + (i & 1)];
+        const float weight = (i & 1 ? part.x : 1.0f - part.x) * (i & 2 ? part.y : 1.0f - part.y);
+        const float real = met.y > before ? weight : 0.0f;
+        passing += (float2)(real, met.x > before ? real : 0.0f);
+    }
+    return passing;
+}
+
+#endif

@@ -1,0 +1,68 @@
+// What objects change in the reflection that a glossy real surface shows the camera, by one cone as wide as the
+// specular lobe (T. A. Franke, "Delta Voxel Cone Tracing", Eq. 6): what objects send, in place of the real
+// surfaces that they hide there, and what these send less.
+//
+// in   list, count       pixels to trace (y * width + x) and how many
+//      guide             7 planes (lib/gbuffer/guide.h): world normal, position, 1 + index of the real material
+//      scene, objects, delta   lib/trace/voxels.h
+//      surroundings      lib/trace/prefiltered.h
+//      gloss             lib/world/world.h, with -D GLOSS
+// out  change            3 planes: radiance, of either sign
+//      touched           1 plane: TOUCHED_FRAMES where the cone met an object
+#include "trace/prefiltered.h"
+#include "trace/traced.h"
+#include "maths/work.h"
+#include "world/real/gloss.h"
+
+TRACING_KERNEL void cone_gloss(
+    TRACED_PARAMETERS,
+    SCENE_VOXEL_PARAMETERS,
+    OBJECT_VOXEL_PARAMETERS,
+    DELTA_VOXEL_PARAMETERS,
+    SURROUNDINGS_PARAMETERS,
+    const int real_width,
+    const int real_height,
+    __global const float4 *restrict real_materials,
+    __global const float4 *restrict real_reflectance,
+    __global const float4 *restrict real_gain,
+    const int gain_columns,
+    const int gain_rows,
+    __global float *restrict change,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS, delta = DELTA_VOXELS;
+    const Surroundings around = SURROUNDINGS;
+    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
+    const Material material = load_material(real_materials, at.id - 1);
+    const Frame frame = build_frame(at.n);
+    float solid_angle;
+    const BrdfSample lobe =
+        mirrored_lobe(material, real_reflectance[at.id - 1].xyz, frame,
+                      brdf_local_wo(frame, -at.p / length(at.p)), &solid_angle);
+    Cone cone;
+    cone.o = at.p;
+    cone.d = lobe.wi;
+    cone.rise = fmax(dot(cone.d, at.n), 1e-3f);
+    cone.slope = cone_slope(solid_angle);
+    cone.lift = CONE_FAR;
+    const ConeLight object = trace_cone(objects, cone, 0.0f, 0.0f, 1);
+    const int met = object.passed < 1.0f;
+    cone.lift = 0.0f;
+    const float rise = fmax(cone.rise, LEAST_RISE);
+    const float front = met ? object.distance : 0.0f;
+    const ConeLight less = trace_cone(delta, cone, CONE_CLEARANCE * delta.box.w / rise, front, 1);
+    float3 shown = object.passed * less.radiance, hidden = (float3)(0.0f);
+    if (met) {
+        const ConeLight real =
+            trace_cone(scene, cone, CONE_CLEARANCE * scene.box.w / rise, front, 1);
+        shown += less.front * object.radiance;
+        hidden = (1.0f - object.passed) * all_arriving(around, cone, real);
+    }
+    const float3 share = seen_share(material, real_gain, gain_columns, gain_rows, real_width,
+                                    real_height, at.p);
+    store_planes(change, at.size, at.pixel, lobe.weight * (shown - share * hidden));
+    if (met)
+        touched[at.pixel] = TOUCHED_FRAMES;
+}

@@ -1,0 +1,52 @@
+// Real surfaces around the objects as voxels that send what objects change: antiradiance where they take light
+// away (T. A. Franke, "Delta Voxel Cone Tracing", section 3.2: what is injected where they cast shadows).
+//
+// A surface sends less than the panorama shows by the share of its light that objects hide.
+//
+// in   panorama          lib/world/scene.h
+//      prefiltered       lib/trace/prefiltered.h
+//      area_lights       area_lights.h
+//      levels, box       lib/trace/voxels.h
+// out  opacity, light    the finest level; radiance is 0 or less
+#include "area_lights.h"
+#include "trace/prefiltered.h"
+#include "trace/real_voxels.h"
+
+__kernel void inject_real(
+    const int real_width,
+    const int real_height,
+    __global const float4 *restrict real_surface,
+    PREFILTERED_PARAMETERS,
+    AREA_LIGHT_PARAMETERS,
+    __global const int4 *restrict levels,
+    const float4 box,
+    __global float4 *restrict opacity,
+    __global float4 *restrict light)
+{
+    const int4 size = levels[0];
+    const int i = get_global_id(0);
+    if (i >= size.x * size.y * size.z)
+        return;
+    const RealVoxel voxel = real_voxel(real_surface, real_width, real_height, size, box, i);
+    const AreaLights lights = AREA_LIGHTS;
+    float3 without = (float3)(0.0f), with = (float3)(0.0f);
+    const int shadowed = voxel.solid && !voxel.opening;
+    for (int number = 0; number < (shadowed ? lights.count : 0); number++) {
+        const AreaLight from = area_light(area_lights, number);
+        const float3 sent = light_irradiance(from, voxel.nearest, voxel.n);
+        if (!(sent.x + sent.y + sent.z > 0.0f))
+            continue;
+        const float2 passing =
+            light_passing(lights, number, from, voxel.nearest, VOXEL_SLACK * box.w);
+        without += passing.x * sent;
+        with += passing.y * sent;
+    }
+    float3 change = (float3)(0.0f);
+    if (without.x > with.x || without.y > with.y || without.z > with.z) {
+        const Prefiltered panorama = PREFILTERED;
+        change = (with - without) / fmax(without, 1e-30f)
+            * prefiltered_radiance(panorama, voxel.p, box.w / length(voxel.p));
+    }
+    opacity[i] = voxel.solid ? (float4)(1.0f, 1.0f, 1.0f, 0.0f) : (float4)(0.0f);
+    light[i] = (float4)(change, voxel.solid ? 1.0f : 0.0f);
+}

@@ -1,0 +1,33 @@
+// What the panorama shows in the cells of an equirect grid: radiance, and the surface in their middle.
+//
+// in   panorama          lib/world/scene.h
+//      prefiltered       lib/trace/prefiltered.h; `level` has the grid's resolution
+// out  cells             2 float4 a cell: radiance, metres (0: open sky); normal, 1 where it is a window's
+#include "trace/prefiltered.h"
+#include "world/real/real.h"
+
+__kernel void light_cells(
+    const int real_width,
+    const int real_height,
+    __global const float4 *restrict real_surface,
+    PREFILTERED_PARAMETERS,
+    const int level,
+    __global float4 *restrict cells)
+{
+    const Prefiltered panorama = PREFILTERED;
+    const int4 size = panorama.levels[level];
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= size.x || y >= size.y)
+        return;
+    const int column = (2 * x + 1) * real_width / (2 * size.x);
+    const int row = (2 * y + 1) * real_height / (2 * size.y);
+    const float4 surface = real_surface[row * real_width + column];
+    const float3 d = texel_direction(column, row, real_width, real_height);
+    const int sky = (int)surface.w & SURFACE_NONE;
+    const float inverse = dot(surface.xyz, d);
+    const int cell = y * size.x + x;
+    cells[2 * cell] = (float4)(vload3(size.z + cell, panorama.texels),
+                               !sky && inverse > 0.0f ? 1.0f / inverse : 0.0f);
+    cells[2 * cell + 1] = (float4)(safe_normalize(-surface.xyz, -d),
+                                   (int)surface.w & SURFACE_OPENING ? 1.0f : 0.0f);
+}

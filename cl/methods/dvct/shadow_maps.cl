@@ -1,0 +1,35 @@
+// Shadow maps of the lights: how far away objects and real surfaces are (T. A. Franke, "Delta Voxel Cone
+// Tracing", section 3.2: maps of the scene with and without the objects).
+//
+// in   scene             lib/world/scene.h
+//      area_lights       area_lights.h
+// out  maps              metres to the nearest object, and to the nearest real surface; INFINITY: none
+#include "area_lights.h"
+#include "world/scene.h"
+
+TRACING_KERNEL void shadow_maps(
+    REAL_PARAMETERS,
+    OBJECT_PARAMETERS,
+    __global const float4 *restrict area_lights,
+    const int area_light_count,
+    const int map_side,
+    __global float2 *restrict maps WORK_PARAMETER)
+{
+    const int texel = get_global_id(0), number = get_global_id(1);
+    if (texel >= map_side * map_side || number >= area_light_count)
+        return;
+    const RealLayer real = REAL_LAYER;
+    const Objects objects = OBJECTS(view);
+    const AreaLight light = area_light(area_lights, number);
+    const float2 place = (float2)(texel % map_side, texel / map_side) + 0.5f;
+    const float3 d = map_direction(light, place, map_side);
+    float2 met = (float2)(INFINITY);
+    if (dot(d, d) > 0.0f) {
+        ObjectHit hit;
+        hit.t = INFINITY;
+        if (trace_objects(objects, light.position, d, INFINITY, &hit))
+            met.x = hit.t;
+        met.y = trace_real_layer(real, light.position, d, INFINITY).t;
+    }
+    maps[number * map_side * map_side + texel] = met;
+}

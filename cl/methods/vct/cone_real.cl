@@ -1,0 +1,67 @@
+// What objects change in the irradiance of real surfaces, by cones (K. Rohmer et al., "Natural Environment
+// Illumination", Eqs. 4 to 6): of the radiance that arrives through a cone, the share that objects stop is
+// replaced by what they send. Relative to the irradiance E_R that the surfaces have without objects.
+//
+// Cones are distributed by the cosine, and as wide as `cones` of them are that fill the hemisphere. A frame
+// traces `rays` of them.
+//
+// in   list, count       pixels to trace (y * width + x) and how many
+//      guide             7 planes (lib/gbuffer/guide.h): world normal, position, id
+//      scene, objects    lib/trace/voxels.h
+//      surroundings      lib/trace/prefiltered.h
+//      cache             lib/world/real/irradiance.h
+// out  signal            6 planes: hidden / E_R rgb, sent instead / E_R rgb
+//      samples           1 plane: cones that the pixel has sent since the start, in and out
+//      touched           1 plane: TOUCHED_FRAMES where a cone met an object
+#include "trace/prefiltered.h"
+#include "trace/traced.h"
+#include "maths/sampling.h"
+#include "maths/work.h"
+#include "world/real/irradiance.h"
+
+TRACING_KERNEL void cone_real(
+    TRACED_PARAMETERS,
+    SCENE_VOXEL_PARAMETERS,
+    OBJECT_VOXEL_PARAMETERS,
+    SURROUNDINGS_PARAMETERS,
+    CACHE_PARAMETERS,
+    const int cones,
+    __global uint *restrict samples,
+    __global float *restrict signal,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS;
+    const Surroundings around = SURROUNDINGS;
+    const IrradianceCache cache = CACHE;
+    const TracedPixel at = TRACED_PIXEL(item, 0x636f6e65u);
+    float3 hidden = (float3)(0.0f), sent = (float3)(0.0f);
+    int met = 0;
+    const uint first = samples[at.pixel];
+    const int traced = voxels_above(objects, at.p, at.n) ? rays : 0;
+    for (int ray = 0; ray < traced; ray++) {
+        Cone cone;
+        cone.o = at.p;
+        cone.d = frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(first + ray, at.seed)));
+        cone.rise = fmax(dot(cone.d, at.n), 1e-3f);
+        cone.slope = cone_slope(IPRT_PI / (cones * cone.rise));
+        // The surface is none of the objects' voxels: they count from its very point on.
+        cone.lift = CONE_FAR;
+        const ConeLight object = trace_cone(objects, cone, 0.0f, 0.0f, 1);
+        if (!(object.passed < 1.0f))
+            continue;
+        met = 1;
+        cone.lift = 0.0f;
+        const float start = CONE_CLEARANCE * scene.box.w / fmax(cone.rise, LEAST_RISE);
+        const ConeLight real = trace_cone(scene, cone, start, object.distance, 1);
+        hidden += (1.0f - object.passed) * all_arriving(around, cone, real);
+        sent += real.front * object.radiance;
+    }
+    samples[at.pixel] = first + rays;
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)rays;
+    store_planes(signal, at.size, at.pixel, scale * hidden);
+    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * sent);
+    if (met)
+        touched[at.pixel] = TOUCHED_FRAMES;
+}

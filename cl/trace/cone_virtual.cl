@@ -1,0 +1,117 @@
+// Light that virtual surfaces reflect, by cones whose directions follow the reflectance and whose apertures
+// its density: narrow where surfaces are smooth (M. Colbert and J. Krivanek, "GPU-Based Importance
+// Sampling", GPU Gems 3, as K. Rohmer et al., "Natural Environment Illumination", section 7). The diffuse
+// lobe is kept without its albedo, which compositing applies at full resolution.
+//
+// in   list, count       pixels to trace (y * width + x) and how many
+//      guide             7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
+//      albedo            3 planes
+//      materials         lib/world/brdf.h
+//      scene, objects    lib/trace/voxels.h
+//      surroundings      lib/trace/prefiltered.h
+//      delta             lib/trace/voxels.h (-D DELTA): what objects change of real surfaces
+// out  diffuse           3 planes (-D HAS_DIFFUSE): irradiance / pi
+//      specular          3 planes (-D HAS_SPECULAR): radiance
+//      hit               1 plane (-D HAS_SPECULAR): metres to what is reflected, as trace_virtual.cl
+//      samples           1 plane: cones that the pixel has sent since the start, in and out
+//      touched           1 plane: TOUCHED_FRAMES where a cone met an object
+#include "trace/prefiltered.h"
+#include "trace/traced.h"
+#include "maths/sampling.h"
+#include "maths/work.h"
+#include "world/brdf.h"
+
+#define FAR_HIT 1e6f
+
+TRACING_KERNEL void cone_virtual(
+    TRACED_PARAMETERS,
+    __global const float *restrict albedo,
+    __global const float4 *restrict materials,
+    SCENE_VOXEL_PARAMETERS,
+    OBJECT_VOXEL_PARAMETERS,
+    SURROUNDINGS_PARAMETERS,
+#ifdef DELTA
+    DELTA_VOXEL_PARAMETERS,
+#endif
+    const int cones,
+    __global uint *restrict samples,
+#ifdef HAS_DIFFUSE
+    __global float *restrict diffuse,
+#endif
+#ifdef HAS_SPECULAR
+    __global float *restrict specular,
+    __global float *restrict hit_distance,
+    const int seam,
+#endif
+    __global float *restrict touched WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS;
+    const Surroundings around = SURROUNDINGS;
+#ifdef DELTA
+    const Voxels delta = DELTA_VOXELS;
+#endif
+    const TracedPixel at = TRACED_PIXEL(item, 0x76636f6eu);
+    const Material material = load_material(materials, at.id - 1);
+    const float3 color = load_planes(albedo, at.size, at.pixel);
+    const float3 viewer = -at.p / length(at.p);
+    float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
+    float lobe = 0.0f, lobe_nearness = 0.0f;
+    int met = 0;
+    const uint first = samples[at.pixel];
+    for (int ray = 0; ray < rays; ray++) {
+        const float2 u = sobol_2d(first + ray, at.seed);
+        const float choice = sobol_1d(first + ray, hash_combine(at.seed, 1));
+        const BrdfSample sample =
+            brdf_sample(material, color, at.n, viewer, (float3)(u, choice));
+        const float cosine = dot(at.n, sample.wi);
+        if (!(cosine > 0.0f))
+            continue;
+        // A mirror's weight is for the one direction that there is.
+        const int mirrored = sample.specular && !(material.alpha > 0.0f);
+        float3 specular_share = mirrored ? sample.weight : (float3)(0.0f);
+        float diffuse_share = 0.0f, solid_angle = 0.0f;
+        if (!mirrored) {
+            const BrdfValue value = brdf_eval(material, color, at.n, viewer, sample.wi);
+            const float2 density = brdf_pdf(material, color, at.n, viewer, sample.wi);
+            const float inverse = 1.0f / fmax(density.x + density.y, 1e-20f);
+            diffuse_share = value.diffuse * cosine * inverse;
+            specular_share = value.specular * cosine * inverse;
+            solid_angle = inverse / cones;
+        }
+        Cone cone;
+        cone.d = sample.wi;
+        cone.rise = cosine;
+        cone.slope = cone_slope(solid_angle);
+        cone.lift = CONE_CLEARANCE * objects.box.w;
+        cone.o = at.p + cone.lift * at.n;
+        const ConeLight object = trace_cone(objects, cone, 0.0f, 0.0f, 1);
+        cone.o = at.p;
+        cone.lift = CONE_FAR;
+        const ConeLight real = trace_cone(scene, cone, scene.box.w, 0.0f, 1);
+        float3 behind = all_arriving(around, cone, real);
+#ifdef DELTA
+        behind = fmax(behind + trace_cone(delta, cone, delta.box.w, 0.0f, 1).radiance, 0.0f);
+#endif
+        const float3 arriving = object.radiance + object.passed * behind;
+        met |= object.passed < 1.0f;
+        diffuse_sum += diffuse_share * arriving;
+        specular_sum += specular_share * arriving;
+        const float away = object.passed < 0.5f ? object.distance
+            : real.passed < 0.5f ? real.distance : FAR_HIT;
+        lobe += luminance(specular_share);
+        lobe_nearness += luminance(specular_share) / fmax(away, 1e-6f);
+    }
+    samples[at.pixel] = first + rays;
+#ifdef HAS_DIFFUSE
+    store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)rays);
+#endif
+#ifdef HAS_SPECULAR
+    store_planes(specular, at.size, at.pixel, specular_sum / (float)rays);
+    store_wrapped(hit_distance, at.pixel, at.x, width, seam,
+                  lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
+#endif
+    if (met)
+        touched[at.pixel] = TOUCHED_FRAMES;
+}

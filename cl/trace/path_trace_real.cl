@@ -1,0 +1,84 @@
+// What objects change in the irradiance of real surfaces, by path tracing, relative to the irradiance
+// E_R that these have without objects.
+//
+// -D ONE_PASS traces what arrives without objects and with them, for every ray, and takes the
+// difference (Kan and Kaufmann's one-pass differential rendering); without it, only what objects hide
+// is traced (delta path tracing).
+// -D DISTANT_ENVIRONMENT relights the surfaces of one plane only.
+// -D LOCAL_REGION relights what lies within the boxes of objects, enlarged by this share (W. Lee et al.
+// 2022, section V).
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
+//      world          lib/world/world.h
+//      cache          lib/world/real/irradiance.h
+//      environment    trace/environment_samples.cl
+// out  signal         6 planes: hidden / E_R rgb, sent instead / E_R rgb
+//      samples        1 plane: paths that the pixel has sent since the start, in and out
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+#include "trace/paths.h"
+#include "trace/traced.h"
+#include "world/real/irradiance.h"
+
+#ifdef LOCAL_REGION
+// Whether p lies in one of the boxes, of which `boxes` holds the lower and the upper corners.
+static inline int in_region(__global const float4 *restrict boxes, int count, float3 p)
+{
+    int inside = 0;
+    for (int i = 0; i < count; i++) {
+        const float3 low = boxes[2 * i].xyz, high = boxes[2 * i + 1].xyz;
+        const float3 from_middle = fabs(p - 0.5f * (low + high));
+        inside |= all(from_middle <= 0.5f * (1.0f + LOCAL_REGION) * (high - low));
+    }
+    return inside;
+}
+#endif
+
+TRACING_KERNEL void path_trace_real(
+    TRACED_PARAMETERS,
+    WORLD_PARAMETERS,
+    CACHE_PARAMETERS,
+    PATH_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict signal,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    const IrradianceCache cache = CACHE;
+    const TracedPixel at = TRACED_PIXEL(item, 0x70617468u);
+    const int paths = PATHS_PER_PAIR * rays;
+    float3 hidden = (float3)(0.0f), sent = (float3)(0.0f);
+    int met = 0;
+    const uint first = samples[at.pixel];
+    PathSurface start;
+    start.o = real_start(world.real, at.p, at.n);
+    start.o_object = at.p + world.real.bias * at.n;
+    start.n = start.viewer = at.n;
+    start.albedo = (float3)(0.0f);
+    start.material = -1;
+#ifdef LOCAL_REGION
+    const int traced = in_region(objects_bounds, objects_count, at.p) ? paths : 0;
+#elif defined(DISTANT_ENVIRONMENT)
+    const int traced = on_plane(support_plane, at.p, at.n) ? paths : 0;
+#else
+    const int traced = paths;
+#endif
+    for (int path = 0; path < traced; path++) {
+        const PathSums sums = trace_pairs(world, start, at.seed, first + path, PATH_ARGUMENTS);
+#ifdef ONE_PASS
+        hidden += sums.unoccluded - sums.passing;
+#else
+        hidden += sums.blocked;
+#endif
+        sent += sums.diffuse;
+        met |= sums.met;
+    }
+    samples[at.pixel] = first + paths;
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)paths;
+    store_planes(signal, at.size, at.pixel, scale * hidden);
+    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * sent);
+    if (met)
+        touched[at.pixel] = TOUCHED_FRAMES;
+}

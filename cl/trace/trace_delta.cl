@@ -1,0 +1,90 @@
+// What objects change in the irradiance of real surfaces, relative to the irradiance E_R that these
+// have without objects: light blocked and light that objects send instead. Rays are sampled where
+// objects can be: towards their boxes, towards the lights that they may hide, and by the cosine.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
+//      world          lib/world/world.h
+//      cache          lib/world/real/irradiance.h
+// out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+#define DELTA
+#include "world/boxes.h"
+#include "world/real/irradiance.h"
+#include "world/path.h"
+#include "trace/traced.h"
+
+// Shares of the ways to choose a direction where boxes can be aimed at; the rest is left to the
+// cosine, which covers what is close.
+#define BOX_SHARE 0.5f
+#define BOX_SHARE_INSIDE 0.2f
+
+static inline Scatter sample_delta(const World world, const BoxView boxes, float3 o, float2 u,
+                                   float2 v)
+{
+    Scatter s = no_scatter(boxes.n);
+    const float box_share = !(boxes.total > 0.0f) ? 0.0f
+        : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
+    s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - box_share) : 0.0f;
+    if (v.x < box_share) {
+        s.wi = sample_boxes(world.objects.bounds, world.objects.objects, boxes, u,
+                            v.x / box_share);
+    } else if (v.x < box_share + s.light_share) {
+        s.aimed = 1;
+        const float3 light = sample_light(world.lights, u);
+        s.texel = texel_towards(world.real, light);
+        s.wi = towards_light(world.real, light, s.texel, o);
+    } else {
+        s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));
+    }
+    const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
+    s.diffuse = cosine / IPRT_PI;
+    s.density = fmax((1.0f - box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
+    // Rays that meet no object do not need it. But if it were computed after the traversal, registers
+    // would hold `boxes` meanwhile.
+    if (box_share > 0.0f)
+        s.density +=
+            box_share * box_density(world.objects.bounds, world.objects.objects, boxes, s.wi);
+    return s;
+}
+
+TRACING_KERNEL void trace_delta(
+    TRACED_PARAMETERS,
+    WORLD_PARAMETERS,
+    CACHE_PARAMETERS,
+    const float min_solid_angle,                 // solid angle of objects that matters, sr
+    __global uint *restrict samples,
+    __global float *restrict signal WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    const IrradianceCache cache = CACHE;
+    float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
+    for (int ray = 0; ray < rays; ray++) {
+        const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+        const float3 o = real_start(world.real, at.p, at.n);
+        const float3 o_object = at.p + world.real.bias * at.n;
+        const BoxView boxes =
+            view_boxes(world.objects.bounds, world.objects.objects, o_object, at.n);
+        if (!boxes_matter(boxes, min_solid_angle))
+            break;
+        const uint index = READ_AGAIN(samples + at.pixel) + ray;
+        const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, at.seed),
+                                       sobol_2d(index, hash_combine(at.seed, 1)));
+        if (!(s.diffuse > 0.0f))
+            continue;
+        const PathResult path = trace_path(world, o, o_object, s, at.seed, index);
+        blocked += s.diffuse * path.real;
+        bounce += s.diffuse * path.arriving;
+    }
+    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    const int pixel = at.pixel, size = at.size;
+    samples[pixel] += rays;
+    // f cos is cos / pi, so that the sums are irradiance / pi, as the cache holds it.
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)rays;
+    blocked *= scale;
+    bounce *= scale;
+    store_planes(signal, size, pixel, blocked);
+    store_planes(signal + 3 * size, size, pixel, bounce);
+}

@@ -1,0 +1,56 @@
+// What objects change in the reflection that a glossy real surface shows the camera: for rays of the
+// specular lobe that meet an object first, its radiance in place of that of the real surface behind.
+// Exactly 0 where no ray does.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal, position, 1 + index of the real material
+//      world          lib/world/world.h, with -D GLOSS
+// out  change         3 planes: radiance, of either sign
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+//
+// The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
+#define DELTA
+#define RELIT
+#include "world/boxes.h"
+#include "world/path.h"
+#include "trace/traced.h"
+
+TRACING_KERNEL void trace_gloss(
+    TRACED_PARAMETERS,
+    WORLD_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict change,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);
+    int met = 0;
+    for (int ray = 0; ray < rays; ray++) {
+        const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
+        const float3 o_object = at.p + world.real.bias * at.n;
+        if (!view_boxes(world.objects.bounds, world.objects.objects, o_object, at.n).above)
+            break;
+        const uint number = READ_AGAIN(samples + at.pixel) + ray;
+        const Frame frame = build_frame(at.n);
+        const BrdfSample sample = sample_specular(
+            load_material(real_materials, at.id - 1), real_reflectance[at.id - 1].xyz, frame,
+            brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
+        if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
+            continue;
+        const PathResult path =
+            trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
+                       at.seed, number);
+        hidden += sample.weight * path.real;
+        shown += sample.weight * path.arriving;
+        met |= path.met;
+    }
+    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
+    samples[at.pixel] += rays;
+    const float3 share = seen_highlight(world, load_material(real_materials, at.id - 1), at.p);
+    store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)rays);
+    if (met)
+        touched[at.pixel] = TOUCHED_FRAMES;
+}

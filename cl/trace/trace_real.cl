@@ -1,0 +1,46 @@
+// Irradiance of real surfaces with and without the virtual objects: IPRT Algorithm 1, lines 1-9,
+// with the same rays for both (common random numbers), so that E_RV = E_R bit for bit wherever no
+// ray meets an object.
+//
+// in   list, count    pixels to trace (y * width + x) and how many
+//      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
+//      real, objects  lib/world/world.h
+// out  signal         6 planes: E_R rgb, E_RV rgb; irradiance / pi
+//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+//      samples        1 plane: rays that the pixel has sent since the start, in and out
+#define WITHOUT_OBJECTS
+#include "world/path.h"
+#include "trace/traced.h"
+
+TRACING_KERNEL void trace_real(
+    TRACED_PARAMETERS,
+    WORLD_PARAMETERS,
+    __global uint *restrict samples,
+    __global float *restrict signal,
+    __global float *restrict touched WORK_PARAMETER)
+{
+    LIST_ITEM(count[0]);
+    COUNT_ITEM;
+    const World world = WORLD(view);
+    float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
+    int met = 0;
+    const uint first = samples[pixel_of(list[item], width)];
+    for (int ray = 0; ray < rays; ray++) {
+        const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
+        const uint index = first + ray;
+        const float3 d =
+            frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(index, at.seed)));
+        const PathResult path =
+            trace_path(world, real_start(world.real, at.p, at.n), at.p + world.real.bias * at.n,
+                       no_scatter(d), at.seed, index);
+        real_sum += path.real;
+        both_sum += path.arriving;
+        met |= path.met;
+    }
+    const int pixel = pixel_of(READ_AGAIN(list + item), width), size = plane_size(width, height);
+    samples[pixel] = first + rays;
+    store_planes(signal, size, pixel, real_sum / (float)rays);
+    store_planes(signal + 3 * size, size, pixel, both_sum / (float)rays);
+    if (met)
+        touched[pixel] = TOUCHED_FRAMES;
+}

@@ -1,0 +1,91 @@
+// Objects as voxels: rays along the columns of one axis, SUB x SUB for each, mark what they pass inside
+// of an object (a solid voxelization, as K. Rohmer et al., "Natural Environment Illumination", section
+// 6.2), and surfaces that enclose nothing.
+//
+// Launched for one axis after the other: each work item is the only one that writes its column.
+//
+// in       objects      lib/world/objects/objects.h
+//          levels, box  lib/trace/voxels.h; the box reaches a voxel beyond the objects
+// in, out  opacity      of the finest level, along the axis: 0 before
+//          surface      per voxel: sum of albedos that rays met, how many did
+//          facing       per voxel: sum of outward normals there
+#include "world/objects/objects.h"
+#include "maths/tracing.h"
+
+// Rays per column and side.
+#define SUB 2
+// Surfaces that a ray meets at most; those beyond are left out.
+#define MOST_HITS 256
+// The ray goes on so many voxels behind a surface.
+#define BEYOND 1e-3f
+
+static inline float3 turned(int axis, float along, float u, float v)
+{
+    return axis == 0 ? (float3)(along, u, v) : axis == 1 ? (float3)(v, along, u)
+                                                         : (float3)(u, v, along);
+}
+
+TRACING_KERNEL void voxelize_objects(
+    OBJECT_PARAMETERS,
+    const int axis,
+    __global const int4 *restrict levels,
+    const float4 box,
+    __global float *restrict opacity,
+    __global float4 *restrict surface,
+    __global float4 *restrict facing WORK_PARAMETER)
+{
+    const int4 size = levels[0];
+    const int columns = axis == 0 ? size.y : axis == 1 ? size.z : size.x;
+    const int rows = axis == 0 ? size.z : axis == 1 ? size.x : size.y;
+    const int depth = axis == 0 ? size.x : axis == 1 ? size.y : size.z;
+    const int stride = axis == 0 ? 1 : axis == 1 ? size.x : size.x * size.y;
+    const int u = get_global_id(0), v = get_global_id(1);
+    if (u >= columns || v >= rows)
+        return;
+    const Objects objects = OBJECTS(view);
+    const float3 first = turned(axis, 0.0f, (float)u, (float)v);
+    const int column = ((int)first.z * size.y + (int)first.y) * size.x + (int)first.x;
+    const float3 d = turned(axis, 1.0f, 0.0f, 0.0f);
+    for (int sub = 0; sub < SUB * SUB; sub++) {
+        const float3 start = turned(axis, 0.0f, u + (sub % SUB + 0.5f) / SUB,
+                                    v + (sub / SUB + 0.5f) / SUB);
+        const float3 o = box.xyz + box.w * start;
+        float at = 0.0f, entered = -1.0f;
+        int free = 0;
+        for (int i = 0; i < MOST_HITS; i++) {
+            ObjectHit hit;
+            hit.t = INFINITY;
+            const int met =
+                trace_objects(objects, o + box.w * at * d, d, (depth - at) * box.w, &hit);
+            float to = entered;
+            int leaving = 0;
+            if (met) {
+                at += hit.t / box.w;
+                const ObjectSurface seen = object_surface(objects, hit, d);
+                leaving = dot(seen.normal, seen.flat_normal) < 0.0f;
+                const int voxel = column + clamp((int)at, 0, depth - 1) * stride;
+                const float3 albedo =
+                    object_albedo(objects, seen.material, seen.vertices, seen.weights);
+                surface[voxel] += (float4)(albedo, 1.0f);
+                facing[voxel] += (float4)(seen.normal, 0.0f);
+                to = leaving ? at : entered;
+            }
+            float from = entered >= 0.0f ? entered : leaving ? at : -1.0f;
+            if (from >= 0.0f) {
+                // Interpolation sees through a single layer: there are two, of sheets as well.
+                if (to - from < 1.0f && leaving)
+                    from = to - 1.0f;
+                else if (to - from < 1.0f)
+                    to = from + 1.0f;
+                const int last = clamp((int)to, 0, depth - 1);
+                for (int k = max((int)from, free); k <= last; k++)
+                    opacity[4 * (column + k * stride) + axis] += 1.0f / (SUB * SUB);
+                free = max(free, last + 1);
+            }
+            if (!met)
+                break;
+            entered = leaving ? -1.0f : at;
+            at += BEYOND;
+        }
+    }
+}

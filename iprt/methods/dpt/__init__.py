@@ -1,0 +1,23 @@
+"""Delta path tracing: only what objects hide and send, by paths with next event estimation."""
+
+from __future__ import annotations
+
+from iprt.settings.methods import MethodInfo
+from iprt.settings.paths import PATH_DEFAULTS, PathTracingSettings
+
+
+class DptSettings(PathTracingSettings):
+    """Delta path tracing."""
+
+
+METHOD = MethodInfo(
+    "dpt",
+    "Delta path tracing on a plane or on any real surface",
+    "iprt.methods.dpt.method:DeltaPathTracing",
+    paper="Xu, Jiang, Wang, Li and Geng, Delta Path Tracing for Real-Time Global Illumination in "
+    "Mixed Reality, IEEE VR 2023",
+    doi="10.1109/VR55154.2023.00020",
+    settings=DptSettings,
+    needs=lambda settings: settings.own(DptSettings).needs(),
+    defaults=PATH_DEFAULTS,
+)

@@ -1,0 +1,133 @@
+"""The volumes of delta voxel cone tracing: what objects send, and what real surfaces send less."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iprt.device.compute import ComputeDevice
+from iprt.files.kernel_source import constant
+from iprt.methods.dvct import DvctSettings
+from iprt.methods.dvct.area_lights import aimed, area_lights
+from iprt.settings.features import Features
+from iprt.trace.voxel_world import VoxelWorld, box_around
+from iprt.trace.voxels import Float, Voxels, fitted_grid
+from iprt.world.world import World
+
+CELL_LEVEL = 2
+"""Lights are found among the cells of this level of the prefiltered panorama: 64 rows."""
+LIGHT_ROWS = constant("methods/dvct/area_lights.h", "AREA_LIGHT_ROWS")
+AROUND = 2.0
+"""The volume around objects is a cube of so many times the longest side of their box (Franke,
+section 3.2)."""
+
+
+class DeltaWorld(VoxelWorld):
+    """Objects are lit by lights found in the panorama, and hide them from real surfaces.
+
+    Attributes
+    ----------
+    lights : (N, 4, 4) float32
+        `AreaLight`s of `cl/methods/dvct/area_lights.h`; the first `light_count` hold.
+    light_count : int
+    maps : (N, map_side, map_side, 2) float32
+        Their shadow maps.
+    delta : Voxels
+        Real surfaces around the objects; radiance is what objects change there.
+    """
+
+    delta: Voxels
+
+    def __init__(self, device: ComputeDevice, features: Features, own: DvctSettings) -> None:
+        super().__init__(
+            device,
+            features,
+            method="dvct",
+            room=own.room_voxels,
+            objects=own.voxels,
+            anisotropic=own.anisotropic,
+        )
+        self.delta = Voxels(device, "delta", own.voxels, anisotropic=own.anisotropic, of="dvct")
+        width, height, *_ = self.panorama.levels[CELL_LEVEL].tolist()
+        self._cells = device.zeros("area light cells", (height, width, 2, 4))
+        self.lights = device.zeros("area lights", (own.lights, LIGHT_ROWS, 4))
+        self.light_count, self._own = 0, own
+        self._behind: Float | None = None
+        self._discs = np.zeros((0, LIGHT_ROWS - 1, 4), np.float32)
+        side = own.map_side
+        self.maps = device.zeros("area light maps", (own.lights, side, side, 2))
+        self._find = device.kernel("methods/dvct/light_cells.cl", "light_cells").fixed(
+            level=CELL_LEVEL, cells=self._cells
+        )
+        self._map = device.kernel(
+            "methods/dvct/shadow_maps.cl", "shadow_maps", features.trace_defines()
+        ).fixed(area_lights=self.lights, map_side=side, maps=self.maps)
+        self._inject_objects_light = device.kernel(
+            "methods/dvct/inject_objects.cl", "inject_objects"
+        ).fixed(surface=self._surface, facing=self._facing, light=self.objects.light)
+        self._inject_change = device.kernel("methods/dvct/inject_real.cl", "inject_real").fixed(
+            levels=self.delta.levels, opacity=self.delta.opacity, light=self.delta.light
+        )
+
+    def inject_real(self, world: World) -> None:
+        super().inject_real(world)
+        with self._device.profile.section("lights"):
+            self._find(self._cells.shape[1::-1], self._panorama_arguments(world))
+            cells = self._device.read(self._cells).astype(np.float64)
+            self._discs = area_lights(
+                cells[..., 0, :3],
+                cells[..., 0, 3],
+                cells[..., 1, :3],
+                cells[..., 1, 3],
+                self._own.lights,
+                world.panorama.farthest,
+            )
+            if self.outside is not None:
+                self._behind = self.outside.level(CELL_LEVEL)
+
+    def light_objects(self, world: World, features: Features) -> None:
+        low, high = box_around(world.objects.bounds)
+        self._aim(low, high)
+        with self._device.profile.section("shadow maps"):
+            if self.light_count:
+                self._map(
+                    (self._own.map_side**2, self.light_count),
+                    world.arguments(features),
+                    area_light_count=self.light_count,
+                )
+        arguments = self.arguments()
+        self._inject_objects_light((self.objects.finest,), arguments)
+        middle, reach = 0.5 * (low + high), 0.5 * AROUND * float((high - low).max())
+        delta = self.delta
+        delta.place(fitted_grid(middle - reach, middle + reach, delta.resolution))
+        self._inject_change(
+            (delta.finest,), arguments, self._panorama_arguments(world), box=delta.box
+        )
+        delta.reduce()
+
+    def _aim(self, low: Float, high: Float) -> None:
+        """Let the maps of all lights show a box around the objects and what is beside them."""
+        rows = np.zeros(self.lights.shape, np.float32)
+        self.light_count = len(self._discs)
+        rows[: self.light_count] = aimed(self._discs, low, high, self._behind)
+        self._device.write(self.lights, rows)
+
+    def _panorama_arguments(self, world: World) -> dict[str, Any]:
+        panorama = world.panorama
+        return {
+            **self.panorama.arguments(),
+            "real_width": panorama.width,
+            "real_height": panorama.height,
+            "real_surface": panorama.surface,
+        }
+
+    def arguments(self) -> dict[str, Any]:
+        """`AREA_LIGHT_PARAMETERS` of `cl/methods/dvct/area_lights.h` as well."""
+        return {
+            **super().arguments(),
+            "area_lights": self.lights,
+            "light_maps": self.maps,
+            "area_light_count": self.light_count,
+            "map_side": self._own.map_side,
+        }

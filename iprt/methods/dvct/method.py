@@ -1,0 +1,58 @@
+"""Delta voxel cone tracing (Franke 2014)."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.method import Setup, Signals
+from iprt.methods.dvct import DvctSettings
+from iprt.methods.dvct.delta_world import DeltaWorld
+from iprt.settings.features import Features
+from iprt.trace.cones import ConeReal, ConeVirtual
+from iprt.trace.sparse import SparseMethod, Tracers
+from iprt.trace.tracers import GlossTracer
+from iprt.world.world import World
+
+
+class ConeGloss(GlossTracer):
+    """A cone as wide as the lobe, through the voxels of the objects and of the room."""
+
+    def __init__(
+        self, device: ComputeDevice, guide: Guide, features: Features, *, voxels: DeltaWorld
+    ) -> None:
+        self._voxels = voxels
+        defines = plane_defines() | features.gloss_defines()
+        super().__init__(device, guide, features, "methods/dvct/cone_gloss", defines, name=None)
+
+    def arguments(self, world: World) -> dict[str, Any]:
+        return world.arguments(self._features) | self._voxels.arguments()
+
+
+class DeltaVoxelConeTracing(SparseMethod):
+    """Delta voxel cone tracing (Franke 2014, section 3).
+
+    Attributes
+    ----------
+    voxels : DeltaWorld
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self._own = setup.features.settings.own(DvctSettings)
+        self.voxels = DeltaWorld(setup.device, setup.features, self._own)
+        super().__init__(setup)
+
+    def tracers(self) -> Tracers:
+        shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
+        return Tracers(
+            partial(ConeReal, kernel="methods/dvct/cone_delta", **shared),
+            partial(ConeVirtual, **shared),
+            partial(ConeGloss, voxels=self.voxels),
+        )
+
+    def trace(self, world: World, context: FrameContext) -> Signals:
+        self.voxels.follow(world, self.setup.features)
+        return super().trace(world, context)

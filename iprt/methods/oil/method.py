@@ -1,0 +1,83 @@
+"""Path tracing with radiance of real surfaces that is learned from the video."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.program import Define
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import plane_defines
+from iprt.method import Image, Setup, Signals
+from iprt.methods.oil import OilSettings
+from iprt.methods.oil.learned import LearnedRadiance
+from iprt.trace.paths import Environment, PathTraceReal, PathTraceVirtual
+from iprt.trace.sparse import SparseMethod, Tracers
+from iprt.world.world import World
+
+
+class LearnedEnvironment(Environment):
+    """What paths know of the scene: also what was learned of its real surfaces."""
+
+    def __init__(self, device: ComputeDevice, own: OilSettings, learned: LearnedRadiance) -> None:
+        super().__init__(device)
+        self._learned = learned
+        region = own.region if own.surfaces == "region" else False
+        self._defines: dict[str, Define] = {"LEARNED_RADIANCE": True, "LOCAL_REGION": region}
+
+    @property
+    def defines(self) -> dict[str, Define]:
+        return self._defines
+
+    def arguments(self) -> dict[str, Any]:
+        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h` as well."""
+        return super().arguments() | self._learned.arguments()
+
+
+class OnlineIllumination(SparseMethod):
+    """Online illumination learning (Lee et al. 2022).
+
+    Attributes
+    ----------
+    environment : LearnedEnvironment
+    learned : LearnedRadiance
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self._own = setup.features.settings.own(OilSettings)
+        self.learned = LearnedRadiance(setup.device, setup.features.settings.learning)
+        self.environment = LearnedEnvironment(setup.device, self._own, self.learned)
+        super().__init__(setup)
+        self._show = setup.device.kernel(
+            "methods/oil/show_learned.cl", "show_learned", plane_defines()
+        )
+
+    def tracers(self) -> Tracers:
+        shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
+        return Tracers(
+            partial(PathTraceReal, one_pass=False, **shared), partial(PathTraceVirtual, **shared)
+        )
+
+    def prepare_video(self, world: World) -> None:
+        self.environment.sample(world.real.lights)
+        self.learned.follow(world.real)
+
+    def trace(self, world: World, context: FrameContext) -> Signals:
+        self.learned.learn(world.panorama)
+        return super().trace(world, context)
+
+    def aov(self, name: str) -> Image | None:
+        if name != "learned":
+            return super().aov(name)
+        if self.real_pixels is None:
+            return None
+        guide, device = self.real_pixels.guide, self.setup.device
+        shown = device.zeros("learned shown", guide.layout.shape(3))
+        self._show(
+            guide.layout.size,
+            guide.arguments(),
+            self.learned.arguments(),
+            shown=shown,
+        )
+        return self.read(shown, slice(0, 3))

@@ -1,0 +1,59 @@
+"""Voxel cone tracing: the room and the objects as voxels, light by cones through them."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from iprt.settings.methods import MethodInfo, MethodSettings, Needs
+from iprt.settings.model import Settings
+
+
+class VctSettings(MethodSettings):
+    """Voxels of the room and of the objects, and the cones that are traced through them."""
+
+    cones: int = Field(
+        default=64,
+        ge=16,
+        le=128,
+        description="Cones that fill a hemisphere: more are narrower. A frame traces a few of them "
+        "(trace.rays, trace.object_rays).",
+    )
+    voxels: int = Field(
+        default=128,
+        ge=16,
+        le=512,
+        description="Resolution of the room: at most so many voxels cubed.",
+    )
+    object_voxels: int = Field(
+        default=64,
+        ge=16,
+        le=256,
+        description="The same of the box around the objects.",
+    )
+    anisotropic: bool = Field(
+        default=True,
+        description="Coarse voxels have an opacity along each axis; off: one for all directions, "
+        "which lets light through walls and makes shadows fainter.",
+    )
+
+
+def _needs(settings: Settings) -> Needs:
+    return Needs(tracing=True, relit=True, irradiance=True)
+
+
+METHOD = MethodInfo(
+    "vct",
+    "Voxel cone tracing of the room and the objects",
+    "iprt.methods.vct.method:VoxelConeTracing",
+    paper="Rohmer, Jendersie and Grosch, Natural Environment Illumination: Coherent Interactive "
+    "Augmented Reality for Mobile and non-Mobile Devices, IEEE TVCG 2017",
+    doi="10.1109/TVCG.2017.2734426",
+    settings=VctSettings,
+    needs=_needs,
+    defaults={
+        "trace.rays": 2,
+        "trace.object_rays": 4,
+        "trace.jitter": False,
+        "trace.background": False,
+    },
+)

@@ -1,0 +1,68 @@
+"""Voxel cone tracing (Rohmer et al. 2017)."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.context import FrameContext
+from iprt.method import Setup, Signals
+from iprt.methods.vct import VctSettings
+from iprt.settings.features import Features
+from iprt.trace.cones import ConeReal, ConeVirtual
+from iprt.trace.sparse import SparseMethod, Tracers
+from iprt.trace.voxel_world import VoxelWorld
+from iprt.world.world import World
+
+
+class GatheringWorld(VoxelWorld):
+    """Objects gather what they send by cones through the room's voxels and their own."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        features: Features,
+        own: VctSettings,
+    ) -> None:
+        super().__init__(
+            device,
+            features,
+            method="vct",
+            room=own.voxels,
+            objects=own.object_voxels,
+            anisotropic=own.anisotropic,
+        )
+        self._gather = device.kernel(
+            "methods/vct/light_objects.cl",
+            "light_objects",
+            {"OPENING_ENVIRONMENT": features.opening_environment},
+        ).fixed(surface=self._surface, facing=self._facing, light=self.objects.light)
+
+    def light_objects(self, world: World, features: Features) -> None:
+        self._gather((self.objects.finest,), self.arguments())
+
+
+class VoxelConeTracing(SparseMethod):
+    """Voxel cone tracing (Rohmer et al. 2017, section 6).
+
+    Attributes
+    ----------
+    voxels : GatheringWorld
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self._own = setup.features.settings.own(VctSettings)
+        self.voxels = GatheringWorld(setup.device, setup.features, self._own)
+        super().__init__(setup)
+
+    def tracers(self) -> Tracers:
+        shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
+        return Tracers(
+            partial(ConeReal, kernel="methods/vct/cone_real", **shared),
+            partial(ConeVirtual, **shared),
+        )
+
+    def trace(self, world: World, context: FrameContext) -> Signals:
+        self.voxels.follow(world, self.setup.features)
+        return super().trace(world, context)

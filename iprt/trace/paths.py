@@ -1,0 +1,203 @@
+"""Path tracing with next event estimation."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+from pyopencl import cltypes
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.program import Define
+from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.geometry.camera import View
+from iprt.method import Setup
+from iprt.settings.features import Features
+from iprt.settings.paths import PathTracingSettings
+from iprt.trace.sparse import SparseMethod, Tracers
+from iprt.trace.tracers import RealTracer, VirtualTracer
+from iprt.world.real.lights import Lights
+from iprt.world.world import World
+
+FOOT_MARGIN, FOOT_HEIGHT = 0.5, 0.1
+"""The plane is fitted to real surfaces around the objects' lowest box: within this share of its
+sides beside it, and of its diagonal above and below its lower side."""
+PLANE_ROWS = 256
+"""Rows of texels that are looked at, at most about twice as many."""
+FEWEST_POINTS = 16
+"""Fewer do not tell a plane."""
+
+
+class Environment:
+    """What paths know of the scene beforehand: samples of its light, and the plane of the objects.
+
+    Attributes
+    ----------
+    plane : (4,) float32
+        Unit normal n, upwards, and offset n · p in metres, in the axes of the capture centre.
+    """
+
+    def __init__(self, device: ComputeDevice) -> None:
+        self._device = device
+        self._kernel = device.kernel("trace/environment_samples.cl", "environment_samples")
+        self._samples: cla.Array | None = None
+        self._count = 0
+        self.plane = np.array([0.0, 1.0, 0.0, 0.0], np.float32)
+
+    def sample(self, lights: Lights | None) -> None:
+        """Draw as many samples as the table of lights has cells."""
+        if lights is None:
+            return
+        cells = lights.rows * lights.columns
+        if self._samples is None:
+            self._samples = self._device.zeros("environment samples", (cells, 4))
+        self._count = cells if lights.count > 0 else 0
+        if self._count:
+            with self._device.profile.section("lights"):
+                self._kernel(
+                    (cells,), lights.arguments(), samples_count=cells, samples=self._samples
+                )
+
+    @property
+    def defines(self) -> dict[str, Define]:
+        """`-D` variants of kernels whose paths know it."""
+        return {}
+
+    def arguments(self) -> dict[str, Any]:
+        """`PATH_PARAMETERS` of `cl/lib/trace/paths.h`."""
+        return {
+            "environment_count": self._count,
+            "environment_samples": self._samples,
+            "support_plane": cltypes.make_float4(*self.plane),
+        }
+
+
+def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The plane that the lowest object stands on, by least squares.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres from the capture centre; +inf: open sky.
+    bounds : (N, 2, 4) float32
+        Lower and upper corner of each object's box, at least one.
+
+    Returns
+    -------
+    (4,) float32
+        Unit normal n, upwards, and offset n · p. Horizontal, through the lower side of the box,
+        where the panorama shows too little around it.
+    """
+    low, high = bounds[np.argmin(bounds[:, 0, 1])][:, :3].astype(np.float64)
+    margin = FOOT_MARGIN * (high - low)
+    margin[1] = FOOT_HEIGHT * np.linalg.norm(high - low)
+    low, high = low - margin, np.array([high[0], low[1], high[2]]) + margin
+    step = max(depth.shape[0] // PLANE_ROWS, 1)
+    directions = _directions(depth.shape[1], depth.shape[0], step)
+    depth = depth[::step, ::step]
+    seen = np.isfinite(depth)
+    points = directions[seen] * depth[seen][:, None]
+    near = points[((points >= low) & (points <= high)).all(axis=1)]
+    middle, normal = 0.5 * (low + high), np.array([0.0, 1.0, 0.0])
+    if len(near) >= FEWEST_POINTS:
+        fitted = near.mean(axis=0)
+        steepest = np.linalg.svd(near - fitted, full_matrices=False)[2][2]
+        if abs(steepest[1]) > np.sqrt(0.5):
+            middle, normal = fitted, steepest * np.sign(steepest[1])
+    return np.array([*normal, normal @ middle], np.float32)
+
+
+@lru_cache(maxsize=1)
+def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
+    """Directions of every `step`-th texel each way of an equirect picture."""
+    view = View(columns, rows, projection="equirect")
+    return view.directions()[::step, ::step].astype(np.float64)
+
+
+def path_defines(features: Features, bounces: int) -> dict[str, Define]:
+    """Return `-D` variants of `cl/lib/trace/paths.h`."""
+    return {"MAX_BOUNCES": bounces, "LIGHT_SAMPLING": features.light_sampling}
+
+
+class PathTraceReal(RealTracer):
+    """Paths that meet objects; `one_pass`: each with and without them."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        *,
+        name: str,
+        environment: Environment,
+        bounces: int,
+        one_pass: bool,
+    ) -> None:
+        self._environment = environment
+        defines = plane_defines() | features.trace_defines()
+        defines |= path_defines(features, bounces) | {"ONE_PASS": one_pass} | environment.defines
+        super().__init__(device, guide, features, "trace/path_trace_real", defines, name=name)
+
+    def arguments(self, world: World) -> dict[str, Any]:
+        return super().arguments(world) | self._environment.arguments()
+
+
+class PathTraceVirtual(VirtualTracer):
+    """Paths from virtual surfaces."""
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        features: Features,
+        *,
+        environment: Environment,
+        bounces: int,
+    ) -> None:
+        self._environment = environment
+        defines = guide.defines(**features.trace_defines()) | path_defines(features, bounces)
+        defines |= environment.defines
+        super().__init__(
+            device, guide, features, "trace/path_trace_virtual", defines, finds_hit=False
+        )
+
+    def arguments(self, world: World) -> dict[str, Any]:
+        return super().arguments(world) | self._environment.arguments()
+
+
+class PathTracing(SparseMethod):
+    """Methods of path tracing.
+
+    Attributes
+    ----------
+    own : subclass of PathTracingSettings
+        The method's own settings.
+    one_pass : bool
+        Each path is traced with the objects and without.
+    environment : Environment
+    """
+
+    own: type[PathTracingSettings]
+    one_pass: bool
+
+    def __init__(self, setup: Setup) -> None:
+        self.environment = Environment(setup.device)
+        self._own = setup.features.settings.own(self.own)
+        super().__init__(setup)
+
+    def tracers(self) -> Tracers:
+        shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
+        return Tracers(
+            partial(PathTraceReal, one_pass=self.one_pass, **shared),
+            partial(PathTraceVirtual, **shared),
+        )
+
+    def prepare_video(self, world: World) -> None:
+        self.environment.sample(world.real.lights)
+
+    def prepare_objects(self, world: World) -> None:
+        if self._own.surfaces == "plane":
+            self.environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)

@@ -1,0 +1,50 @@
+"""Motion of what virtual surfaces reflect, which is not theirs."""
+
+from __future__ import annotations
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.guide import Guide
+
+
+class ReflectionMotion:
+    """Finds where reflections were in the previous picture while objects move."""
+
+    def __init__(self, device: ComputeDevice, guide: Guide) -> None:
+        self._device = device
+        self._guide = guide
+        defines = guide.defines(**guide.camera_define)
+        self._kernel = device.kernel("trace/reflection_motion.cl", "move_reflections", defines)
+        self._moved = device.zeros("reflection motion", guide.layout.shape(2))
+
+    def run(
+        self, motion: cla.Array, roughness: cla.Array, hit: cla.Array, previous: cla.Array
+    ) -> cla.Array:
+        """Return 2 planes: previous position of each pixel's reflection; -1e9 = nowhere.
+
+        Parameters
+        ----------
+        motion : 2 planes
+            The same of each pixel's surface.
+        roughness : 1 plane
+            GGX alpha.
+        hit : 1 plane
+            Metres to what is reflected, 0 where nothing is.
+        previous : (16,) float32
+            `View.kernel_constants()` of the previous picture.
+        """
+        guide = self._guide
+        with self._device.profile.section("temporal"):
+            self._kernel(
+                guide.layout.size,
+                guide.arguments(),
+                guide.camera_argument,
+                guide_previous=guide.previous,
+                motion=motion,
+                roughness=roughness,
+                hit=hit,
+                view=previous,
+                moved=self._moved,
+            )
+        return self._moved

@@ -1,0 +1,93 @@
+"""Relighting ratio of real surfaces (IPRT, Eq. 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.mask import STRONG_FRAMES
+from iprt.gbuffer.guide import Guide
+from iprt.settings.features import TOUCHED_FRAMES
+from iprt.world.real.irradiance import BLACK, IrradianceCache
+from iprt.world.world import World
+
+
+class Relight:
+    """Ratio of each pixel's radiance with objects to that without.
+
+    Attributes
+    ----------
+    ratio : (H * W, 4) float32
+        Factor per colour of the real layer's radiance, in [0, 4]; row by row, without border. 1
+        exactly where E_R and E_RV are equal, E_R is black or not finite, or no surface is lit.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        guide: Guide,
+        spans: Mapping[str, Any],
+        variance: cla.Array | None,
+        *,
+        delta: bool,
+        name: str,
+    ) -> None:
+        """`spans`, `variance`: `Atrous.spans` of the signal, beyond which the ratio stays 1, and
+        its `Atrous.variances`, if any. `delta`: signals are relative to a cached E_R.
+        """
+        self._device = device
+        self._guide = guide
+        noise = {} if variance is None or not delta else {"variance": variance}
+        defines = guide.defines(
+            DELTA=delta,
+            NOISE=bool(noise),
+            HALF_PLANES=device.half_planes,
+            FAINT_FRAMES=TOUCHED_FRAMES,
+            STRONG_FRAMES=STRONG_FRAMES,
+        )
+        pixels = guide.layout.width * guide.layout.height
+        # Without host memory where it is only planned.
+        one = np.broadcast_to(np.float32(1.0), (pixels, 4))
+        self.ratio = device.upload(f"{name} relighting ratio", one)
+        self._kernel = device.kernel("trace/relight.cl", "relight", defines).fixed(
+            guide.layout.arguments(), spans, noise, ratio=self.ratio
+        )
+
+    def run(
+        self,
+        signal: cla.Array,
+        colour: cla.Array,
+        world: World,
+        cache: IrradianceCache | None,
+        touched: cla.Array,
+    ) -> None:
+        """Fill `ratio`.
+
+        Parameters
+        ----------
+        signal : 6 planes
+            `TraceReal.signal`, filtered.
+        colour : 3 planes
+            Radiance of the real layer, L_cam.
+        world : World
+            Its panorama says what is black.
+        cache : IrradianceCache or None
+            E_R, where signals are relative to it.
+        touched : 1 plane
+            `Mask.touched`: written where objects change much; the estimator "ratio" has done that.
+        """
+        known: dict[str, Any] = {"black": BLACK * world.panorama.mean_radiance}
+        if cache is not None:
+            known = {**cache.arguments(world.panorama), "touched": touched}
+        with self._device.profile.section("relight"):
+            self._kernel(
+                self._guide.layout.size,
+                known,
+                guide=self._guide.current,
+                signal=signal,
+                colour=colour,
+            )

@@ -1,0 +1,205 @@
+"""The common part of IPRT and its relatives: sparse samples of two kinds of pixels, filtered."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl.array as cla
+
+from iprt.filter.mask import LEVEL_WAITING, Mask, Masks
+from iprt.filter.temporal import Accumulated
+from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
+from iprt.method import Image, Method, Setup, Signals, in_front
+from iprt.trace.pixels import RealPixels, ReflectingPixels
+from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual
+from iprt.world.world import World
+
+
+@dataclass(frozen=True)
+class Tracers:
+    """What traces the kinds of pixels; all are called as the classes of the defaults are.
+
+    Attributes
+    ----------
+    real, virtual, gloss : callable
+    """
+
+    real: Callable[..., Any] = TraceReal
+    virtual: Callable[..., Any] = TraceVirtual
+    gloss: Callable[..., Any] = TraceGloss
+
+
+class SparseMethod(Method):
+    """Relights real surfaces, where rays are traced at all, and then shades the objects.
+
+    Attributes
+    ----------
+    real_pixels : RealPixels or None
+    reflecting_pixels : ReflectingPixels
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        super().__init__(setup)
+        device, features, gbuffer = setup.device, setup.features, setup.gbuffer
+        real, objects = gbuffer.real, gbuffer.objects
+        self._world: World | None = None
+        self._guides: list[Guide] = []
+        count = 1 + features.tracing + (real.gloss is not None)
+        self._spans = Spans(device, setup.layout, name="view", layers=count)
+        self._motions: list[cla.Array] = []
+        layers: list[Layer] = []
+        masks: list[Mask] = []
+        self._histories: list[Callable[[FrameContext], cla.Array | None] | None] = []
+        tracers = self.tracers()
+        self.real_pixels: RealPixels | None = None
+        if features.tracing:
+            guide = self._guide("real", real.motion)
+            layers.append(Layer(real.normal, real.depth, real.id))
+            self.real_pixels = RealPixels(
+                device, real, guide, features, name="real", tracer=tracers.real
+            )
+            masks.append(self.real_pixels.mask)
+            self._histories.append(self.real_pixels.history)
+        gloss_guide = None
+        if real.gloss is not None:
+            gloss_guide = self._guide("gloss", real.motion)
+            layers.append(Layer(real.normal, real.depth, real.gloss))
+        guide = self._guide("object", objects.motion)
+        layers.append(Layer(objects.normal, objects.depth, objects.id))
+        self.reflecting_pixels = pixels = ReflectingPixels(
+            device,
+            real,
+            objects,
+            guide,
+            gloss_guide,
+            features,
+            tracer=tracers.virtual,
+            gloss_tracer=tracers.gloss,
+        )
+        if pixels.gloss_mask is not None:
+            masks.append(pixels.gloss_mask)
+            self._histories.append(pixels.gloss_history)
+        masks.append(pixels.mask)
+        self._histories.append(None)
+        self._gather = Guides(device, self._guides, layers)
+        self._masks = Masks(device, masks)
+
+    def tracers(self) -> Tracers:
+        """What traces the pixels; called once, before the first frame."""
+        return Tracers()
+
+    def _guide(self, name: str, motion: cla.Array) -> Guide:
+        """The guide of one more layer of the view."""
+        setup = self.setup
+        guide = Guide(
+            setup.device,
+            setup.layout,
+            name=name,
+            camera=setup.camera,
+            spans=self._spans,
+        )
+        self._guides.append(guide)
+        self._motions.append(motion)
+        return guide
+
+    def trace(self, world: World, context: FrameContext) -> Signals:
+        self._world = world
+        self._gather.run(context.view)
+        histories = [None if of is None else of(context) for of in self._histories]
+        self._masks.run(
+            context.grid,
+            self._motions,
+            histories,
+            metre=world.panorama.scale,
+            cut=context.cut,
+        )
+        ratio = None
+        if self.real_pixels is not None:
+            ratio = self.real_pixels.run(world, context)
+            if self.setup.features.relit_reflections:
+                around = self.relight_around(world, context)
+                world.relight(ratio, self.setup.view, context.view, around)
+        pixels = self.reflecting_pixels
+        pixels.run(world, context)
+        return Signals(ratio, pixels.change, pixels.diffuse, pixels.specular)
+
+    def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
+        """Relighting of real surfaces beside the view, as `World.relight` takes it.
+
+        None: it is not known there.
+        """
+        return None
+
+    @property
+    def traced_count(self) -> cla.Array | None:
+        return self.real_pixels.mask.count if self.real_pixels else None
+
+    # Auxiliary pictures -----------------------------------------------------------------------
+
+    def aov(self, name: str) -> Image | None:
+        pictures: dict[str, Callable[[], Image | None]] = {
+            "irradiance_real": self._irradiance_real,
+            "irradiance_mixed": self._irradiance_mixed,
+            "tracing_level": self._tracing_level,
+            "hit_distance": self._hit_distance,
+            "history_length": self._history_length,
+            "variance": self._variance,
+        }
+        return pictures[name]() if name in pictures else None
+
+    def _irradiance_real(self) -> Image | None:
+        if self.real_pixels is None or self._world is None:
+            return None
+        cache = self._world.irradiance
+        if cache is None:
+            return self.read(self.real_pixels.change, slice(0, 3))
+        return self.read(cache.show(self._world.panorama, self.real_pixels.guide), slice(0, 3))
+
+    def _irradiance_mixed(self) -> Image | None:
+        pixels, real = self.real_pixels, self._irradiance_real()
+        if pixels is None or real is None:
+            return None
+        first, second = (self.read(pixels.change, part) for part in (slice(0, 3), slice(3, 6)))
+        if not self.setup.features.delta or first is None or second is None:
+            return second
+        return np.asarray(real * (1.0 - first + second), np.float32)
+
+    def _tracing_level(self) -> Image | None:
+        level = self.read(self.real_pixels.mask.level, slice(0, 1)) if self.real_pixels else None
+        # Pixels that wait for their turn send a quarter of the rays.
+        return None if level is None else np.where(level == LEVEL_WAITING, np.float32(1.0), level)
+
+    def _hit_distance(self) -> Image | None:
+        distance = self.read(self.reflecting_pixels.hit, slice(0, 1))
+        # Beside objects, where no rays start, the plane holds what was there before.
+        return self._in_front(distance, None)
+
+    def _history_length(self) -> Image | None:
+        def length(accumulated: Accumulated) -> Image | None:
+            return self.read(accumulated.length, slice(0, 1))
+
+        return self._of_signals(length, np.minimum)
+
+    def _variance(self) -> Image | None:
+        def variance(accumulated: Accumulated) -> Image | None:
+            return self.read(accumulated.variance, slice(0, 1))
+
+        return self._of_signals(variance, np.add)
+
+    def _of_signals(
+        self, read: Callable[[Accumulated], Image | None], both: np.ufunc
+    ) -> Image | None:
+        """A picture of all signals; `both` joins those of diffuse and specular light of objects."""
+        signals = self.reflecting_pixels.accumulated
+        virtual = functools.reduce(both, map(read, signals)) if signals else None
+        accumulated = self.real_pixels.accumulated if self.real_pixels else None
+        return self._in_front(virtual, read(accumulated) if accumulated else None)
+
+    def _in_front(self, virtual: Image | None, real: Image | None) -> Image | None:
+        coverage = self.read(self.setup.gbuffer.objects.coverage, slice(0, 1))
+        return in_front(coverage, virtual, real)

@@ -1,0 +1,139 @@
+"""The worlds as voxels: real surfaces, objects, and the panorama around them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.settings.features import Features
+from iprt.trace.voxels import Float, PrefilteredPanorama, Voxels, fitted_grid, room_box
+from iprt.world.world import World
+
+
+def box_around(bounds: NDArray[np.float32]) -> tuple[Float, Float]:
+    """Corners (3,) of a box around boxes (N, 2, 4)."""
+    corners = bounds[..., :3].astype(np.float64)
+    return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+
+
+class VoxelWorld(ABC):
+    """Room and objects as voxels, and the panorama around them. It follows both.
+
+    Parameters
+    ----------
+    method : str
+        Names of buffers begin with it.
+    room, objects : int
+        Resolution of each: at most so many voxels cubed.
+    anisotropic : bool
+        Coarse voxels have an opacity along each axis.
+
+    Attributes
+    ----------
+    scene, objects : Voxels
+    panorama, outside : PrefilteredPanorama
+        What is around the room's voxels, and behind its windows, where the features ask for that.
+    delta : Voxels or None
+        What objects change of real surfaces around them.
+    """
+
+    delta: Voxels | None = None
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        features: Features,
+        *,
+        method: str,
+        room: int,
+        objects: int,
+        anisotropic: bool,
+    ) -> None:
+        self._device = device
+        self.scene = Voxels(device, "scene", room, anisotropic=anisotropic, of=method)
+        self.objects = Voxels(device, "object", objects, anisotropic=anisotropic, of=method)
+        openings = features.opening_environment
+        self.panorama = PrefilteredPanorama(device, "prefiltered")
+        self.outside: PrefilteredPanorama | None = None
+        if openings:
+            self.outside = PrefilteredPanorama(device, "outside", openings=True)
+        self._surface = device.zeros(f"{method} object voxels surface", (objects**3, 4))
+        self._facing = device.zeros(f"{method} object voxels facing", (objects**3, 4))
+        scene = self.scene
+        self._voxelize_real = device.kernel(
+            "trace/voxelize_real.cl",
+            "voxelize_real",
+            {"OPENING_ENVIRONMENT": openings},
+        ).fixed(levels=scene.levels, opacity=scene.opacity, light=scene.light)
+        self._voxelize_objects = device.kernel(
+            "trace/voxelize_objects.cl", "voxelize_objects", features.trace_defines()
+        ).fixed(
+            levels=self.objects.levels,
+            opacity=self.objects.opacity,
+            surface=self._surface,
+            facing=self._facing,
+        )
+        self._seen = (0, 0)
+
+    def follow(self, world: World, features: Features) -> None:
+        """Follow the video and the objects. Nothing is done if neither has changed."""
+        seen = (world.real.version, world.objects.version)
+        before, self._seen = self._seen, seen
+        if seen == before:
+            return
+        if seen[0] != before[0]:
+            with self._device.profile.section("voxels of the room"):
+                self.inject_real(world)
+        with self._device.profile.section("voxels of objects"):
+            if seen[1] != before[1] or before[1] == 0:
+                self._inject_objects(world.arguments(features), world.objects.bounds)
+            self.light_objects(world, features)
+            self.objects.reduce()
+
+    @abstractmethod
+    def light_objects(self, world: World, features: Features) -> None:
+        """Fill the finest level of what objects send; their opacity is there."""
+
+    def inject_real(self, world: World) -> None:
+        """Fill the room's voxels, and what is around them, by the frame that the video shows."""
+        panorama = world.panorama
+        self.panorama.load(panorama)
+        if self.outside is not None:
+            self.outside.load(panorama)
+        box = room_box(world.real.frame.depth, panorama.median_depth)
+        scene = self.scene
+        scene.place(fitted_grid(*box, scene.resolution))
+        self._voxelize_real(
+            (scene.finest,),
+            self.panorama.arguments(),
+            real_width=panorama.width,
+            real_height=panorama.height,
+            real_surface=panorama.surface,
+            box=scene.box,
+        )
+        scene.reduce()
+
+    def _inject_objects(self, traced: dict[str, Any], bounds: NDArray[np.float32]) -> None:
+        objects = self.objects
+        objects.place(fitted_grid(*box_around(bounds), objects.resolution))
+        grid = objects.grid
+        for buffer in (objects.opacity, self._surface, self._facing):
+            self._device.fill_zero(buffer)
+        x, y, z = grid.size
+        for axis, columns in enumerate(((y, z), (z, x), (x, y))):
+            self._voxelize_objects(columns, traced, axis=axis, box=objects.box)
+        objects.reduce()
+
+    def arguments(self) -> dict[str, Any]:
+        """Parameters of `cl/lib/trace/voxels.h` and of `SURROUNDINGS_PARAMETERS`."""
+        return {
+            **self.scene.arguments(),
+            **self.objects.arguments(),
+            **self.panorama.arguments(),
+            **({} if self.outside is None else self.outside.arguments()),
+            **({} if self.delta is None else self.delta.arguments()),
+        }

@@ -1,0 +1,231 @@
+"""Voxels of the real world and of the objects in mip chains, and the prefiltered panorama."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyopencl import cltypes
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.window_environment import OUTSIDE_ROWS
+from iprt.geometry.camera import View
+from iprt.world.real.panorama import Panorama
+
+Float = NDArray[np.float64]
+
+BLOCK = 8
+"""Sides of a grid are multiples of so many voxels: the first levels halve without rest."""
+MARGIN = 2
+"""Empty voxels around what a grid holds, at least."""
+LONGEST = 2
+"""Sides of a grid have at most so many times the voxels of a cube's."""
+MOST_LEVELS = 16
+ROOM_SHARE, ROOM_DEPTHS = 0.98, 3.0
+"""The box of the room holds this share of the panorama's texels along each axis, up to so many
+median depths from the capture centre."""
+ROOM_ROWS = 128
+"""Rows of texels that are looked at, at most about twice as many."""
+PREFILTERED_ROWS, COARSEST_ROWS = 256, 2
+"""Rows of the finest and of the coarsest level of a prefiltered panorama."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cubic voxels along the axes of the capture centre.
+
+    Attributes
+    ----------
+    low : (3,) float64
+        Lower corner, metres.
+    voxel : float
+        Side of a voxel, metres.
+    size : (3,) int
+        Voxels along x, y, z.
+    """
+
+    low: Float
+    voxel: float
+    size: tuple[int, int, int]
+
+    @property
+    def levels(self) -> NDArray[np.int32]:
+        """(L, 4) voxels along x, y, z and first voxel of each level, the last of one voxel."""
+        rows, first, size = [], 0, np.array(self.size)
+        while True:
+            rows.append([*size, first])
+            if size.max() == 1:
+                return np.array(rows, np.int32)
+            first += int(size.prod())
+            size = -(-size // 2)
+
+
+def fitted_grid(low: Float, high: Float, resolution: int) -> Grid:
+    """The finest grid of at most `resolution` cubed voxels around a box.
+
+    Parameters
+    ----------
+    low, high : (3,) float64
+        Corners of the box, metres.
+    """
+    extent = np.maximum(high - low, 1e-6)
+    voxel = max(
+        float(np.cbrt(extent.prod())) / resolution,
+        float(extent.max()) / (LONGEST * resolution - 2 * MARGIN - BLOCK),
+    )
+    while True:
+        size = BLOCK * np.ceil((extent / voxel + 2 * MARGIN) / BLOCK).astype(int)
+        if size.prod() <= resolution**3:
+            break
+        voxel *= 1.02
+    x, y, z = (int(n) for n in size)
+    return Grid(0.5 * (low + high) - 0.5 * voxel * size, voxel, (x, y, z))
+
+
+def room_box(depth: NDArray[np.float32], median_depth: float) -> tuple[Float, Float]:
+    """Corners of a box around most real surfaces, metres.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres from the capture centre; +inf: open sky.
+    """
+    step = max(depth.shape[0] // ROOM_ROWS, 1)
+    directions = View(depth.shape[1], depth.shape[0], projection="equirect").directions()
+    directions, depth = directions[::step, ::step], depth[::step, ::step]
+    seen = np.isfinite(depth)
+    if not seen.any():
+        return -np.ones(3), np.ones(3)
+    points = directions[seen].astype(np.float64) * depth[seen][:, None]
+    outside = 0.5 * (1.0 - ROOM_SHARE)
+    low, high = np.quantile(points, [outside, 1.0 - outside], axis=0)
+    most = ROOM_DEPTHS * median_depth
+    return np.maximum(low, -most), np.minimum(high, most)
+
+
+class Voxels:
+    """Opacity and radiance of voxels in a mip chain.
+
+    Attributes
+    ----------
+    opacity : (V, 4) float32
+        Along x, y, z, in [0, 1]; weight of windows. Level after level.
+    light : (V, 4) float32
+        Radiance times weight, weight.
+    levels : (MOST_LEVELS, 4) int32
+        `Grid.levels`.
+    grid : Grid
+    resolution : int
+        The finest level has at most so many voxels cubed.
+    """
+
+    def __init__(
+        self, device: ComputeDevice, name: str, resolution: int, *, anisotropic: bool, of: str = ""
+    ) -> None:
+        """`resolution` cubed voxels at most in the finest level.
+
+        `name`: that of the kernels' parameters. `of`: what names of buffers begin with.
+        """
+        self._device, self._name, self.resolution = device, name, resolution
+        label = f"{of} {name} voxels"
+        # Levels whose sides are no multiples of two have more than an eighth of the finer ones.
+        voxels = resolution**3 + resolution**3 // 4
+        self.opacity = device.zeros(f"{label} opacity", (voxels, 4))
+        self.light = device.zeros(f"{label} light", (voxels, 4))
+        self.levels = device.zeros(f"{label} levels", (MOST_LEVELS, 4), np.int32)
+        self._reduce = device.kernel(
+            "trace/reduce_voxels.cl", "reduce_voxels", {"ISOTROPIC": not anisotropic}
+        ).fixed(levels=self.levels, opacity=self.opacity, light=self.light)
+        self.place(Grid(np.zeros(3), 1.0, (BLOCK, BLOCK, BLOCK)))
+
+    def place(self, grid: Grid) -> None:
+        """Take the shape of a grid; what is in the voxels does not follow."""
+        self.grid = grid
+        rows = np.zeros((MOST_LEVELS, 4), np.int32)
+        rows[: len(grid.levels)] = grid.levels
+        self._device.write(self.levels, rows)
+        self.box = cltypes.make_float4(*grid.low, grid.voxel)
+
+    @property
+    def finest(self) -> int:
+        """Voxels of the finest level."""
+        return int(np.prod(self.grid.size))
+
+    def reduce(self) -> None:
+        """Make the coarser levels of the finest one."""
+        for level, row in enumerate(self.grid.levels[1:], 1):
+            self._reduce((int(row[:3].prod()),), level=level)
+
+    def arguments(self) -> dict[str, Any]:
+        """Parameters of `cl/lib/trace/voxels.h`."""
+        return {
+            f"{self._name}_opacity": self.opacity,
+            f"{self._name}_light": self.light,
+            f"{self._name}_levels": self.levels,
+            f"{self._name}_count": len(self.grid.levels),
+            f"{self._name}_box": self.box,
+        }
+
+
+class PrefilteredPanorama:
+    """Radiance of a panorama in coarser and coarser texels.
+
+    Attributes
+    ----------
+    levels : (L, 4) int
+        Width, height, first texel.
+    texels : (T, 3) float32
+    """
+
+    def __init__(self, device: ComputeDevice, name: str, *, openings: bool = False) -> None:
+        """`name`: that of the kernels' parameter. `openings`: where the panorama shows neither
+        window nor sky, it holds what windows show in that direction.
+        """
+        self._device, self._name = device, name
+        rows, first, height = [], 0, PREFILTERED_ROWS
+        while height >= COARSEST_ROWS:
+            rows.append([2 * height, height, first, 0])
+            first += 2 * height * height
+            height //= 2
+        self.levels = np.array(rows, np.int32)
+        self.texels = device.zeros(name, (first, 3))
+        self._levels = device.upload(f"{name} levels", self.levels)
+        kernel = partial(device.kernel, "trace/reduce_panorama.cl", "reduce_panorama")
+        outside = {"OPENING_ENVIRONMENT": openings, "OUTSIDE_ROWS": OUTSIDE_ROWS}
+        self._reduce = kernel(outside), kernel({"OUTSIDE_ROWS": OUTSIDE_ROWS})
+
+    def load(self, panorama: Panorama) -> None:
+        """Follow the frame that the panorama holds."""
+        seen = {"real_surface": panorama.surface, "real_outside": panorama.outside}
+        source = panorama.width, panorama.height, 0
+        for number, (width, height, first, _) in enumerate(self.levels.tolist()):
+            self._reduce[min(number, 1)](
+                (width, height),
+                seen,
+                source_width=source[0],
+                source_height=source[1],
+                source_first=source[2],
+                width=width,
+                height=height,
+                first=first,
+                source=panorama.radiated if number == 0 else self.texels,
+                texels=self.texels,
+            )
+            source = width, height, first
+
+    def level(self, number: int) -> Float:
+        """(height, width, 3) texels of a level."""
+        width, height, first, _ = self.levels[number].tolist()
+        texels = self._device.read(self.texels)[first : first + width * height]
+        return np.asarray(texels.reshape(height, width, 3), np.float64)
+
+    def arguments(self) -> dict[str, Any]:
+        """Parameters of `cl/lib/trace/prefiltered.h`."""
+        return {
+            self._name: self.texels,
+            f"{self._name}_levels": self._levels,
+            f"{self._name}_count": len(self.levels),
+        }

@@ -1,0 +1,93 @@
+"""A method is a folder: without it, all that is missing is that method."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from iprt.settings.methods import DEFAULT, methods
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = sorted(file.parent.name for file in (ROOT / "iprt" / "methods").glob("*/__init__.py"))
+KIN = {"dpt": "pt-diff", "pt_diff": "oil", "oil": "dpt", "vct": "dvct", "dvct": "vct", "ibl": "em"}
+"""Methods of the same services; the others stand beside `ibl`."""
+CODE = """
+import json, sys
+from pathlib import Path
+import iprt
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.settings.methods import methods
+from iprt.settings.model import Settings
+from tests.rendering import render
+from tests.worlds import ball, sphere_frame
+device, settings = ComputeDevice(choose_device("pocl")), Settings(method=sys.argv[1])
+objects, frame = [ball((0.2, -0.3, -1.2), 0.4, Material())], sphere_frame(2.0, 32, 16, 0.7)
+picture = render(device, frame, objects, View(24, 24), settings)
+covered = picture.aovs["coverage"] == 1.0
+told = {
+    "package": str(Path(iprt.__file__).parents[1]),
+    "methods": sorted(methods()),
+    "covered": int(covered.sum()),
+    "radiance": float(picture.color[covered].mean()),
+}
+print(json.dumps(told))
+"""
+
+
+def test_each_method_has_its_folder() -> None:
+    """Of its own name, but for the hyphen, which no module may have."""
+    assert sorted(name.replace("-", "_") for name in methods()) == FOLDERS
+    for kernels in (ROOT / "cl" / "methods").iterdir():
+        assert kernels.name in FOLDERS
+    for tests in (ROOT / "tests" / "methods").glob("*/__init__.py"):
+        assert tests.parent.name in FOLDERS
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_nothing_else_names_a_method_s_folder(folder: str) -> None:
+    """Neither modules nor kernels, nor tests of what others hold."""
+    named = re.compile(rf"\bmethods[./]{folder}[./\"]|\bmethods\.{folder} import")
+    knows = []
+    for top, suffixes in (("iprt", (".py",)), ("cl", (".cl", ".h")), ("tests", (".py",))):
+        for file in sorted((ROOT / top).rglob("*.*")):
+            own = file.is_relative_to(ROOT / top / "methods" / folder)
+            if not own and file.suffix in suffixes and named.search(file.read_text("utf-8")):
+                knows.append(str(file.relative_to(ROOT)))
+    assert not knows
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("folder", [name for name in FOLDERS if name != DEFAULT])
+def test_deleting_a_folder_deletes_a_method(folder: str, tmp_path: Path) -> None:
+    """All others are listed, and one that shares services with it, if any, renders."""
+    for top in ("iprt", "cl", "glsl"):
+        skipped = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / top, tmp_path / top, ignore=skipped)
+    shutil.rmtree(tmp_path / "iprt" / "methods" / folder)
+    shutil.rmtree(tmp_path / "cl" / "methods" / folder, ignore_errors=True)  # some have no kernels
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, KIN.get(folder, "ibl")],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["package"] == str(tmp_path)
+    (gone,) = set(methods()) - set(told["methods"])
+    assert gone.replace("-", "_") == folder
+    assert f"method '{gone}' of iprt cannot be loaded" in done.stderr
+    assert told["covered"] > 50
+    assert 0.05 < told["radiance"] < 0.7

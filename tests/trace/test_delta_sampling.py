@@ -1,0 +1,144 @@
+"""Ways to choose directions: each finds the same light, and aiming finds it with less noise."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iprt.device import program
+from iprt.device.choose import choose_device
+from iprt.device.compute import ComputeDevice
+from iprt.files.resources import CL
+from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from tests.trace.change import DOWN, ROOM, SCENES, agree, blocks
+from tests.trace.estimators import ESTIMATORS, Estimator, kernels
+from tests.world.real.lighting import uploaded
+from tests.worlds import Float, ball, ceiling_lamp, room_frame
+
+pytestmark = pytest.mark.gl
+
+
+@contextmanager
+def shares(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, box: str, light: str
+) -> Iterator[ComputeDevice]:
+    """A device whose kernels choose directions in other proportions."""
+    text = (CL / "trace/trace_delta.cl").read_text()
+    text, replaced = re.subn(r"(#define BOX_SHARE(?:_INSIDE)?) .*", rf"\1 {box}", text)
+    text, more = re.subn(r"0\.5f \* \(1\.0f - box_share\)", light, text)
+    assert (replaced, more) == (2, 1)
+    file = folder / "trace_delta.cl"
+    file.write_text(text)
+    with monkeypatch.context() as patched:
+        patched.setattr(program, "CL", Instead(file))
+        yield ComputeDevice(choose_device("pocl"))
+
+
+class Instead:
+    """`cl/` with another file in place of the one of its name; what others compile is the same."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def __truediv__(self, name: str) -> Path:
+        return self._file if name == f"trace/{self._file.name}" else CL / name
+
+
+def below_a_lamp() -> Frame:
+    return room_frame(ROOM, 128, 64, ceiling_lamp)
+
+
+def blocked_and_bounced(device: ComputeDevice) -> Float:
+    """(runs, N, 2) irradiance / π of squares of pixels, in red."""
+    with kernels(device, below_a_lamp(), SCENES["ball"][1], view=DOWN) as run:
+        runs = [run.parts(seed, 32)[..., 0] for seed in range(6)]
+    return np.array([np.stack([blocks(r[..., 0]), blocks(r[..., 1])], -1) for r in runs])
+
+
+@pytest.fixture(scope="module")
+def mixed(device: ComputeDevice) -> Float:
+    """What the kernels find as they are."""
+    return blocked_and_bounced(device)
+
+
+@pytest.mark.parametrize(
+    ("box", "light"),
+    [("0.0f", "0.0f"), ("0.45f", "0.45f")],
+    ids=["cosine", "boxes and lights"],
+)
+def test_each_way_to_choose_directions_finds_the_same(
+    mixed: Float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    box: str,
+    light: str,
+) -> None:
+    with shares(tmp_path, monkeypatch, box, light) as other:
+        alone = blocked_and_bounced(other)
+    for part in (0, 1):
+        a, b = mixed[..., part], alone[..., part]
+        assert a.mean() > 0.01
+        slack = 4.0 * a.std(0, ddof=1) / np.sqrt(len(a)) + 0.003 * a.max()
+        agree(b, a.mean(0), slack)
+        error = np.hypot(*(np.std(s.mean(1), ddof=1) / np.sqrt(len(s)) for s in (a, b)))
+        assert abs(a.mean() - b.mean()) < 4.5 * error + 2e-3 * a.mean()
+
+
+@pytest.mark.thorough
+def test_less_than_a_third_of_the_variance_at_equal_rays(device: ComputeDevice) -> None:
+    """The quotient varies so with 16 rays per pixel, below a lamp."""
+
+    def variance(estimator: Estimator) -> float:
+        with kernels(device, below_a_lamp(), SCENES["ball"][1], estimator, view=DOWN) as run:
+            runs = [run.ratio(seed, 16) for seed in range(12)]
+        return float(np.var(runs, axis=0, ddof=1).mean())
+
+    aimed, even, ratio = (variance(estimator) for estimator in ESTIMATORS)
+    print(f"variance: delta, aimed {aimed:.4f}; delta {even:.4f}; ratio {ratio:.4f}")
+    assert aimed < 0.33 * ratio
+    assert aimed < even
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "material",
+    [
+        Material(albedo=(0.8, 0.8, 0.8)),
+        Material("plastic", (0.5, 0.5, 0.5), alpha=0.2),
+        Material("conductor", (0.9, 0.9, 0.9), alpha=0.4),
+    ],
+    ids=lambda material: material.kind,
+)
+def test_aiming_at_lights_leaves_objects_as_bright(
+    device: ComputeDevice, material: Material
+) -> None:
+    """And less noisy, whatever they are made of."""
+    objects = [ball((0.0, -0.3, -1.6), 0.35, material)]
+    view = View(24, 24, pitch_deg=-10.0, fov_y_deg=35.0)
+    with kernels(device, below_a_lamp(), objects, view=view) as run:
+        lights = run.renderer.world.real.lights
+        assert lights is not None
+        solid = run.renderer.layout.interior(device.read(run.renderer.visible.coverage))[0] == 1.0
+        assert solid.sum() > 100
+
+        def drawn() -> Float:
+            runs = [run.reflected(seed, 16) for seed in range(8)]
+            return np.array([sum(image.mean(-1)[solid] for image in r.values()) for r in runs])
+
+        assert lights.count > 0
+        aimed = drawn()
+        lights.load(uploaded(device, np.zeros((64, 128, 3))))
+        assert lights.count == 0
+        even = drawn()
+    means = [runs.mean(1) for runs in (aimed, even)]
+    error = np.sqrt(sum(m.var(ddof=1) / len(m) for m in means))
+    assert abs(means[0].mean() - means[1].mean()) < 4.0 * error
+    assert error < 0.03 * means[1].mean()
+    assert aimed.var(0, ddof=1).mean() < 0.7 * even.var(0, ddof=1).mean()

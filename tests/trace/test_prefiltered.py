@@ -1,0 +1,127 @@
+"""The prefiltered panorama against NumPy, and windows as cones see them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.window_environment import OUTSIDE_ROWS
+from iprt.geometry.camera import View
+from iprt.trace.voxels import PrefilteredPanorama
+from tests.frame.test_windows import BALL, MIRROR, arriving, render_ball, windowed
+from tests.kernels.wrap import evaluate
+from tests.worlds import Float, panorama_at
+
+OPENING, NONE = 16, 32
+"""SURFACE_OPENING and SURFACE_NONE of `cl/lib/world/real/real.h`."""
+
+
+def block_means(image: Float, rows: int) -> Float:
+    """(rows, 2 rows, 3) means of whole blocks of texels, each by its solid angle."""
+    height = len(image)
+    edges = np.cos(np.linspace(0.0, np.pi, height + 1))
+    weight = (edges[:-1] - edges[1:])[:, None, None] * np.ones((1, 2 * height, 1))
+    block = height // rows
+    shape = (rows, block, 2 * rows, block, -1)
+    sums = (image * weight).reshape(shape).sum((1, 3))
+    return np.asarray(sums / weight.reshape(shape).sum((1, 3)))
+
+
+@pytest.mark.parametrize("openings", [False, True])
+def test_levels_are_means_by_solid_angle(device: ComputeDevice, openings: bool) -> None:
+    """Also: beside windows and sky the outside is what windows show in those directions."""
+    width, height = 1024, 512
+    rng = np.random.default_rng(4)
+    seen = rng.random((height, width, 3)).astype(np.float32)
+    outside = rng.random((OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 3)).astype(np.float32)
+    surface = np.zeros((height, width, 4), np.float32)
+    surface[..., 3] = rng.choice([0, 1, OPENING, NONE | 1], (height, width))
+    panorama: Any = SimpleNamespace(
+        width=width,
+        height=height,
+        radiated=device.upload("test radiance", seen),
+        surface=device.upload("test surface", surface),
+        outside=device.upload("test outside", outside),
+    )
+    prefiltered = PrefilteredPanorama(device, "test prefiltered", openings=openings)
+    prefiltered.load(panorama)
+    texels = device.read(prefiltered.texels)
+    wanted = seen.astype(np.float64)
+    if openings:
+        shown = (surface[..., 3].astype(int) & (OPENING | NONE)) > 0
+        d = View(width, height, projection="equirect").directions()
+        wanted = np.where(shown[..., None], wanted, panorama_at(outside, d))
+    for columns, rows, first, _ in prefiltered.levels.tolist():
+        found = texels[first : first + rows * columns].reshape(rows, columns, 3)
+        np.testing.assert_allclose(found, block_means(wanted, rows), atol=1e-3)
+
+
+def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -> None:
+    """Each counts by its share, on top of the room's own light."""
+    levels = device.upload("test levels", np.array([[2, 1, 0, 0]], np.int32))
+    panorama, outside = np.array([2.0, 3.0, 4.0]), np.array([50.0, 60.0, 70.0])
+    texels = {
+        name: device.upload(f"test {name}", np.tile(color, 2).astype(np.float32))
+        for name, color in (("prefiltered", panorama), ("outside", outside))
+    }
+    rng = np.random.default_rng(6)
+    room, d = rng.random((8, 3)).astype(np.float32), rng.normal(size=(8, 3)).astype(np.float32)
+    shares = rng.random((8, 2)).astype(np.float32)
+    shares[0] = 0.0
+    found = evaluate(
+        device,
+        ["trace/prefiltered.h"],
+        """
+        const Surroundings around = SURROUNDINGS;
+        const Cone cone = {(float3)(0.0f), normalize(d), 0.5f, 0.0f, 0.0f};
+        const ConeLight light = {room, shares.x, shares.y, 1.0f, 1.0f};
+        arriving = all_arriving(around, cone, light);
+        """,
+        {"d": d, "room": room, "shares": shares},
+        {"arriving": "float3"},
+        defines=["OPENING_ENVIRONMENT"],
+        parameters="SURROUNDINGS_PARAMETERS",
+        arguments={
+            **texels,
+            "prefiltered_levels": levels,
+            "outside_levels": levels,
+            "prefiltered_count": 1,
+            "outside_count": 1,
+        },
+    )["arriving"]
+    wanted = room + shares[:, :1] * outside + shares[:, 1:] * panorama
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
+
+
+def soft_sky(d: Float) -> Float:
+    """Radiance from far away that changes over some 20 degrees."""
+    return np.asarray(1.0 + 0.8 * np.sin(d * [9.0, 12.0, 5.0] + [0.0, 1.0, 2.0]))
+
+
+@pytest.mark.thorough
+@pytest.mark.gl
+@pytest.mark.parametrize("openings", ["environment", "surface"])
+def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, openings: str) -> None:
+    """In the cone's own direction; or painted on the pane, whose voxels are seen from the ball."""
+    frame, view = windowed(soft_sky), View(96, 96, yaw_deg=166.0, pitch_deg=4.0, fov_y_deg=40.0)
+    own = {"voxels": 96, "object_voxels": 16}
+    picture = render_ball(device, frame, BALL, view, openings, 1, method="vct", vct=own)
+    d = view.directions()
+    t, _, normal, _ = BALL.interval(np.zeros_like(d), d)
+    met = np.isfinite(t) & (picture.aovs["coverage"] == 1.0)
+    point = np.where(met, t, 0.0)[..., None] * d
+    away = d - 2.0 * (d * normal).sum(-1, keepdims=True) * normal
+    wanted, through = arriving(frame, openings, point, away)
+    other = "surface" if openings == "environment" else "environment"
+    confused, _ = arriving(frame, other, point, away)
+    inner = met & through & (-(normal * d).sum(-1) > 0.5)
+    for step in ((0, 2), (0, -2), (2, 0), (-2, 0)):
+        inner &= np.roll(through & met, step, (0, 1))
+    assert inner.sum() > 100
+    error = np.abs(picture.color - wanted * MIRROR.albedo)[inner].max(-1)
+    assert np.median(error) < 0.05
+    assert np.median(np.abs(wanted - confused)[inner].max(-1)) > 0.2
