@@ -67,7 +67,7 @@ def command(arguments: Sequence[str] | None = None) -> NoReturn:
     Without the drivers' own endings if the device hangs: these wait for it.
     """
     end_on_signals()
-    from iprt.commands.streams import prepare_streams
+    from iprt.commands.standard_streams import prepare_streams
 
     try:
         prepare_streams()
@@ -91,7 +91,7 @@ def _run(arguments: Sequence[str] | None) -> tuple[int, bool]:
     flags = [word for word in words if word in LEVELS]
     debug = "--debug" in flags
     level = LEVELS[flags[0]] if flags else "INFO"
-    from iprt.commands.streams import OneLine
+    from iprt.commands.standard_streams import OneLine
 
     handler = logging.StreamHandler()
     handler.setFormatter(OneLine("iprt: %(message)s"))
@@ -152,7 +152,7 @@ def versions() -> str:
 
 def _complain(error: IprtError) -> None:
     """Print an error, with the notes that were added on the way up."""
-    from iprt.commands.streams import one_line
+    from iprt.commands.standard_streams import one_line
 
     *lines, last = error.lines
     lines.append("; ".join([last, *getattr(error, "__notes__", ())]))

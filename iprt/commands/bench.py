@@ -8,8 +8,8 @@ from typing import Literal
 
 import tyro
 
+from iprt.commands.flag_types import Size
 from iprt.commands.lists import listed
-from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings, SettingFlags
 from iprt.errors import IprtError
 
@@ -222,7 +222,7 @@ def _time_video(
     from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.intake import WARM_UP, time_intake
+    from iprt.measure.frame_preparation import WARM_UP, time_preparation
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
@@ -232,7 +232,9 @@ def _time_video(
     opened = Scene.open(scene, allow_outside=allow_outside)
     compute = ComputeDevice(choose_device(device))
     with progress_bar("timing", WARM_UP + frames) as progress:
-        found = time_intake(compute, opened, settings, frames=frames, size=size, progress=progress)
+        found = time_preparation(
+            compute, opened, settings, frames=frames, size=size, progress=progress
+        )
     if json:
         print(dumps(found.record(), indent=2))
     else:

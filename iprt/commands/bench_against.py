@@ -7,13 +7,13 @@ import os
 from iprt.commands.bench_truth import Output, Plan, parse_levels, printed_at_last
 from iprt.commands.progress import progress_bar
 from iprt.files.wording import counted
-from iprt.measure.contenders import Entry, FullEntry, IprtEntry, PanoramaEntry, Subject
 from iprt.measure.convergence import parse_counts
 from iprt.measure.convergence_report import convergence_grid, convergence_plots
 from iprt.measure.protocol import provenance_line
-from iprt.measure.race import Result, run_race
-from iprt.measure.race_report import race_figures, race_grid
 from iprt.measure.report import Report
+from iprt.measure.time_to_accuracy import Result, run_race
+from iprt.measure.time_to_accuracy_report import race_figures, race_grid
+from iprt.measure.timed_renderers import Entry, FullEntry, IprtEntry, PanoramaEntry, Subject
 from iprt.truth.model import load_parts
 
 

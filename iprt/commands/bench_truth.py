@@ -34,7 +34,7 @@ from iprt.measure.published import CLAIMS
 from iprt.measure.report import Report
 from iprt.measure.sweep import Combination, Outcome, frames_per_view, run_sweep
 from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
-from iprt.measure.target import Background, Target, read_target, views_with_truth
+from iprt.measure.view_truth import Background, Target, read_target, views_with_truth
 from iprt.output.grid import Grid, print_grid
 from iprt.scene.scene import Scene
 

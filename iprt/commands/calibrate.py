@@ -14,9 +14,9 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.kept_tradeoff import Timed
-    from iprt.measure.target import Target
     from iprt.measure.tradeoff import Tradeoff
+    from iprt.measure.tradeoff_cache import TimedDevice
+    from iprt.measure.view_truth import Target
     from iprt.scene.scene import Scene
 
 ROOM = Path("scenes360/room")
@@ -69,11 +69,11 @@ def calibrate(
     int
         Exit status 0.
     """
-    from iprt.commands.streams import reporting
+    from iprt.commands.standard_streams import reporting
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.files.atomic import require_writable
-    from iprt.measure.kept_tradeoff import Timed, keep
+    from iprt.measure.tradeoff_cache import TimedDevice, keep
     from iprt.measure.tradeoff_report import tradeoff_grid
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
@@ -83,7 +83,7 @@ def calibrate(
     names = _views(opened, view)
     targets = _targets(opened, view) if ssim else []
     handle = choose_device(device)
-    timed = Timed.of(handle)
+    timed = TimedDevice.of(handle)
     path = output or timed.file
     require_writable(path)
     opened.require_not_ours(path)
@@ -106,7 +106,7 @@ def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
 
 def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
     """Truths of views, over whose own background pictures are scored."""
-    from iprt.measure.target import read_target, views_with_truth
+    from iprt.measure.view_truth import read_target, views_with_truth
 
     return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]
 
@@ -116,7 +116,7 @@ def _measured(
     names: Sequence[str],
     targets: Sequence[Target],
     compute: ComputeDevice,
-    timed: Timed,
+    timed: TimedDevice,
 ) -> Tradeoff:
     from iprt.commands.progress import progress_bar
     from iprt.measure.calibration import (

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from iprt.commands.pairs import Size
-from iprt.commands.streams import reporting
+from iprt.commands.flag_types import Size
+from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
 

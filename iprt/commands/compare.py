@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 
 from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, compare_video
+from iprt.commands.flag_types import Size
 from iprt.commands.lists import listed
-from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.compare import Compared, Comparison
     from iprt.measure.report import Figures
-    from iprt.measure.target import Background
+    from iprt.measure.view_truth import Background
     from iprt.output.grid import Grid
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
@@ -124,7 +124,7 @@ def compare(
     from iprt.files.lock import locked
     from iprt.measure.pictures import compare_pictures
     from iprt.measure.protocol import provenance
-    from iprt.measure.target import views_with_truth
+    from iprt.measure.view_truth import views_with_truth
     from iprt.scene.scene import Scene
 
     view, method = listed(view), listed(method)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from iprt.commands.flag_types import FrameSpan
 from iprt.commands.help import plain_default
-from iprt.commands.pairs import FrameSpan
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.stability import Flicker
     from iprt.measure.sweep import Combination
-    from iprt.measure.target import Background
     from iprt.measure.video import Stability
+    from iprt.measure.view_truth import Background
     from iprt.output.grid import Grid
     from iprt.scene.scene import Scene
 
@@ -135,7 +135,7 @@ def compare_video(
     """Play the views and print what was measured; `made` is its `provenance`."""
     from iprt.commands.progress import progress_bar
     from iprt.files.lock import locked
-    from iprt.measure.strip import Strip
+    from iprt.measure.film_strip import Strip
     from iprt.measure.video import Player, resized
 
     indices = flags.indices(scene)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from iprt.commands.bench import MAX_FRAMES
-from iprt.commands.pairs import Size
+from iprt.commands.flag_types import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 

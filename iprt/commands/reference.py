@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from iprt.commands.pairs import Size
-from iprt.commands.streams import reporting
+from iprt.commands.flag_types import Size
+from iprt.commands.standard_streams import reporting
 from iprt.commands.views import choose_view
 from iprt.errors import IprtError
 

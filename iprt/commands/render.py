@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from iprt.commands.flag_types import Size
 from iprt.commands.lists import listed
-from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
-from iprt.commands.wish import Wish
+from iprt.commands.tradeoff_flags import TradeoffGoal
 from iprt.errors import IprtError
 from iprt.files.wording import counted
 from iprt.settings.presets import CONVERGED
 
 if TYPE_CHECKING:
-    from iprt.commands.job import Job
+    from iprt.commands.render_job import RenderJob
     from iprt.convergence import Goal
     from iprt.device.compute import ComputeDevice
     from iprt.film import Film
@@ -139,7 +139,7 @@ def render(
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
     aov = listed(aov)
-    wish = Wish.of(time_per_frame, ssim, setting_flags.quality)
+    tradeoff_goal = TradeoffGoal.of(time_per_frame, ssim, setting_flags.quality)
     from iprt.output.encode import FORMATS
     from iprt.output.sequence import is_video
 
@@ -157,7 +157,7 @@ def render(
     _check_files(output, profile, aov, video=video)
 
     from iprt.commands.frames import frame_range
-    from iprt.commands.job import Job
+    from iprt.commands.render_job import RenderJob
     from iprt.commands.video import check_video, render_video
     from iprt.commands.views import moving_view
     from iprt.geometry.camera import View
@@ -165,8 +165,8 @@ def render(
 
     resolved = partial(setting_flags.resolved, still=not video, seed=seed, method=method)
     settings = resolved()
-    if wish is not None:
-        wish.require_method(settings.method)
+    if tradeoff_goal is not None:
+        tradeoff_goal.require_method(settings.method)
     opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
     indices = frame_range(frames, opened.frame_indices)
     for path in (output, profile):
@@ -175,13 +175,13 @@ def render(
     chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
     still_frames = STILL_FRAMES if converged is None else MOST_STILL_FRAMES
     accumulate = accumulate or (VIDEO_FRAMES if video else still_frames)
-    if wish is not None:
+    if tradeoff_goal is not None:
         shown = chosen if isinstance(chosen, View) else chosen.view
-        entry = wish.assignments(
+        entry = tradeoff_goal.assignments(
             device, shown.width * shown.height, accumulate, setting_flags.assignments()
         )
         settings = resolved(under=entry)
-    job = Job(
+    job = RenderJob(
         scene=opened,
         view=chosen,
         objects=objects,
@@ -226,7 +226,7 @@ def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, vid
             raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
 
 
-def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Film]:
+def _render_still(job: RenderJob, output: Path, index: int) -> tuple[ComputeDevice, Film]:
     """One picture of a frame, with the device and the film that made it.
 
     Where the driver loses the device, all is made anew, once.
@@ -283,14 +283,14 @@ def _tell_noise(goal: Goal) -> None:
 
 
 def _report(
-    job: Job,
+    job: RenderJob,
     index: int,
     output: Path,
     rendered: tuple[ComputeDevice, Film] | None,
     profile: Path | None,
 ) -> None:
     """Print where the output is and, if asked for, where the time went in frame `index`."""
-    from iprt.commands.streams import reporting
+    from iprt.commands.standard_streams import reporting
     from iprt.film import view_at
     from iprt.measure.cost_report import CostReport
     from iprt.measure.profile_file import write_profile

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from iprt.commands.pairs import DepthRange, Values
-from iprt.commands.streams import reporting
+from iprt.commands.flag_types import DepthRange, Values
+from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
 

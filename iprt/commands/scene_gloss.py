@@ -6,7 +6,7 @@ from pathlib import Path
 
 import tyro
 
-from iprt.commands.streams import reporting
+from iprt.commands.standard_streams import reporting
 from iprt.files.wording import counted
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from iprt.commands.pairs import Size
+from iprt.commands.flag_types import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
@@ -105,7 +105,7 @@ def view(
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import SAMPLED_S
     from iprt.geometry.camera import View
-    from iprt.measure.kept_tradeoff import Timed, tradeoff_for
+    from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
     from iprt.scene.edits import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine
@@ -129,7 +129,7 @@ def view(
         make_device,
         settings,
         allow_outside=allow_outside,
-        tradeoff=tradeoff_for(Timed.of(handle)),
+        tradeoff=tradeoff_for(TimedDevice.of(handle)),
     ) as engine:
         if not web:
             from iprt.viewer.desktop import run

@@ -13,7 +13,7 @@ from iprt.errors import IprtError
 from iprt.measure.compare import scored
 from iprt.measure.intervals import Estimate
 from iprt.measure.sweep import Combination, cut_estimates, still_settings
-from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice

@@ -15,7 +15,7 @@ from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate, Ratio
 from iprt.measure.pareto import pareto_front
-from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.settings.overrides import Assignment, changed, parse_assignment, resolved
@@ -32,7 +32,7 @@ LEAST_TIMED = 40
 """Frames that are timed at least: a ratio of fewer is known to 10% at best."""
 
 
-class _Timed(TypedDict):
+class _BenchArguments(TypedDict):
     """What runs of frames are given."""
 
     scene: str
@@ -236,7 +236,11 @@ def run_sweep(
                 done += frames
             assert first is not None
             timed_frames = max(frames, LEAST_TIMED)
-            given: _Timed = {"scene": scene.name, "frames": timed_frames, "progress": forward}
+            given: _BenchArguments = {
+                "scene": scene.name,
+                "frames": timed_frames,
+                "progress": forward,
+            }
             if combination is chosen[0]:
                 bench, ratio = timed(device, base, **given), None
                 base_ms = bench.wall_ms

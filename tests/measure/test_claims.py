@@ -15,7 +15,7 @@ from iprt.measure.claims import Claim, Found, Subject, Verdict, claims_grid
 from iprt.measure.intervals import Ratio
 from iprt.measure.learned import Learned
 from iprt.measure.published import CLAIMS
-from iprt.measure.target import Scores
+from iprt.measure.view_truth import Scores
 from iprt.settings.methods import methods
 from iprt.settings.overrides import all_settings
 from tests.measure.tiny import write_tiny

@@ -23,7 +23,7 @@ from iprt.errors import FormatError, IprtError, SceneError
 from iprt.geometry.camera import View
 from iprt.measure import metrics
 from iprt.measure.compare import Compared, Comparison, compare_views
-from iprt.measure.target import Scores, views_with_truth
+from iprt.measure.view_truth import Scores, views_with_truth
 from iprt.output.display import display
 from iprt.output.exr import write_exr
 from iprt.settings.methods import methods

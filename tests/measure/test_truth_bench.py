@@ -26,7 +26,7 @@ from iprt.files.images import read_color
 from iprt.measure.convergence import Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
 from iprt.measure.sweep import combinations, still_settings
-from iprt.measure.target import read_target
+from iprt.measure.view_truth import read_target
 from iprt.scene.scene import Scene
 from iprt.settings.overrides import parse_assignment, resolved
 from iprt.settings.presets import PRESETS

@@ -18,8 +18,8 @@ from iprt import cli
 from iprt.commands.compare_video import VideoFlags, stability_grid
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
+from iprt.measure.film_strip import COLUMNS, Strip
 from iprt.measure.stability import CAUSES
-from iprt.measure.strip import COLUMNS, Strip
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
 from iprt.output.display import display

@@ -1,4 +1,4 @@
-"""`iprt bench --against`: what is asked of contenders, and what is made of their pictures."""
+"""`iprt bench --against`: what is asked of renderers, and what is made of their pictures."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ import pytest
 from iprt import cli
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError, SceneError
-from iprt.measure.contenders import FULL, PANORAMA, Contender, IprtEntry, Subject
 from iprt.measure.convergence import Curve, Point
 from iprt.measure.intervals import Estimate
-from iprt.measure.race import Result, Track, run_race
-from iprt.measure.race_report import race_grid
 from iprt.measure.sweep import Combination, combinations, still_settings
-from iprt.measure.target import Radiance, Scores, read_target
+from iprt.measure.time_to_accuracy import Result, Track, run_race
+from iprt.measure.time_to_accuracy_report import race_grid
+from iprt.measure.timed_renderers import FULL, PANORAMA, IprtEntry, Subject, TimedRenderer
+from iprt.measure.view_truth import Radiance, Scores, read_target
 from iprt.output.exr import write_exr
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -119,7 +119,7 @@ class Pretender:
     label: str
     fault: str = ""
 
-    def contender(self, subject: Subject) -> Contender:
+    def renderer(self, subject: Subject) -> TimedRenderer:
         if self.fault == "error":
             raise SceneError("nothing there")
         if self.fault == "end":
@@ -179,10 +179,10 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
         "import os, signal, time; from pathlib import Path\n"
         "from iprt.files.termination import end_on_signals\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
-        "from iprt.measure.race import racing\n"
-        "from tests.measure.test_race import Pretender, subject_of\n"
-        f"with racing(Pretender('a'), subject_of(Path({str(scene)!r}))) as racer:\n"
-        "    print(racer.label, flush=True)\n"
+        "from iprt.measure.time_to_accuracy import renderer_process\n"
+        "from tests.measure.test_time_to_accuracy import Pretender, subject_of\n"
+        f"with renderer_process(Pretender('a'), subject_of(Path({str(scene)!r}))) as process:\n"
+        "    print(process.label, flush=True)\n"
         "    os.killpg(0, signal.SIGINT); time.sleep(1000)"
     )
     done = subprocess.run(
@@ -197,7 +197,7 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "a\n", "iprt: interrupted\n")
 
 
-# Contenders ------------------------------------------------------------------------------------
+# Renderers -------------------------------------------------------------------------------------
 
 
 @pytest.mark.thorough
@@ -217,14 +217,12 @@ def test_pictures_of_iprt_are_those_of_a_renderer_of_its_own(
     monkeypatch.setattr(Renderer, "step", counted)
     subject = subject_of(scene)
     (combination,) = combinations("draft", [parse_assignment("--set", "trace.rays=2")], [])
-    contender = IprtEntry(combination, os.environ.get("IPRT_TEST_DEVICE", "pocl")).contender(
-        subject
-    )
-    contender.prepare(0)
+    renderer = IprtEntry(combination, os.environ.get("IPRT_TEST_DEVICE", "pocl")).renderer(subject)
+    renderer.prepare(0)
     wanted = ((0, 1), (0, 3), (0, 1), (1, 3))
     with monkeypatch.context() as clock:
-        clock.setattr("iprt.measure.contenders.time.perf_counter", lambda: float(frames))
-        made = [(seed, count, *contender.picture(count, seed)) for seed, count in wanted]
+        clock.setattr("iprt.measure.timed_renderers.time.perf_counter", lambda: float(frames))
+        made = [(seed, count, *renderer.picture(count, seed)) for seed, count in wanted]
     assert [seconds for _, _, seconds, _ in made] == [1.0, 3.0, 1.0, 3.0]
     for seed, count, _, color in made:
         settings = still_settings(combination.settings, seed)

@@ -132,7 +132,7 @@ def test_a_lost_stderr_changes_nothing(
 def test_files_do_not_get_the_number_of_a_closed_stream(folder: Path) -> None:
     """Else what a driver prints to stderr would end up in one of them."""
     program = (
-        "import os, sys; from iprt.commands.streams import prepare_streams\n"
+        "import os, sys; from iprt.commands.standard_streams import prepare_streams\n"
         "prepare_streams()\n"
         "file = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT)\n"
         "os.write(2, b'what a driver prints'); print(file > 2)"
@@ -254,7 +254,7 @@ def test_an_unwritable_stdout_is_no_fault_of_a_file() -> None:
 
 def test_unbuffered_lines_are_not_held_back() -> None:
     program = (
-        "import os; from iprt.commands.streams import prepare_streams\n"
+        "import os; from iprt.commands.standard_streams import prepare_streams\n"
         "prepare_streams(); print('first'); os._exit(0)"
     )
     words = [sys.executable, "-u", "-c", program]
