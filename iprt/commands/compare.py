@@ -15,6 +15,7 @@ import tyro
 from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, compare_video
 from iprt.commands.flag_types import Size
 from iprt.commands.lists import listed
+from iprt.commands.measurement_flags import check_count
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from iprt.settings.model import Settings
 
 NOTHING_ELSE = "nothing else is scored; leave out --method and the flags for videos"
-FRAMES = 64
+ACCUMULATED = 64
 """Frames accumulated where nothing is said."""
 
 
@@ -41,7 +42,7 @@ def compare(
     pictures: tyro.conf.UseAppendAction[tuple[Path, ...]] = (),
     size: Size = None,
     background: Literal["panorama", "truth"] = "panorama",
-    frames: int | None = None,
+    accumulate: int | None = None,
     seed: int | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
@@ -77,7 +78,7 @@ def compare(
     background
         Picture behind the objects: the resampled panorama, or the truth's own
         background, which isolates relighting from the panorama's resolution.
-    frames
+    accumulate
         Frames accumulated into each picture; for a video, into the pictures that --trails compares
         with. Default: 64.
     seed
@@ -108,11 +109,11 @@ def compare(
     int
         Exit status: 0, or 1 if a score missed `fail_under_ssim` or `fail_over_flicker`.
     """
-    if frames is not None and frames < 1:
-        raise IprtError(f"--frames {frames}: at least 1 frame is needed")
+    if accumulate is not None:
+        check_count("--accumulate", accumulate)
     _check_limit(fail_under_ssim)
-    if pictures and frames is not None and not method:
-        raise IprtError(f"--frames {frames}: has no effect on --pictures without --method")
+    if pictures and accumulate is not None and not method:
+        raise IprtError(f"--accumulate {accumulate}: has no effect on --pictures without --method")
     if pictures and size is not None:
         raise IprtError(f"--size {size[0]} {size[1]}: pictures of --pictures have their own size")
     if json and video.markdown:
@@ -133,8 +134,8 @@ def compare(
         setting_flags.resolved(seed=seed, method=name)  # faults in flags are reported first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
-    if moving and frames is not None and not video.trails:
-        raise IprtError(f"--frames {frames}: has no effect on a video without --trails")
+    if moving and accumulate is not None and not video.trails:
+        raise IprtError(f"--accumulate {accumulate}: has no effect on a video without --trails")
     variants = [
         setting_flags.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
     ]
@@ -158,7 +159,7 @@ def compare(
             video,
             compute,
             background,
-            frames or FRAMES,
+            accumulate or ACCUMULATED,
             size=size,
             made=made,
             json=json,
@@ -176,7 +177,16 @@ def compare(
                 output.add(compared)
         if rendered:
             compute = ComputeDevice(choose_device(device))
-            _render(opened, views, variants, compute, background, frames or FRAMES, size, output)
+            _render(
+                opened,
+                views,
+                variants,
+                compute,
+                background,
+                accumulate or ACCUMULATED,
+                size,
+                output,
+            )
     results = output.results
     if json:
         records = [result.record() for result in results]

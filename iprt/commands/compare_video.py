@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from iprt.commands.flag_types import FrameSpan
+from iprt.commands.frames import frame_range
 from iprt.commands.help import plain_default
 from iprt.errors import IprtError
 
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 class VideoFlags:
     """Options of videos, which still pictures do not take."""
 
-    play: Annotated[FrameSpan, plain_default()] = None
-    """First and last frame of the video to play. Default: all."""
+    frames: Annotated[str | None, plain_default("FIRST:LAST")] = None
+    """Frames of the video to play, with both ends, numbered as in scene.toml. Default: all."""
     trails: Annotated[bool, plain_default()] = False
     """Measure how long things that moved away stay visible, against each frame rendered alone."""
     sweep: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUES")] = ()
@@ -71,20 +71,17 @@ class VideoFlags:
             raise IprtError("--one-at-a-time: is for --sweep")
 
     def indices(self, scene: Scene) -> range:
-        """The frames to play.
+        """Return the frames to play, without gaps.
 
         Raises
         ------
         IprtError
-            There are no such frames.
+            There are no such frames, or some between them are left out.
         """
-        there = scene.frame_indices
-        first, last = self.play or (there[0], there[-1])
-        if not there[0] <= first <= last <= there[-1]:
-            raise IprtError(
-                f"--play {first} {last}: {scene.name} has the frames {there[0]} to {there[-1]}"
-            )
-        return range(first, last + 1)
+        indices = frame_range(self.frames, scene.frame_indices)
+        if indices.step != 1 and len(indices) > 1:
+            raise IprtError(f"--frames {self.frames}: a video is played without gaps")
+        return indices
 
     def missed(self, results: Sequence[Stability]) -> bool:
         """Whether real pixels flicker more than is allowed."""

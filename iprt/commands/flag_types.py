@@ -46,6 +46,5 @@ def _any_number() -> PrimitiveConstructorSpec[tuple[float, ...] | None]:
 
 
 Size = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "WIDTH", "HEIGHT")]
-FrameSpan = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "FIRST", "LAST")]
 DepthRange = Annotated[tuple[float, float] | None, _pair(float, "two numbers", "LOW", "HIGH")]
 Values = Annotated[tuple[float, ...] | None, _any_number()]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from iprt.commands.bench import MAX_FRAMES
 from iprt.commands.flag_types import Size
+from iprt.commands.measurement_flags import check_count
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
@@ -28,7 +28,7 @@ def profile(
     *,
     view: str | None = None,
     size: Size = None,
-    frames: int = 48,
+    repeat: int = 48,
     method: str | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
@@ -58,7 +58,7 @@ def profile(
         first view.
     size
         Width and height in pixels. Default: the view's own.
-    frames
+    repeat
         Frames to time; with 16 or more, the noise of the times is estimated too.
     method
         How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
@@ -84,8 +84,7 @@ def profile(
     int
         Exit status 0.
     """
-    if not 1 <= frames <= MAX_FRAMES:
-        raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
+    check_count("--repeat", repeat)
     if json and csv:
         raise IprtError("--json and --csv: give one of them")
     if csv and compare is not None:
@@ -113,7 +112,7 @@ def profile(
         _require_comparable(old, compare, opened, compute, reel)
     if trace is not None:
         compute.profile.trace()
-    report = _measure(compute, reel, opened.name, frames)
+    report = _measure(compute, reel, opened.name, repeat)
     if trace is not None:
         from iprt.output.trace import write_trace
 

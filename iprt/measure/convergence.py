@@ -84,7 +84,7 @@ def parse_counts(text: str) -> list[int]:
             raise ValueError
     except (ValueError, IndexError):
         raise IprtError(
-            f"--convergence {text}: expected rising numbers from 1 to {MAX_COUNT}, such as "
+            f"--accumulate {text}: expected rising numbers from 1 to {MAX_COUNT}, such as "
             "1,2,4,8 or 1,2,...,256"
         ) from None
     return counts

@@ -55,7 +55,7 @@ def test_flat_things_are_no_larger_than_others(scene: Path, tmp_path: Path) -> N
     "words",
     [
         ["scene", "info", "SCENE"],
-        ["bench", "SCENE", "--size", "24", "16", "--frames", "1", "--set", "irradiance.rows=32"],
+        ["bench", "SCENE", "--size", "24", "16", "--repeat", "1", "--set", "irradiance.rows=32"],
     ],
     ids=["info", "bench"],
 )

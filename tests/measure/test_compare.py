@@ -290,7 +290,7 @@ def command(
     module("iprt.device.choose", choose_device=lambda spec: spec)
     monkeypatch.setattr("iprt.measure.protocol.provenance", lambda _: MADE)
     module("iprt.device.compute", ComputeDevice=lambda spec: device)
-    return lambda **kwargs: compare(Path("room"), frames=2, **kwargs)
+    return lambda **kwargs: compare(Path("room"), accumulate=2, **kwargs)
 
 
 def test_json_goes_to_stdout_alone(
@@ -378,7 +378,7 @@ def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [{"frames": 0}, {"seed": -1}, {"fail_under_ssim": 1.5}, {"fail_under_ssim": float("nan")}],
+    [{"accumulate": 0}, {"seed": -1}, {"fail_under_ssim": 1.5}, {"fail_under_ssim": float("nan")}],
 )
 def test_bad_values_are_refused(arguments: dict[str, Any]) -> None:
     flag = next(iter(arguments)).replace("_", "-")

@@ -1,4 +1,4 @@
-"""`iprt bench --seconds`: who gets how far in equal time, and what frames cost."""
+"""`iprt equal-time`: who gets how far in equal time, and what frames cost."""
 
 from __future__ import annotations
 
@@ -95,7 +95,16 @@ def test_costs_are_those_of_the_frames_that_have_them(
 @pytest.mark.gl
 def test_results_hold_all_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = write_tiny(tmp_path / "room", "near")
-    words = ["bench", str(folder), "--seconds", "0.01,0.5", "--frames", "3", "--device", "pocl"]
+    words = [
+        "equal-time",
+        str(folder),
+        "--seconds",
+        "0.01,0.5",
+        "--accumulate",
+        "3",
+        "--device",
+        "pocl",
+    ]
     words += ["--sweep", "method=ibl,em", "--html", str(tmp_path / "page.html")]
     assert cli.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["results"]

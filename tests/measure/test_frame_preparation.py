@@ -1,4 +1,4 @@
-"""`iprt bench --video`: which frames come in, and what is timed."""
+"""`iprt bench-video`: which frames come in, and what is timed."""
 
 from __future__ import annotations
 

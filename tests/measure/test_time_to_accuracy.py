@@ -1,4 +1,4 @@
-"""`iprt bench --against`: what is asked of renderers, and what is made of their pictures."""
+"""`iprt race`: what is asked of renderers, and what is made of their pictures."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def test_what_is_not_installed_is_one_line(
     if module == "pyoidn":
         pytest.importorskip("mitsuba")
     monkeypatch.setitem(sys.modules, module, None)
-    line = fails("bench", scene, "--against")
+    line = fails("race", scene)
     assert f"no module {module}: pip install 'iprt[reference]'" in line
 
 
@@ -256,11 +256,10 @@ def test_bad_values_are_one_line(scene: Path, fails: Callable[..., str]) -> None
     pytest.importorskip("pyoidn")
     for words, message in (
         (["--model", "no.such.module"], "--model no.such.module: no such module"),
-        (["--frames", "2"], "--frames 2: has no effect"),
         (["--reach", "2"], "--reach 2: expected values of SSIM"),
-        (["--convergence", "2,1"], "--convergence 2,1: expected rising numbers"),
+        (["--accumulate", "2,1"], "--accumulate 2,1: expected rising numbers"),
     ):
-        assert message in fails("bench", scene, "--against", "--device", "pocl", *words)
+        assert message in fails("race", scene, "--device", "pocl", *words)
 
 
 @pytest.mark.gl
@@ -278,13 +277,13 @@ def test_mitsuba_finds_the_picture_that_it_made(
     )
     model = ["--model", "tiny_model"]
     quick = ["--device", "pocl", "--method", "ibl", "--background", "panorama"]
-    words = ["--against", *model, *quick, "--convergence", "1,2,4", "--seeds", 1, "--reach", 1]
+    words = [*model, *quick, "--accumulate", "1,2,4", "--seeds", 1, "--reach", 1]
     before = (scene / "truth.exr").read_bytes()
     for made, label in ((model, FULL), ([], PANORAMA)):
         run("reference", scene, "-o", scene / "truth.exr", "--spp", 2, *made)
         capsys.readouterr()
         try:
-            run("bench", scene, *words, "--json")
+            run("race", scene, *words, "--json")
         finally:
             (scene / "truth.exr").write_bytes(before)
         found: dict[str, Any] = json.loads(capsys.readouterr().out)
