@@ -26,10 +26,15 @@ if TYPE_CHECKING:
 
 DEFECT = 70
 DESCRIPTION = """Insert virtual objects into 360° RGBD video.
-`iprt VERB --help` explains a verb. Anywhere on the line: `--quiet` leaves results and errors alone
-on the screen, `--verbose` says more, `--debug` shows the traceback of an error as well, and
-`--version` prints the versions of iprt, Python and pyopencl."""
-LEVELS = {"--quiet": "ERROR", "--verbose": "DEBUG", "--debug": "DEBUG"}
+`iprt VERB --help` explains a verb. These go with every verb: -q, --quiet (only results and
+errors), -v, --verbose (log more), --debug (also show the traceback of an error), --version."""
+LEVELS = {
+    "-q": "ERROR",
+    "--quiet": "ERROR",
+    "-v": "DEBUG",
+    "--verbose": "DEBUG",
+    "--debug": "DEBUG",
+}
 """Flags that stand anywhere on the line -> what is logged. Progress is shown where INFO is."""
 
 VERBS = {

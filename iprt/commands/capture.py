@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from iprt.commands.flag_types import Size
+from iprt.commands.flag_types import Position, Size
 from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
@@ -22,7 +23,7 @@ def capture(
     /,
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
-    center: str | None = None,
+    center: Position = None,
     size: Size = None,
     every: int = 1,
     compensate: bool = True,
@@ -38,7 +39,7 @@ def capture(
     output
         Scene folder to make.
     center
-        X,Y,Z in metres: the panorama's centre in the world of the poses, as the pose file has it.
+        Centre of the panorama in the world of the poses, in metres.
         Default: the mean position of the camera.
     size
         Width and height of the panorama, twice as wide as high. Default: 1024 512.
@@ -72,17 +73,18 @@ def capture(
         )
     if every < 1:
         raise IprtError(f"--every {every}: expected 1 or more")
+    if center is not None and not all(abs(value) <= FARTHEST_M for value in center):
+        raise IprtError(f"--center {_spaced(center)}: expected at most {FARTHEST_M:g} m from 0")
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise IprtError(f"{output}: is there already; choose another folder")
     require_writable(output / MANIFEST_NAME)
-    at = None if center is None else _point(center)
     opened = RgbdSequence.open(sequence, poses)
     frames = len(range(0, len(opened.shots), every))
     with progress_bar("capture", frames * (1 + compensate), remaining=True) as update:
         captured = capture_panorama(
             opened,
             width=width,
-            center=None if at is None else opened.world_from_poses @ at,
+            center=None if center is None else opened.world_from_poses @ center,
             every=every,
             compensate=compensate,
             progress=update,
@@ -95,7 +97,7 @@ def capture(
         print("\n".join(first_look(output)))
         print(
             f"cloud: {counted(captured.samples, 'sample')} held, {captured.removed} removed as "
-            f"seen through; centre {x:.3f},{y:.3f},{z:.3f}"
+            f"seen through; centre {x:.3f} {y:.3f} {z:.3f}"
         )
         if captured.left_out:
             print(
@@ -113,11 +115,5 @@ def capture(
     return 0
 
 
-def _point(text: str) -> list[float]:
-    try:
-        point = [float(word) for word in text.split(",")]
-        if len(point) != 3 or not all(abs(value) <= FARTHEST_M for value in point):
-            raise ValueError
-    except ValueError:
-        raise IprtError(f"--center {text}: expected X,Y,Z in metres, such as 0.5,1,-2") from None
-    return point
+def _spaced(values: Sequence[float]) -> str:
+    return " ".join(f"{value:g}" for value in values)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from iprt.commands.flag_types import DepthRange, Values
+from iprt.commands.flag_types import DepthRange, Direction, Values
 from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
@@ -263,7 +263,7 @@ def new(
         print("\n".join(first_look(folder)))
         print(
             f"{folder}: a scene of {counted(frames, 'frame')}; next: "
-            f"iprt scene add {shlex.quote(str(folder))} MESH --look 0,-35"
+            f"iprt scene add {shlex.quote(str(folder))} MESH --look 0 -35"
         )
     return 0
 
@@ -273,7 +273,7 @@ def add(
     mesh: tyro.conf.Positional[Path],
     /,
     *,
-    look: str,
+    look: Direction,
     height: float | None = None,
     unit: str | None = None,
     up: Literal["x", "-x", "y", "-y", "z", "-z"] = "y",
@@ -292,7 +292,7 @@ def add(
     mesh
         PLY, OBJ, STL, glTF or GLB file.
     look
-        YAW,PITCH in degrees, right and up: the direction in which the surface is seen.
+        Direction in which the surface is seen: degrees to the right, and degrees up.
     height
         Height of the object in metres. Default, without unit: so that its longest side is a fifth
         of its distance.
@@ -321,7 +321,11 @@ def add(
     from iprt.scene.edit import parse_material
     from iprt.scene.stance import Stance, parse_unit
 
-    yaw, pitch = _direction(look)
+    yaw, pitch = look
+    if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
+        raise IprtError(
+            f"--look {yaw:g} {pitch:g}: expected -360 to 360 degrees and -90 to 90 degrees"
+        )
     stance = Stance(up, rotate, height, None if unit is None else parse_unit(unit))
     table = None if material is None else parse_material(material)
     added = add_object(
@@ -362,15 +366,3 @@ def _device(spec: str | None) -> ComputeDevice | None:
         if spec is not None:
             raise
         return None
-
-
-def _direction(text: str) -> tuple[float, float]:
-    try:
-        yaw, pitch = (float(value) for value in text.split(","))
-        if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
-            raise ValueError
-    except ValueError:
-        raise IprtError(
-            f"--look {text}: expected YAW,PITCH in degrees, such as 30,-40 (pitch from -90 to 90)"
-        ) from None
-    return yaw, pitch

@@ -30,7 +30,8 @@ def test_the_next_step_is_a_command_that_runs(
     ball.visual.vertex_colors = np.full((len(ball.vertices), 4), 99, np.uint8)
     ball.export(tmp_path / "my ball.ply")
     assert (
-        cli.main(["scene", "add", str(scene), str(tmp_path / "my ball.ply"), "--look=0,-40"]) == 0
+        cli.main(["scene", "add", str(scene), str(tmp_path / "my ball.ply"), "--look", "0", "-40"])
+        == 0
     )
     size, line = capsys.readouterr().out.splitlines()
     assert size.startswith("my ball: 0.39 x 0.39 x 0.39 m (width, height, depth); in its file 1 x ")
@@ -44,7 +45,7 @@ def test_the_next_step_is_a_command_that_runs(
 def test_flat_things_are_no_larger_than_others(scene: Path, tmp_path: Path) -> None:
     """Scaled to a height, a plate would be wider than the room."""
     trimesh.creation.box((1.0, 0.02, 0.5)).export(tmp_path / "plate.ply")
-    words = ["scene", "add", str(scene), str(tmp_path / "plate.ply"), "--look=0,-40"]
+    words = ["scene", "add", str(scene), str(tmp_path / "plate.ply"), "--look", "0", "-40"]
     assert cli.main(words) == 0
     (plate,) = Scene.open(scene).instances_named(("plate",))
     distance = 1.3 / np.sin(np.deg2rad(40.0))

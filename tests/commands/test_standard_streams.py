@@ -24,7 +24,7 @@ ARGUMENTS = {
     "render": "SCENE -o OUT/a.png --method ibl --size 32 32 --accumulate 1",
     "reference": "SCENE -o OUT/a.exr",
     "scene new": "OUT/new --color SCENE/color.exr --depth SCENE/depth.exr",
-    "scene add": "SCENE OUT/m.obj --look 0,-40",
+    "scene add": "SCENE OUT/m.obj --look 0 -40",
 }
 """What a verb is given, where that is more than a scene."""
 
@@ -116,7 +116,7 @@ def test_a_disk_that_is_full_at_the_end_tells_what_is_done(
         ("scene check SCENE --device none", 3, b""),
         ("render", 2, b""),
         ("--debug settings --settings nowhere.toml", 2, b""),
-        ("scene add SCENE OUT/m.obj --look 0,-40", 0, b"m: "),
+        ("scene add SCENE OUT/m.obj --look 0 -40", 0, b"m: "),
     ],
 )
 def test_a_lost_stderr_changes_nothing(
@@ -218,7 +218,7 @@ def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     plain = shell(f"render {given}", folder, **without)
     path = f"{folder}/a.png\n".encode()
     assert (plain.returncode, plain.stdout) == (0, path)
-    for words in (f"--quiet render {given}", f"render {given} --quiet"):
+    for words in (f"--quiet render {given}", f"render {given} -q"):
         result = shell(words, folder, **without)
         assert (result.returncode, result.stdout, result.stderr) == (0, path, b"")
     told = shell("--quiet render nowhere -o OUT/a.png", folder)
@@ -239,6 +239,8 @@ def test_quiet_and_verbose_exclude_each_other(folder: Path) -> None:
     result = shell("settings --quiet --verbose", folder)
     assert result.returncode == 2
     assert result.stderr == b"iprt: error: --quiet and --verbose: give one of them\n"
+    short = shell("settings -q -v", folder)
+    assert short.stderr == b"iprt: error: -q and -v: give one of them\n"
 
 
 def test_the_top_level_help_names_the_flags_of_all_verbs(folder: Path) -> None:
