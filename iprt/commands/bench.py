@@ -68,8 +68,8 @@ def bench(
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
-    settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
+    settings = setting_flags.resolved(opened, method=method)
     chosen, objects = choose_view(opened, view, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
     frame = opened.frame()

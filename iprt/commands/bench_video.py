@@ -64,8 +64,8 @@ def bench_video(
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
-    settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
+    settings = setting_flags.resolved(opened, method=method)
     compute = ComputeDevice(choose_device(device))
     with progress_bar("timing", WARM_UP + repeat) as progress:
         times = time_preparation(

@@ -34,6 +34,7 @@ def calibrate(
     ssim: bool = False,
     output: Annotated[Path | None, tyro.conf.arg(aliases=("-o",))] = None,
     device: str | None = None,
+    json: bool = False,
     markdown: bool = False,
     allow_outside: bool = False,
 ) -> int:
@@ -59,6 +60,8 @@ def calibrate(
     device
         gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
         fastest kind there is.
+    json
+        Print a JSON object instead of a table.
     markdown
         Print a Markdown table, for a page.
     allow_outside
@@ -78,6 +81,8 @@ def calibrate(
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
+    if json and markdown:
+        raise IprtError("--json and --markdown: give one of them")
     opened = Scene.open(scene, allow_outside=allow_outside)
     view = listed(view)
     names = _views(opened, view)
@@ -90,7 +95,10 @@ def calibrate(
     table = _measured(opened, names, targets, ComputeDevice(handle), timed)
     keep(table, path)
     with reporting(f"{path} has been written all the same"):
-        print_grid(tradeoff_grid(table), markdown=markdown)
+        if json:
+            print(table.model_dump_json(indent=2))
+        else:
+            print_grid(tradeoff_grid(table), markdown=markdown)
         LOG.info("%s: written", path)
     return 0
 

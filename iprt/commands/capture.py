@@ -28,6 +28,7 @@ def capture(
     every: int = 1,
     compensate: bool = True,
     poses: Poses = None,
+    json: bool = False,
 ) -> int:
     """Make a 360° scene from a hand-held RGB-D sequence with poses.
 
@@ -46,11 +47,14 @@ def capture(
     every
         Use every n-th frame.
     compensate
-        Take colours as they are. By default, all frames are brought to the exposure and white
-        balance of the first, and vignetting is taken away.
+        Do not match exposure and white balance between frames, nor correct vignetting. By default,
+        all frames are matched to the first one.
     poses
-        Axes of the cameras, and whether poses lead from the world to the camera. Default: what the
-        layout has, unless depth tells otherwise.
+        Camera convention of the poses: opencv (x right, y down, z forward) or opengl (x right, y
+        up, z backward), camera to world or, with -from-world, world to camera. Default: that of
+        the data set's format, or the one that agrees with depth.
+    json
+        Print what was found as a JSON object instead of text.
 
     Returns
     -------
@@ -59,8 +63,9 @@ def capture(
     """
     from iprt.capture.scene import capture_panorama, write_scene
     from iprt.capture.sequence import RgbdSequence
+    from iprt.commands.findings import Findings
     from iprt.commands.progress import progress_bar
-    from iprt.commands.scene_report import first_look
+    from iprt.commands.scene_report import add_first_look
     from iprt.files.atomic import require_writable
     from iprt.files.untrusted import MAX_SIDE
     from iprt.scene.manifest import MANIFEST_NAME
@@ -91,27 +96,39 @@ def capture(
         )
     write_scene(output, captured)
     with reporting(f"{output} has been made all the same"):
-        print(f"read as {opened.found}")
-        print(f"poses: {opened.settled.words}; up: {opened.up}")
-        x, y, z = opened.world_from_poses.T @ captured.center
-        print("\n".join(first_look(output)))
-        print(
+        findings = Findings(folder=str(output), frames=frames)
+        findings.say(f"read as {opened.found}", layout=opened.found)
+        words = opened.settled.words
+        findings.say(f"poses: {words}; up: {opened.up}", poses=words, up=str(opened.up))
+        add_first_look(findings, output)
+        middle = [float(value) for value in opened.world_from_poses.T @ captured.center]
+        x, y, z = middle
+        findings.say(
             f"cloud: {counted(captured.samples, 'sample')} held, {captured.removed} removed as "
-            f"seen through; centre {x:.3f} {y:.3f} {z:.3f}"
+            f"seen through; centre {x:.3f} {y:.3f} {z:.3f}",
+            samples=captured.samples,
+            removed=captured.removed,
+            center=middle,
         )
         if captured.left_out:
-            print(
-                f"warning: {counted(captured.left_out, 'frame')} of {frames} left out: colours do "
-                "not match those of the others; --no-compensate uses them"
+            findings.warn(
+                [
+                    f"{counted(captured.left_out, 'frame')} of {frames} left out: colours do not "
+                    "match those of the others; --no-compensate uses them"
+                ]
             )
         if not captured.matched:
-            print(
-                "warning: colours of most frames do not match at any exposure; all frames are used "
-                "as they are"
+            findings.warn(
+                [
+                    "colours of most frames do not match at any exposure; all frames are used as "
+                    "they are"
+                ]
             )
-        print(
-            f"{output}: {captured.seen_share:.1%} of the sphere seen by {counted(frames, 'frame')}"
+        findings.say(
+            f"{output}: {captured.seen_share:.1%} of the sphere seen by {counted(frames, 'frame')}",
+            seen_share=float(captured.seen_share),
         )
+        findings.print(as_json=json)
     return 0
 
 

@@ -137,7 +137,8 @@ def compare(
     if moving and accumulate is not None and not video.trails:
         raise IprtError(f"--accumulate {accumulate}: has no effect on a video without --trails")
     variants = [
-        setting_flags.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
+        setting_flags.resolved(opened, still=not moving, seed=seed, method=name)
+        for name in asked or [None]
     ]
     views = views_with_truth(opened, view)
     for path in (html, None if save is None else save / "x.png"):
@@ -150,7 +151,7 @@ def compare(
     if moving and not pictures:
         if html is not None:
             raise IprtError(f"--html {html}: is for still pictures; --save shows frames of a video")
-        chosen = combinations_of(setting_flags, seed, asked, video)
+        chosen = combinations_of(opened, setting_flags, seed, asked, video)
         compute = ComputeDevice(choose_device(device))
         played = compare_video(
             opened,

@@ -94,7 +94,11 @@ NO_VIDEO = VideoFlags()
 
 
 def combinations_of(
-    setting_flags: SettingFlags, seed: int | None, methods: Sequence[str | None], flags: VideoFlags
+    scene: Scene,
+    setting_flags: SettingFlags,
+    seed: int | None,
+    methods: Sequence[str | None],
+    flags: VideoFlags,
 ) -> list[Combination]:
     """The settings to play with: each of the methods, and what is swept.
 
@@ -108,7 +112,9 @@ def combinations_of(
     several = [f"method={','.join(map(str, methods))}"] if len(methods) > 1 else []
     return combinations(
         setting_flags.quality,
-        setting_flags.assignments(seed=seed, method=methods[0] if len(methods) == 1 else None),
+        setting_flags.assignments(
+            scene, seed=seed, method=methods[0] if len(methods) == 1 else None
+        ),
         [*several, *flags.sweep],
         one_at_a_time=flags.one_at_a_time,
         still=False,

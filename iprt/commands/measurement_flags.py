@@ -94,7 +94,7 @@ class MeasurementFlags:
         sweep.check()
         chosen = combinations(
             setting_flags.quality,
-            setting_flags.assignments(method=method),
+            setting_flags.assignments(scene, method=method),
             sweep.sweep,
             one_at_a_time=sweep.one_at_a_time,
         )

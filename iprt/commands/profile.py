@@ -97,9 +97,9 @@ def profile(
     from iprt.measure.profile_file import read_profile
     from iprt.scene.scene import Scene
 
-    settings = setting_flags.resolved(method=method)
     old = None if compare is None else read_profile(compare)
     opened = Scene.open(scene, allow_outside=allow_outside)
+    settings = setting_flags.resolved(opened, method=method)
     if trace is not None:
         require_writable(trace)
         opened.require_not_ours(trace)

@@ -164,10 +164,11 @@ def render(
     from iprt.scene.scene import Scene
 
     resolved = partial(setting_flags.resolved, still=not video, seed=seed, method=method)
-    settings = resolved()
+    resolved()  # faults in flags are reported first
+    opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
+    settings = resolved(opened)
     if tradeoff_goal is not None:
         tradeoff_goal.require_method(settings.method)
-    opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
     indices = frame_range(frames, opened.frame_indices)
     for path in (output, profile):
         if path is not None:
@@ -178,9 +179,9 @@ def render(
     if tradeoff_goal is not None:
         shown = chosen if isinstance(chosen, View) else chosen.view
         entry = tradeoff_goal.assignments(
-            device, shown.width * shown.height, accumulate, setting_flags.assignments()
+            device, shown.width * shown.height, accumulate, setting_flags.assignments(opened)
         )
-        settings = resolved(under=entry)
+        settings = resolved(opened, under=entry)
     job = RenderJob(
         scene=opened,
         view=chosen,

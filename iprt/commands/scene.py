@@ -78,77 +78,77 @@ def check(
     scene: tyro.conf.Positional[Path],
     /,
     *,
+    strict: bool = False,
+    json: bool = False,
     device: str | None = None,
     allow_outside: bool = False,
 ) -> int:
-    """Read every file of a scene; name all problems, what is not read, and badly placed objects.
+    """Read every file of a scene and report problems.
 
-    It also says whether the views fit into a device's memory, at the default settings.
+    Warnings are about unlikely depth, badly placed objects, surfaces that nothing matches, and
+    views that do not fit into the device's memory at the default settings. Notes say what is not
+    read from files.
 
     Parameters
     ----------
     scene
         Scene folder.
+    strict
+        Exit with status 1 if there are warnings.
+    json
+        Print a JSON object instead of text.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
     int
-        Exit status 0; problems end with status 2.
+        Exit status: 0, or 1 if there are warnings and `strict` is given; files that cannot be used
+        end with status 2.
     """
     import numpy as np
 
-    from iprt.commands.scene_report import memory_lines
+    from iprt.commands.findings import Findings
+    from iprt.commands.scene_report import add_memory
+    from iprt.commands.setting_flags import BALANCED
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
     compute = _device(device)
     opened = Scene.open(scene, allow_outside=allow_outside)
-    made_up = check_files(opened)
+    BALANCED.resolved(opened)  # its settings are checked
+    findings = Findings(scene=opened.name)
+    findings.warn(check_files(opened))
     raw = opened.raw_frame()
     frame = opened.sanitised(raw)
     report = describe_scene(opened, frame, raw)
-    made_up += report.unlikely
-    for line in made_up:
-        print(f"warning: {line}")
-    for line in opened.source.remarks():
-        print(f"note: {line}")
+    findings.warn(report.unlikely)
+    findings.note(opened.source.remarks())
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
-        print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
-    empty = [
-        f"warning: {entry.name}: {phrase}"
-        for entry in report.real_materials
-        for phrase in entry.warnings()
-    ]
-    if empty:
-        print("\n".join(empty))
+        findings.warn([f"colour: {lost:.2%} of the picture is NaN or infinite and shown black"])
+    for material in report.real_materials:
+        findings.warn(f"{material.name}: {phrase}" for phrase in material.warnings())
     if report.clipped is not None:
-        print(f"note: {report.clipped.line()}")
+        findings.note([report.clipped.line()])
     for entry in report.objects:
-        for phrase in entry.dropped:
-            print(f"note: {entry.name}: not read from its file: {phrase}")
-        for phrase in entry.warnings:
-            print(f"warning: {entry.name}: {phrase}")
-    too_large, memory = memory_lines(opened, frame, compute)
-    print("\n".join(memory))
+        findings.note(f"{entry.name}: not read from its file: {phrase}" for phrase in entry.dropped)
+        findings.warn(f"{entry.name}: {phrase}" for phrase in entry.warnings)
+    add_memory(findings, opened, frame, compute)
     first, last = report.frames
-    warned = (
-        bool(made_up or empty)
-        or lost > 0.0
-        or too_large
-        or any(entry.warnings for entry in report.objects)
-    )
-    verdict = "usable, but see the warnings" if warned else "fine"
-    print(
-        f"{report.name}: {verdict}; {counted(last - first + 1, 'frame')}, "
-        f"{counted(len(report.objects), 'object')}, {counted(len(report.views), 'view')}"
-    )
-    return 0
+    counts = {
+        "frames": last - first + 1,
+        "objects": len(report.objects),
+        "views": len(report.views),
+    }
+    verdict = "usable, but see the warnings" if findings.warnings else "fine"
+    told = ", ".join(counted(count, name.removesuffix("s")) for name, count in counts.items())
+    findings.say(f"{report.name}: {verdict}; {told}", **counts)
+    findings.print(as_json=json)
+    return int(strict and bool(findings.warnings))
 
 
 def new(
@@ -169,6 +169,7 @@ def new(
     eye: Literal["left", "right"] | None = None,
     fit: Literal["stretch", "pad", "crop"] | None = None,
     list_layers: bool = False,
+    json: bool = False,
 ) -> int:
     """Make a scene folder from a panorama and its depth, or from a video with depth.
 
@@ -212,13 +213,16 @@ def new(
         of it, pad takes rows for missing at top and bottom, crop cuts such rows off, as black bars.
     list_layers
         Print the layers of the files and stop; no folder is made.
+    json
+        Print what was found as a JSON object instead of text.
 
     Returns
     -------
     int
         Exit status 0.
     """
-    from iprt.commands.scene_report import first_look
+    from iprt.commands.findings import Findings
+    from iprt.commands.scene_report import add_first_look
     from iprt.footage.video.depth_code import DepthCode, DepthMarks
     from iprt.scene.edit import new_scene
     from iprt.scene.sources import layer_lists
@@ -260,11 +264,13 @@ def new(
         fit=fit,
     )
     with reporting(f"{folder} has been made all the same"):
-        print("\n".join(first_look(folder)))
-        print(
+        findings = Findings(folder=str(folder), frames=frames)
+        add_first_look(findings, folder)
+        findings.say(
             f"{folder}: a scene of {counted(frames, 'frame')}; next: "
             f"iprt scene add {shlex.quote(str(folder))} MESH --look 0 -35"
         )
+        findings.print(as_json=json)
     return 0
 
 
@@ -281,6 +287,7 @@ def add(
     animation: str | None = None,
     material: str | None = None,
     name: str | None = None,
+    json: bool = False,
     allow_outside: bool = False,
 ) -> int:
     """Set an object down on the surface seen in a direction, and add a view of it.
@@ -309,6 +316,8 @@ def add(
         file's own.
     name
         Name of the object. Default: the mesh file's.
+    json
+        Print what was found as a JSON object instead of text.
     allow_outside
         Follow links in the scene's folder to files outside of it.
 
@@ -317,6 +326,7 @@ def add(
     int
         Exit status 0.
     """
+    from iprt.commands.findings import Findings
     from iprt.scene.adding import add_object
     from iprt.scene.edit import parse_material
     from iprt.scene.stance import Stance, parse_unit
@@ -341,16 +351,19 @@ def add(
     )
     x, y, z = added.base
     next_words = ["iprt", "render", str(scene), "--view", added.view, "-o", f"{added.view}.png"]
+    findings = Findings(name=added.name, view=added.view, hints=added.hints)
+    findings.note(f"{added.name}: not read from its file: {phrase}" for phrase in added.dropped)
+    for phrase in added.hints:
+        findings.say(f"hint: {added.name}: {phrase}")
+    findings.warn(f"{added.name}: {phrase}" for phrase in added.warnings)
+    findings.say(f"{added.name}: {added.size}", size=added.size)
+    place = f"({x:.2f}, {y:.2f}, {z:.2f})"
+    findings.say(
+        f"{added.name}: stands at {place}; next: {shlex.join(next_words)}",
+        position=[float(value) for value in added.base],
+    )
     with reporting(f"{added.name} has been added to {scene} all the same"):
-        for phrase in added.dropped:
-            print(f"note: {added.name}: not read from its file: {phrase}")
-        for phrase in added.hints:
-            print(f"hint: {added.name}: {phrase}")
-        for phrase in added.warnings:
-            print(f"warning: {added.name}: {phrase}")
-        print(f"{added.name}: {added.size}")
-        place = f"({x:.2f}, {y:.2f}, {z:.2f})"
-        print(f"{added.name}: stands at {place}; next: {shlex.join(next_words)}")
+        findings.print(as_json=json)
     return 0
 
 

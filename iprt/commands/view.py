@@ -111,8 +111,8 @@ def view(
     from iprt.viewer.engine import Engine
 
     require_size(size)
-    settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
+    settings = setting_flags.resolved(opened, method=method)
     if SAVED_VIEW in opened.views and all(flag is None for flag in (view, yaw, pitch, fov)):
         view = SAVED_VIEW
     found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov)

@@ -116,6 +116,7 @@ def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
     return SimpleNamespace(
         name="room",
         exposure=1.5,
+        settings_table=({}, "scene.toml"),
         views={"plain": plain, "table": compared},
         frame=lambda index: f"frame {index}",
         instances_named=lambda names: names,
