@@ -63,7 +63,7 @@ VERBS = {
 }
 """Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
 
-GROUPS = {"scene": "Look at, check and write scenes."}
+GROUPS = {"scene": "Inspect, check and edit scenes."}
 """Subject of the first word of each two-word verb."""
 
 

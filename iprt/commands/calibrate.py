@@ -38,34 +38,34 @@ def calibrate(
     markdown: bool = False,
     allow_outside: bool = False,
 ) -> int:
-    """Measure the cost of a ladder of settings on this device, in about two minutes, and keep it.
+    """Time a range of settings on this device, in about two minutes, and keep the table.
 
     `iprt render` chooses among these settings for --time-per-frame and --ssim, and `iprt view`
-    to hold --fps. The table is kept in the cache folder for this device, its driver and this
-    version of iprt; without it, they use the table of the package, measured on another
+    to hold --fps. The table is kept in the cache folder, for this device, its driver and this
+    version of iprt. Without it, both use the table that comes with iprt, measured on another
     device.
 
     Parameters
     ----------
     scene
-        Scene folder whose views are timed. Times hold for pictures like these.
+        Scene folder whose views are timed; the estimates hold for similar scenes.
     view
         Name of a view to time, or several, separated by commas or with --view again. Default: the
         first two that have a truth, or else the first two.
     ssim
-        Measure the accuracy too, on the views that have a truth; it takes some minutes more. It
-        hardly depends on the device: by default the accuracy in the table of the package is kept.
+        Measure the accuracy too, on the views that have a truth, which takes some more minutes.
+        Accuracy hardly depends on the device: by default that of the table of iprt is kept.
     output
         TOML file to write the table to, in place of the one in the cache folder.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     json
         Print a JSON object instead of a table.
     markdown
-        Print a Markdown table, for a page.
+        Print a Markdown table.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------

@@ -35,8 +35,8 @@ def capture(
     Parameters
     ----------
     sequence
-        Folder of pictures, depth and poses, as TUM RGB-D, 7-Scenes, ScanNet, Open3D, Redwood and
-        nerfstudio have them, or as its camera.toml says (docs/capture.md).
+        Folder of pictures, depth and poses in the format of TUM RGB-D, 7-Scenes, ScanNet, Open3D,
+        Redwood or nerfstudio, or in one that its camera.toml describes (docs/capture.md).
     output
         Scene folder to make.
     center

@@ -57,7 +57,7 @@ def compare(
 
     Or score pictures that were rendered by other means (--pictures), by the same protocol
     (docs/protocol.md). Images are compared as displayed: exposed, clipped to [0, 1], sRGB-encoded.
-    RMSE is of linear radiance. A video is played frame by frame, and its flicker is measured too.
+    RMSE is of linear radiance. A video is rendered frame by frame, and its flicker is measured too.
 
     Parameters
     ----------
@@ -67,28 +67,26 @@ def compare(
         Name of a view, or several, separated by commas or with --view again. Default: all views
         that have a truth.
     method
-        How virtual objects are lit: a name from `iprt methods`, several as with --view, or
-        `all`. Short for --set method=. Default: iprt.
+        Relighting methods: names from `iprt methods`, several as with --view, or `all`. Short for
+        --set method=. Default: iprt.
     pictures
-        Folder of pictures to score by the same protocol, linear EXR named by the view: table.exr,
-        or table.0007.exr for each frame of a video that has a truth. May be given several times.
-        Nothing is rendered unless --method is given too.
+        Folder of pictures to score by the same protocol: linear EXR files named after the view,
+        table.exr, or table.0007.exr for each frame of a video that has a truth. May be given
+        several times. Nothing is rendered unless --method is given too.
     size
         Width and height in pixels: the truth's, divided by a whole number. Default: the view's.
     background
-        Picture behind the objects: the resampled panorama, or the truth's own
-        background, which isolates relighting from the panorama's resolution.
+        Background behind the objects: the resampled panorama, or the truth's own, which leaves out
+        the panorama's limited resolution.
     accumulate
         Frames accumulated into each picture; for a video, into the pictures that --trails compares
         with. Default: 64.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
-    setting_flags
-        Quality preset and single settings. Later ones win: preset, file, flags.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     json
         Print a JSON list instead of a table.
     fail_under_ssim
@@ -100,9 +98,9 @@ def compare(
         HTML page to write: render, truth, difference and FLIP's map of each row, in one file. Not
         for videos.
     video
-        Flags for videos.
+        Only for videos.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------

@@ -35,15 +35,15 @@ class VideoFlags:
     frames: Annotated[str | None, plain_default("FIRST:LAST")] = None
     """Frames of the video to play, with both ends, numbered as in scene.toml. Default: all."""
     trails: Annotated[bool, plain_default()] = False
-    """Measure how long things that moved away stay visible, against each frame rendered alone."""
+    """Measure ghosting: for how long things that have moved away stay visible."""
     sweep: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUES")] = ()
     """Values of a setting to compare, such as trace.rays=1,2; several: all combinations."""
     one_at_a_time: Annotated[bool, plain_default()] = False
     """With --sweep: change one setting at a time, instead of all combinations."""
     fail_over_flicker: Annotated[float | None, plain_default("X")] = None
-    """Exit with status 1 if real pixels flicker more than X times as much as the input does."""
+    """Exit with status 1 if pixels without objects flicker more than X times the input."""
     markdown: Annotated[bool, plain_default()] = False
-    """Print a Markdown table, for a page."""
+    """Print a Markdown table."""
 
     def require_none(self, name: str) -> None:
         """Fail if any is given, for a scene of that name with a single frame.

@@ -25,7 +25,7 @@ def info(
     thumbnail: Path | None = None,
     allow_outside: bool = False,
 ) -> int:
-    """Show what a scene holds: size, depth in metres, light through openings, objects, views.
+    """Show the size, depth, light through openings, objects and views of a scene.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def info(
     json
         Print JSON instead of text.
     thumbnail
-        PNG to write: the panorama with axes, views and objects drawn in.
+        PNG file to write: the panorama with axes, views and objects drawn in.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
@@ -178,39 +178,39 @@ def new(
     folder
         Folder to make.
     color
-        360° picture: EXR, PNG, JPEG, WebP, AVIF, TIFF or HDR, twice as wide as high; for video a
-        pattern such as color.%04d.png, or a video file.
+        Equirectangular 360° picture, twice as wide as high: EXR, PNG, JPEG, WebP, AVIF, TIFF or
+        HDR. For video a pattern such as color.%04d.png, or a video file.
     depth
         Its depth: EXR, PFM, NumPy, or grey PNG or TIFF of the same size or smaller, or a video
         file of 16-bit grey. Default: in the same file as colour: a layer of EXR, a second stream,
         or below colour in each picture.
     depth_scale
-        Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
+        Metres per stored unit: 0.001 for millimetres. PNG and video need it or --depth-range.
     depth_range
-        Metres that the lowest and the highest stored value stand for.
+        Depths in metres of the lowest and the highest stored value.
     depth_encoding
-        What grows in proportion with the stored values of --depth-range: depth (linear) or its
-        inverse. Default: linear.
+        Whether the values stored for --depth-range are linear in depth, or in its inverse
+        (disparity). Default: linear.
     depth_kind
-        What depth measures: the distance along each ray, or the z-depth of a cube's six faces
-        (cube). The z-depth of one axis (z) is refused, for it tells nothing of what is beside.
+        What depth measures: the distance along each ray, or the planar depth (z) of each face of a
+        cube map. Planar depth along a single axis (z) is refused: it cannot cover the sphere.
     invalid
-        Stored values that mean that nothing was measured: holes, filled in from around.
+        Stored values that mark missing depth: holes, which are filled from around them.
     sky
-        Stored values that mean that there is no surface. Default, without --invalid: what stands
-        out, such as 65535 and 1e10; with no value, none.
+        Stored values that mark the sky. Default, without --invalid: detected, such as 65535 and
+        1e10. --sky without a value: there are none.
     normal
-        World-space normals in an EXR file. Default: the layer of colour's file that is named so and
-        agrees with depth; else they are fitted to depth.
+        EXR file of world-space normals. Default: the normals in the colour's file, if there are any
+        and they agree with depth; else they are estimated from depth.
     color_layer
-        Layer of an EXR file that is the picture. Default: by the layers' names.
+        EXR layer of the picture. Default: found by its name.
     depth_layer
-        Layer of an EXR file that is depth. Default: by the layers' names.
+        EXR layer of the depth. Default: found by its name.
     eye
-        Half to take of a stereo picture: left is the upper one, or the left of two side by side.
+        Half of a stereo picture to use. Left is the upper one, or the left of two side by side.
     fit
-        How a picture that is not twice as wide as high covers the sphere: stretch takes it for all
-        of it, pad takes rows for missing at top and bottom, crop cuts such rows off, as black bars.
+        How a picture that is not twice as wide as high is fitted to the sphere: stretch it over all
+        of it, pad it at top and bottom, or crop rows off there, such as black bars.
     list_layers
         Print the layers of the files and stop; no folder is made.
     json
@@ -290,7 +290,7 @@ def add(
     json: bool = False,
     allow_outside: bool = False,
 ) -> int:
-    """Set an object down on the surface seen in a direction, and add a view of it.
+    """Place an object on the surface seen in a direction, and add a view of it.
 
     Parameters
     ----------
@@ -301,25 +301,25 @@ def add(
     look
         Direction in which the surface is seen: degrees to the right, and degrees up.
     height
-        Height of the object in metres. Default, without unit: so that its longest side is a fifth
-        of its distance.
+        Height of the object in metres. Default, without --unit: its longest side becomes a fifth of
+        its distance.
     unit
-        Unit of the mesh file, in place of height: m, cm, mm, in, ft, or the metres of one unit.
+        Unit of the mesh file, in place of --height: m, cm, mm, in, ft, or the metres of one unit.
     up
         Axis of the mesh file that points up.
     rotate
-        Degrees to turn the object to the left about the vertical: counter-clockwise from above.
+        Rotation about the vertical in degrees, counter-clockwise seen from above.
     animation
-        Name or number of the animation of a glTF file that moves the object.
+        Name or number of the glTF animation to play.
     material
-        diffuse:R,G,B or conductor:R,G,B:ALPHA or plastic:R,G,B:ALPHA or mirror. Default: the mesh
-        file's own.
+        diffuse:R,G,B, conductor:R,G,B:ALPHA, plastic:R,G,B:ALPHA (ALPHA: roughness) or mirror.
+        Default: the mesh file's own.
     name
         Name of the object. Default: the mesh file's.
     json
         Print what was found as a JSON object instead of text.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------

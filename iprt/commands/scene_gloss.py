@@ -38,7 +38,7 @@ def gloss(
     json
         Print a JSON object instead of TOML.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------

@@ -29,7 +29,7 @@ class SettingFlags:
     """Later ones win: preset, user's file, scene, environment, --settings, --set."""
 
     quality: Quality = "balanced"
-    """Preset of all settings: speed against accuracy."""
+    """Quality preset, from fastest to most accurate."""
     settings: Annotated[Path | None, plain_default()] = None
     """TOML file of settings, such as `iprt settings` prints."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUE")] = ()
