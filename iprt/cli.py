@@ -26,10 +26,15 @@ if TYPE_CHECKING:
 
 DEFECT = 70
 DESCRIPTION = """Insert virtual objects into 360° RGBD video.
-`iprt VERB --help` explains a verb. Anywhere on the line: `--quiet` leaves results and errors alone
-on the screen, `--verbose` says more, `--debug` shows the traceback of an error as well, and
-`--version` prints the versions of iprt, Python and pyopencl."""
-LEVELS = {"--quiet": "ERROR", "--verbose": "DEBUG", "--debug": "DEBUG"}
+`iprt VERB --help` explains a verb. These go with every verb: -q, --quiet (only results and
+errors), -v, --verbose (log more), --debug (also show the traceback of an error), --version."""
+LEVELS = {
+    "-q": "ERROR",
+    "--quiet": "ERROR",
+    "-v": "DEBUG",
+    "--verbose": "DEBUG",
+    "--debug": "DEBUG",
+}
 """Flags that stand anywhere on the line -> what is logged. Progress is shown where INFO is."""
 
 VERBS = {
@@ -37,8 +42,14 @@ VERBS = {
     "render": "iprt.commands.render:render",
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
-    "calibrate": "iprt.commands.calibrate:calibrate",
+    "bench-video": "iprt.commands.bench_video:bench_video",
     "profile": "iprt.commands.profile:profile",
+    "sweep": "iprt.commands.sweep:sweep",
+    "converge": "iprt.commands.converge:converge",
+    "equal-time": "iprt.commands.equal_time:equal_time",
+    "race": "iprt.commands.race:race",
+    "claims": "iprt.commands.claims:claims",
+    "calibrate": "iprt.commands.calibrate:calibrate",
     "view": "iprt.commands.view:view",
     "settings": "iprt.commands.settings:settings",
     "methods": "iprt.commands.methods:methods",
@@ -52,7 +63,7 @@ VERBS = {
 }
 """Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
 
-GROUPS = {"scene": "Look at, check and write scenes."}
+GROUPS = {"scene": "Inspect, check and edit scenes."}
 """Subject of the first word of each two-word verb."""
 
 
@@ -67,7 +78,7 @@ def command(arguments: Sequence[str] | None = None) -> NoReturn:
     Without the drivers' own endings if the device hangs: these wait for it.
     """
     end_on_signals()
-    from iprt.commands.streams import prepare_streams
+    from iprt.commands.standard_streams import prepare_streams
 
     try:
         prepare_streams()
@@ -91,7 +102,7 @@ def _run(arguments: Sequence[str] | None) -> tuple[int, bool]:
     flags = [word for word in words if word in LEVELS]
     debug = "--debug" in flags
     level = LEVELS[flags[0]] if flags else "INFO"
-    from iprt.commands.streams import OneLine
+    from iprt.commands.standard_streams import OneLine
 
     handler = logging.StreamHandler()
     handler.setFormatter(OneLine("iprt: %(message)s"))
@@ -152,7 +163,7 @@ def versions() -> str:
 
 def _complain(error: IprtError) -> None:
     """Print an error, with the notes that were added on the way up."""
-    from iprt.commands.streams import one_line
+    from iprt.commands.standard_streams import one_line
 
     *lines, last = error.lines
     lines.append("; ".join([last, *getattr(error, "__notes__", ())]))

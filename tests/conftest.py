@@ -12,8 +12,10 @@ import pytest
 
 from iprt import cli
 from iprt.device import compilers
-from iprt.device.choose import choose_device
+from iprt.device.choose import VARIABLE, choose_device
 from iprt.device.compute import ComputeDevice
+from iprt.settings.layers import variable
+from iprt.settings.overrides import all_settings
 from tests.like_gpu import LikeGpu
 from tests.scene.files import write_scene
 
@@ -68,6 +70,14 @@ def _values(function: Any) -> set[tuple[object, ...]]:
     alone = [(name,) for name in given.keys() - {name for names in together for name in names}]
     # Cases share the very objects.
     return {(names, *(id(given[name]) for name in names)) for names in (*together, *alone)}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_settings_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Keep what the user of this machine has set away from the tests."""
+    for name in [*map(variable, all_settings()), VARIABLE]:
+        os.environ.pop(name, None)
+    os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))
 
 
 @pytest.fixture(scope="session")

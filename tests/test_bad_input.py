@@ -216,7 +216,7 @@ def test_a_manifest_with_a_byte_order_mark_and_windows_line_ends_is_read_and_kep
     text = WHOLE.replace("\n", "\r\n")
     (scene / "scene.toml").write_bytes(b"\xef\xbb\xbf" + text.encode())
     (tmp_path / "m.obj").write_text(CUBE)
-    words = ["scene", "add", str(scene), str(tmp_path / "m.obj"), "--look=-10,-40"]
+    words = ["scene", "add", str(scene), str(tmp_path / "m.obj"), "--look", "-10", "-40"]
     assert cli.main(words) == 0
     assert (scene / "scene.toml").read_bytes().startswith(text.rstrip().encode())
     assert cli.main(["scene", "check", str(scene)]) == 0
@@ -280,7 +280,7 @@ def test_nasty_meshes_are_not_added(
 ) -> None:
     NASTY[name].write(tmp_path / NASTY[name].file)
     before = snapshot(scene)
-    line = fails("scene", "add", scene, tmp_path / NASTY[name].file, "--look=0,-40")
+    line = fails("scene", "add", scene, tmp_path / NASTY[name].file, "--look", "0", "-40")
     assert NASTY[name].message in line
     assert snapshot(scene) == before
 

@@ -82,12 +82,12 @@ def test_compare_needs_truth_of_the_views_size(scene: Path, fails: Callable[...,
 
 
 BAD_ADDS: dict[str, tuple[list[str], str]] = {
-    "sky": (["--look", "0,60"], "the panorama has no depth at yaw 0, pitch 60 (sky, or a hole)"),
-    "direction": (["--look", "up"], "--look up: expected YAW,PITCH"),
-    "name taken": (["--look", "0,-40", "--name", "cube"], "named 'cube' already"),
-    "name with slash": (["--look", "0,-40", "--name", "a/b"], "--name 'a/b': expected letters"),
-    "name empty": (["--look", "0,-40", "--name", ""], "--name '': expected letters"),
-    "height": (["--look", "0,-40", "--height", "nan"], "--height nan: expected metres"),
+    "sky": (["--look", "0", "60"], "the panorama has no depth at yaw 0, pitch 60 (sky, or a hole)"),
+    "direction": (["--look", "0", "91"], "--look 0 91: expected -360 to 360 degrees"),
+    "name taken": (["--look", "0", "-40", "--name", "cube"], "named 'cube' already"),
+    "name with slash": (["--look", "0", "-40", "--name", "a/b"], "--name 'a/b': expected letters"),
+    "name empty": (["--look", "0", "-40", "--name", ""], "--name '': expected letters"),
+    "height": (["--look", "0", "-40", "--height", "nan"], "--height nan: expected metres"),
 }
 
 
@@ -106,7 +106,7 @@ def test_failing_to_add_leaves_the_scene_as_it_is(
 
 def test_a_scene_that_is_missing_is_said_to_be(tmp_path: Path, fails: Callable[..., str]) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
-    line = fails("scene", "add", tmp_path / "none", tmp_path / "m.obj", "--look", "0,-40")
+    line = fails("scene", "add", tmp_path / "none", tmp_path / "m.obj", "--look", "0", "-40")
     assert "none/scene.toml: no such file" in line
     assert not (tmp_path / "none").exists()
 

@@ -139,16 +139,16 @@ SMALLER: dict[str, tuple[str, ...]] = {
     "render": (*SIZE, "--accumulate", "1"),
     "render scenes360/train": (*SIZE, "--accumulate", "1", "--frames", "0:1"),
     "render equirect": ("--size", "128", "64", "--accumulate", "1", "--frames", "0:1"),
-    "compare": ("--frames", "1"),
-    "compare --trails": ("--size", "56", "42", "--frames", "4", "--play", "0", "11"),
-    "bench": (*SIZE, "--frames", "1"),
-    "bench --video": ("--size", "64", "32", "--frames", "2"),
-    "bench --sweep": (*SIZE, "--view", "table", "--frames", "1", "--seeds", "1"),
-    "bench --seconds": (*SIZE, "--view", "table", "--seconds", "0.01", "--frames", "1"),
-    "bench --claims": (*SIZE, "--view", "table", "--frames", "1"),
-    "bench --convergence": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
-    "bench --against": (*SIZE, "--convergence", "1,2", "--seeds", "1"),
-    "profile": (*SIZE, "--frames", "1"),
+    "compare": ("--accumulate", "1"),
+    "compare --trails": ("--size", "56", "42", "--accumulate", "4", "--frames", "0:11"),
+    "bench": (*SIZE, "--repeat", "1"),
+    "bench-video": ("--size", "64", "32", "--repeat", "2"),
+    "sweep": (*SIZE, "--view", "table", "--accumulate", "1", "--seeds", "1"),
+    "equal-time": (*SIZE, "--view", "table", "--seconds", "0.01", "--accumulate", "1"),
+    "claims": (*SIZE, "--view", "table", "--accumulate", "1"),
+    "converge": (*SIZE, "--accumulate", "1,2", "--seeds", "1"),
+    "race": (*SIZE, "--accumulate", "1,2", "--seeds", "1"),
+    "profile": (*SIZE, "--repeat", "1"),
     "reference": (*SIZE, "--spp", "1"),
 }
 """Flags that are added to the pages' commands, so that they take less time. Later flags win. Sizes
@@ -187,7 +187,7 @@ number is the step between kept rows and columns of the scene. Pages may state t
 
 
 def is_here(command: str) -> bool:
-    if command.startswith("iprt reference") or " --against" in command:
+    if command.startswith(("iprt reference", "iprt race")):
         return find_spec("mitsuba") is not None
     return not any(command.startswith(start) for start in NOT_HERE)
 

@@ -14,9 +14,9 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.kept_tradeoff import Timed
-    from iprt.measure.target import Target
     from iprt.measure.tradeoff import Tradeoff
+    from iprt.measure.tradeoff_cache import TimedDevice
+    from iprt.measure.view_truth import Target
     from iprt.scene.scene import Scene
 
 ROOM = Path("scenes360/room")
@@ -34,63 +34,71 @@ def calibrate(
     ssim: bool = False,
     output: Annotated[Path | None, tyro.conf.arg(aliases=("-o",))] = None,
     device: str | None = None,
+    json: bool = False,
     markdown: bool = False,
     allow_outside: bool = False,
 ) -> int:
-    """Measure the cost of a ladder of settings on this device, in about two minutes, and keep it.
+    """Time a range of settings on this device, in about two minutes, and keep the table.
 
     `iprt render` chooses among these settings for --time-per-frame and --ssim, and `iprt view`
-    to hold --fps. The table is kept in the cache folder for this device, its driver and this
-    version of iprt; without it, they use the table of the package, measured on another
+    to hold --fps. The table is kept in the cache folder, for this device, its driver and this
+    version of iprt. Without it, both use the table that comes with iprt, measured on another
     device.
 
     Parameters
     ----------
     scene
-        Scene folder whose views are timed. Times hold for pictures like these.
+        Scene folder whose views are timed; the estimates hold for similar scenes.
     view
         Name of a view to time, or several, separated by commas or with --view again. Default: the
         first two that have a truth, or else the first two.
     ssim
-        Measure the accuracy too, on the views that have a truth; it takes some minutes more. It
-        hardly depends on the device: by default the accuracy in the table of the package is kept.
+        Measure the accuracy too, on the views that have a truth, which takes some more minutes.
+        Accuracy hardly depends on the device: by default that of the table of iprt is kept.
     output
         TOML file to write the table to, in place of the one in the cache folder.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
+    json
+        Print a JSON object instead of a table.
     markdown
-        Print a Markdown table, for a page.
+        Print a Markdown table.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
     int
         Exit status 0.
     """
-    from iprt.commands.streams import reporting
+    from iprt.commands.standard_streams import reporting
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.files.atomic import require_writable
-    from iprt.measure.kept_tradeoff import Timed, keep
+    from iprt.measure.tradeoff_cache import TimedDevice, keep
     from iprt.measure.tradeoff_report import tradeoff_grid
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
+    if json and markdown:
+        raise IprtError("--json and --markdown: give one of them")
     opened = Scene.open(scene, allow_outside=allow_outside)
     view = listed(view)
     names = _views(opened, view)
     targets = _targets(opened, view) if ssim else []
     handle = choose_device(device)
-    timed = Timed.of(handle)
+    timed = TimedDevice.of(handle)
     path = output or timed.file
     require_writable(path)
     opened.require_not_ours(path)
     table = _measured(opened, names, targets, ComputeDevice(handle), timed)
     keep(table, path)
     with reporting(f"{path} has been written all the same"):
-        print_grid(tradeoff_grid(table), markdown=markdown)
+        if json:
+            print(table.model_dump_json(indent=2))
+        else:
+            print_grid(tradeoff_grid(table), markdown=markdown)
         LOG.info("%s: written", path)
     return 0
 
@@ -106,7 +114,7 @@ def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
 
 def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
     """Truths of views, over whose own background pictures are scored."""
-    from iprt.measure.target import read_target, views_with_truth
+    from iprt.measure.view_truth import read_target, views_with_truth
 
     return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]
 
@@ -116,7 +124,7 @@ def _measured(
     names: Sequence[str],
     targets: Sequence[Target],
     compute: ComputeDevice,
-    timed: Timed,
+    timed: TimedDevice,
 ) -> Tradeoff:
     from iprt.commands.progress import progress_bar
     from iprt.measure.calibration import (

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from iprt.commands.pairs import Size
-from iprt.commands.streams import reporting
+from iprt.commands.flag_types import Position, Size
+from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
 
@@ -22,34 +23,38 @@ def capture(
     /,
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=("-o",))],
-    center: str | None = None,
+    center: Position = None,
     size: Size = None,
     every: int = 1,
     compensate: bool = True,
     poses: Poses = None,
+    json: bool = False,
 ) -> int:
     """Make a 360° scene from a hand-held RGB-D sequence with poses.
 
     Parameters
     ----------
     sequence
-        Folder of pictures, depth and poses, as TUM RGB-D, 7-Scenes, ScanNet, Open3D, Redwood and
-        nerfstudio have them, or as its camera.toml says (docs/capture.md).
+        Folder of pictures, depth and poses in the format of TUM RGB-D, 7-Scenes, ScanNet, Open3D,
+        Redwood or nerfstudio, or in one that its camera.toml describes (docs/capture.md).
     output
         Scene folder to make.
     center
-        X,Y,Z in metres: the panorama's centre in the world of the poses, as the pose file has it.
+        Centre of the panorama in the world of the poses, in metres.
         Default: the mean position of the camera.
     size
         Width and height of the panorama, twice as wide as high. Default: 1024 512.
     every
         Use every n-th frame.
     compensate
-        Take colours as they are. By default, all frames are brought to the exposure and white
-        balance of the first, and vignetting is taken away.
+        Do not match exposure and white balance between frames, nor correct vignetting. By default,
+        all frames are matched to the first one.
     poses
-        Axes of the cameras, and whether poses lead from the world to the camera. Default: what the
-        layout has, unless depth tells otherwise.
+        Camera convention of the poses: opencv (x right, y down, z forward) or opengl (x right, y
+        up, z backward), camera to world or, with -from-world, world to camera. Default: that of
+        the data set's format, or the one that agrees with depth.
+    json
+        Print what was found as a JSON object instead of text.
 
     Returns
     -------
@@ -58,8 +63,9 @@ def capture(
     """
     from iprt.capture.scene import capture_panorama, write_scene
     from iprt.capture.sequence import RgbdSequence
+    from iprt.commands.findings import Findings
     from iprt.commands.progress import progress_bar
-    from iprt.commands.scene_report import first_look
+    from iprt.commands.scene_report import add_first_look
     from iprt.files.atomic import require_writable
     from iprt.files.untrusted import MAX_SIDE
     from iprt.scene.manifest import MANIFEST_NAME
@@ -72,52 +78,59 @@ def capture(
         )
     if every < 1:
         raise IprtError(f"--every {every}: expected 1 or more")
+    if center is not None and not all(abs(value) <= FARTHEST_M for value in center):
+        raise IprtError(f"--center {_spaced(center)}: expected at most {FARTHEST_M:g} m from 0")
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise IprtError(f"{output}: is there already; choose another folder")
     require_writable(output / MANIFEST_NAME)
-    at = None if center is None else _point(center)
     opened = RgbdSequence.open(sequence, poses)
     frames = len(range(0, len(opened.shots), every))
     with progress_bar("capture", frames * (1 + compensate), remaining=True) as update:
         captured = capture_panorama(
             opened,
             width=width,
-            center=None if at is None else opened.world_from_poses @ at,
+            center=None if center is None else opened.world_from_poses @ center,
             every=every,
             compensate=compensate,
             progress=update,
         )
     write_scene(output, captured)
     with reporting(f"{output} has been made all the same"):
-        print(f"read as {opened.found}")
-        print(f"poses: {opened.settled.words}; up: {opened.up}")
-        x, y, z = opened.world_from_poses.T @ captured.center
-        print("\n".join(first_look(output)))
-        print(
+        findings = Findings(folder=str(output), frames=frames)
+        findings.say(f"read as {opened.found}", layout=opened.found)
+        words = opened.settled.words
+        findings.say(f"poses: {words}; up: {opened.up}", poses=words, up=str(opened.up))
+        add_first_look(findings, output)
+        middle = [float(value) for value in opened.world_from_poses.T @ captured.center]
+        x, y, z = middle
+        findings.say(
             f"cloud: {counted(captured.samples, 'sample')} held, {captured.removed} removed as "
-            f"seen through; centre {x:.3f},{y:.3f},{z:.3f}"
+            f"seen through; centre {x:.3f} {y:.3f} {z:.3f}",
+            samples=captured.samples,
+            removed=captured.removed,
+            center=middle,
         )
         if captured.left_out:
-            print(
-                f"warning: {counted(captured.left_out, 'frame')} of {frames} left out: colours do "
-                "not match those of the others; --no-compensate uses them"
+            findings.warn(
+                [
+                    f"{counted(captured.left_out, 'frame')} of {frames} left out: colours do not "
+                    "match those of the others; --no-compensate uses them"
+                ]
             )
         if not captured.matched:
-            print(
-                "warning: colours of most frames do not match at any exposure; all frames are used "
-                "as they are"
+            findings.warn(
+                [
+                    "colours of most frames do not match at any exposure; all frames are used as "
+                    "they are"
+                ]
             )
-        print(
-            f"{output}: {captured.seen_share:.1%} of the sphere seen by {counted(frames, 'frame')}"
+        findings.say(
+            f"{output}: {captured.seen_share:.1%} of the sphere seen by {counted(frames, 'frame')}",
+            seen_share=float(captured.seen_share),
         )
+        findings.print(as_json=json)
     return 0
 
 
-def _point(text: str) -> list[float]:
-    try:
-        point = [float(word) for word in text.split(",")]
-        if len(point) != 3 or not all(abs(value) <= FARTHEST_M for value in point):
-            raise ValueError
-    except ValueError:
-        raise IprtError(f"--center {text}: expected X,Y,Z in metres, such as 0.5,1,-2") from None
-    return point
+def _spaced(values: Sequence[float]) -> str:
+    return " ".join(f"{value:g}" for value in values)

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import tyro
 
 from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, compare_video
+from iprt.commands.flag_types import Size
 from iprt.commands.lists import listed
-from iprt.commands.pairs import Size
+from iprt.commands.measurement_flags import check_count
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
@@ -22,13 +23,13 @@ if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.compare import Compared, Comparison
     from iprt.measure.report import Figures
-    from iprt.measure.target import Background
+    from iprt.measure.view_truth import Background
     from iprt.output.grid import Grid
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
 
 NOTHING_ELSE = "nothing else is scored; leave out --method and the flags for videos"
-FRAMES = 64
+ACCUMULATED = 64
 """Frames accumulated where nothing is said."""
 
 
@@ -41,7 +42,7 @@ def compare(
     pictures: tyro.conf.UseAppendAction[tuple[Path, ...]] = (),
     size: Size = None,
     background: Literal["panorama", "truth"] = "panorama",
-    frames: int | None = None,
+    accumulate: int | None = None,
     seed: int | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
@@ -56,7 +57,7 @@ def compare(
 
     Or score pictures that were rendered by other means (--pictures), by the same protocol
     (docs/protocol.md). Images are compared as displayed: exposed, clipped to [0, 1], sRGB-encoded.
-    RMSE is of linear radiance. A video is played frame by frame, and its flicker is measured too.
+    RMSE is of linear radiance. A video is rendered frame by frame, and its flicker is measured too.
 
     Parameters
     ----------
@@ -66,28 +67,26 @@ def compare(
         Name of a view, or several, separated by commas or with --view again. Default: all views
         that have a truth.
     method
-        How virtual objects are lit: a name from `iprt methods`, several as with --view, or
-        `all`. Short for --set method=. Default: iprt.
+        Relighting methods: names from `iprt methods`, several as with --view, or `all`. Short for
+        --set method=. Default: iprt.
     pictures
-        Folder of pictures to score by the same protocol, linear EXR named by the view: table.exr,
-        or table.0007.exr for each frame of a video that has a truth. May be given several times.
-        Nothing is rendered unless --method is given too.
+        Folder of pictures to score by the same protocol: linear EXR files named after the view,
+        table.exr, or table.0007.exr for each frame of a video that has a truth. May be given
+        several times. Nothing is rendered unless --method is given too.
     size
         Width and height in pixels: the truth's, divided by a whole number. Default: the view's.
     background
-        Picture behind the objects: the resampled panorama, or the truth's own
-        background, which isolates relighting from the panorama's resolution.
-    frames
+        Background behind the objects: the resampled panorama, or the truth's own, which leaves out
+        the panorama's limited resolution.
+    accumulate
         Frames accumulated into each picture; for a video, into the pictures that --trails compares
         with. Default: 64.
     seed
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
-    setting_flags
-        Quality preset and single settings. Later ones win: preset, file, flags.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     json
         Print a JSON list instead of a table.
     fail_under_ssim
@@ -99,20 +98,20 @@ def compare(
         HTML page to write: render, truth, difference and FLIP's map of each row, in one file. Not
         for videos.
     video
-        Flags for videos.
+        Only for videos.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
     int
         Exit status: 0, or 1 if a score missed `fail_under_ssim` or `fail_over_flicker`.
     """
-    if frames is not None and frames < 1:
-        raise IprtError(f"--frames {frames}: at least 1 frame is needed")
+    if accumulate is not None:
+        check_count("--accumulate", accumulate)
     _check_limit(fail_under_ssim)
-    if pictures and frames is not None and not method:
-        raise IprtError(f"--frames {frames}: has no effect on --pictures without --method")
+    if pictures and accumulate is not None and not method:
+        raise IprtError(f"--accumulate {accumulate}: has no effect on --pictures without --method")
     if pictures and size is not None:
         raise IprtError(f"--size {size[0]} {size[1]}: pictures of --pictures have their own size")
     if json and video.markdown:
@@ -124,7 +123,7 @@ def compare(
     from iprt.files.lock import locked
     from iprt.measure.pictures import compare_pictures
     from iprt.measure.protocol import provenance
-    from iprt.measure.target import views_with_truth
+    from iprt.measure.view_truth import views_with_truth
     from iprt.scene.scene import Scene
 
     view, method = listed(view), listed(method)
@@ -133,10 +132,11 @@ def compare(
         setting_flags.resolved(seed=seed, method=name)  # faults in flags are reported first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
-    if moving and frames is not None and not video.trails:
-        raise IprtError(f"--frames {frames}: has no effect on a video without --trails")
+    if moving and accumulate is not None and not video.trails:
+        raise IprtError(f"--accumulate {accumulate}: has no effect on a video without --trails")
     variants = [
-        setting_flags.resolved(still=not moving, seed=seed, method=name) for name in asked or [None]
+        setting_flags.resolved(opened, still=not moving, seed=seed, method=name)
+        for name in asked or [None]
     ]
     views = views_with_truth(opened, view)
     for path in (html, None if save is None else save / "x.png"):
@@ -149,7 +149,7 @@ def compare(
     if moving and not pictures:
         if html is not None:
             raise IprtError(f"--html {html}: is for still pictures; --save shows frames of a video")
-        chosen = combinations_of(setting_flags, seed, asked, video)
+        chosen = combinations_of(opened, setting_flags, seed, asked, video)
         compute = ComputeDevice(choose_device(device))
         played = compare_video(
             opened,
@@ -158,7 +158,7 @@ def compare(
             video,
             compute,
             background,
-            frames or FRAMES,
+            accumulate or ACCUMULATED,
             size=size,
             made=made,
             json=json,
@@ -176,7 +176,16 @@ def compare(
                 output.add(compared)
         if rendered:
             compute = ComputeDevice(choose_device(device))
-            _render(opened, views, variants, compute, background, frames or FRAMES, size, output)
+            _render(
+                opened,
+                views,
+                variants,
+                compute,
+                background,
+                accumulate or ACCUMULATED,
+                size,
+                output,
+            )
     results = output.results
     if json:
         records = [result.record() for result in results]

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from iprt.commands.frames import frame_range
 from iprt.commands.help import plain_default
-from iprt.commands.pairs import FrameSpan
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.stability import Flicker
     from iprt.measure.sweep import Combination
-    from iprt.measure.target import Background
     from iprt.measure.video import Stability
+    from iprt.measure.view_truth import Background
     from iprt.output.grid import Grid
     from iprt.scene.scene import Scene
 
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 class VideoFlags:
     """Options of videos, which still pictures do not take."""
 
-    play: Annotated[FrameSpan, plain_default()] = None
-    """First and last frame of the video to play. Default: all."""
+    frames: Annotated[str | None, plain_default("FIRST:LAST")] = None
+    """Frames of the video to play, with both ends, numbered as in scene.toml. Default: all."""
     trails: Annotated[bool, plain_default()] = False
-    """Measure how long things that moved away stay visible, against each frame rendered alone."""
+    """Measure ghosting: for how long things that have moved away stay visible."""
     sweep: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUES")] = ()
     """Values of a setting to compare, such as trace.rays=1,2; several: all combinations."""
     one_at_a_time: Annotated[bool, plain_default()] = False
     """With --sweep: change one setting at a time, instead of all combinations."""
     fail_over_flicker: Annotated[float | None, plain_default("X")] = None
-    """Exit with status 1 if real pixels flicker more than X times as much as the input does."""
+    """Exit with status 1 if pixels without objects flicker more than X times the input."""
     markdown: Annotated[bool, plain_default()] = False
-    """Print a Markdown table, for a page."""
+    """Print a Markdown table."""
 
     def require_none(self, name: str) -> None:
         """Fail if any is given, for a scene of that name with a single frame.
@@ -71,20 +71,17 @@ class VideoFlags:
             raise IprtError("--one-at-a-time: is for --sweep")
 
     def indices(self, scene: Scene) -> range:
-        """The frames to play.
+        """Return the frames to play, without gaps.
 
         Raises
         ------
         IprtError
-            There are no such frames.
+            There are no such frames, or some between them are left out.
         """
-        there = scene.frame_indices
-        first, last = self.play or (there[0], there[-1])
-        if not there[0] <= first <= last <= there[-1]:
-            raise IprtError(
-                f"--play {first} {last}: {scene.name} has the frames {there[0]} to {there[-1]}"
-            )
-        return range(first, last + 1)
+        indices = frame_range(self.frames, scene.frame_indices)
+        if indices.step != 1 and len(indices) > 1:
+            raise IprtError(f"--frames {self.frames}: a video is played without gaps")
+        return indices
 
     def missed(self, results: Sequence[Stability]) -> bool:
         """Whether real pixels flicker more than is allowed."""
@@ -97,7 +94,11 @@ NO_VIDEO = VideoFlags()
 
 
 def combinations_of(
-    setting_flags: SettingFlags, seed: int | None, methods: Sequence[str | None], flags: VideoFlags
+    scene: Scene,
+    setting_flags: SettingFlags,
+    seed: int | None,
+    methods: Sequence[str | None],
+    flags: VideoFlags,
 ) -> list[Combination]:
     """The settings to play with: each of the methods, and what is swept.
 
@@ -111,7 +112,9 @@ def combinations_of(
     several = [f"method={','.join(map(str, methods))}"] if len(methods) > 1 else []
     return combinations(
         setting_flags.quality,
-        setting_flags.assignments(seed=seed, method=methods[0] if len(methods) == 1 else None),
+        setting_flags.assignments(
+            scene, seed=seed, method=methods[0] if len(methods) == 1 else None
+        ),
         [*several, *flags.sweep],
         one_at_a_time=flags.one_at_a_time,
         still=False,
@@ -135,7 +138,7 @@ def compare_video(
     """Play the views and print what was measured; `made` is its `provenance`."""
     from iprt.commands.progress import progress_bar
     from iprt.files.lock import locked
-    from iprt.measure.strip import Strip
+    from iprt.measure.film_strip import Strip
     from iprt.measure.video import Player, resized
 
     indices = flags.indices(scene)

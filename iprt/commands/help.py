@@ -16,6 +16,41 @@ CONFIG = (
 """How tyro turns parameters into arguments: `--json` without `--no-json`, `SCENE` for a path."""
 
 
+METAVARS = {
+    "accumulate": "N",
+    "animation": "NAME",
+    "aov": "LAYER",
+    "color_layer": "LAYER",
+    "depth_layer": "LAYER",
+    "depth_scale": "METRES",
+    "device": "DEVICE",
+    "every": "N",
+    "fail_under_ssim": "SSIM",
+    "fov": "DEGREES",
+    "frame_limit": "SECONDS",
+    "frames": "FIRST:LAST",
+    "height": "METRES",
+    "material": "MATERIAL",
+    "method": "METHOD",
+    "model": "MODULE",
+    "name": "NAME",
+    "pitch": "DEGREES",
+    "reach": "SSIM,...",
+    "repeat": "N",
+    "rotate": "DEGREES",
+    "seconds": "SECONDS,...",
+    "seed": "N",
+    "seeds": "N",
+    "spp": "N",
+    "ssim": "SSIM",
+    "time_per_frame": "SECONDS",
+    "unit": "UNIT",
+    "view": "NAME",
+    "yaw": "DEGREES",
+}
+"""What stands for the value of a flag, where its type says too little; by parameter."""
+
+
 def explained(function: Callable[..., int | None]) -> Callable[..., int | None]:
     """Prepare a verb's function for tyro: paragraphs that it may wrap, defaults that say something.
 
@@ -23,10 +58,17 @@ def explained(function: Callable[..., int | None]) -> Callable[..., int | None]:
     """
     function.__doc__ = unwrapped(inspect.getdoc(function) or "")
     function.__annotations__ = {
-        name: Annotated[kind, plain_default()] if name != "return" else kind
+        name: Annotated[kind, plain_default(_metavar(name, kind))] if name != "return" else kind
         for name, kind in get_type_hints(function, include_extras=True).items()
     }
     return function
+
+
+def _metavar(name: str, kind: Any) -> str | None:
+    """Return what stands for the value of a flag in its help; None: its type."""
+    if kind is bool:
+        return None
+    return "N,N,..." if (name, kind) == ("accumulate", str) else METAVARS.get(name)
 
 
 def plain_default(metavar: str | None = None) -> Any:
@@ -35,13 +77,18 @@ def plain_default(metavar: str | None = None) -> Any:
 
 
 def unwrapped(text: str) -> str:
-    """A docstring with each indented paragraph on one line."""
+    """Return a docstring with each paragraph on one line, those of the parameters too."""
     lines: list[str] = []
+    prose, indent = True, ""
     for line in text.splitlines():
-        if lines and lines[-1].startswith("    ") and line.startswith("    "):
-            lines[-1] += " " + line.strip()
+        prose = prose and line != "Parameters"
+        words = line.strip()
+        follows = bool(lines and lines[-1] and words) and line.startswith(indent)
+        if follows and (prose or (indent and lines[-1].startswith(indent))):
+            lines[-1] += " " + words
         else:
             lines.append(line)
+        indent = "" if prose else "    "
     return "\n".join(lines)
 
 

@@ -15,7 +15,7 @@ def methods(*, json: bool = False) -> int:
     Parameters
     ----------
     json
-        Print one JSON object instead, with the names as keys.
+        Print a JSON object with the methods' names as keys.
 
     Returns
     -------

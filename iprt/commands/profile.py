@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from iprt.commands.bench import MAX_FRAMES
-from iprt.commands.pairs import Size
+from iprt.commands.flag_types import Size
+from iprt.commands.measurement_flags import check_count
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 
@@ -28,7 +28,7 @@ def profile(
     *,
     view: str | None = None,
     size: Size = None,
-    frames: int = 48,
+    repeat: int = 48,
     method: str | None = None,
     setting_flags: ChosenSettings = BALANCED,
     device: str | None = None,
@@ -42,12 +42,11 @@ def profile(
 
     A video plays, frame after frame, with all that moves in it; in a still panorama the view turns
     slowly, as for `iprt bench`. Times are medians over the frames, after a warm-up. Rays,
-    their steps and active work items are counted in other frames, by kernels that count.
+    their steps and active work items are counted in separate frames, by instrumented kernels.
 
     The bytes of a kernel are those of the buffers bound to it, each counted once. A kernel moves
-    less if it needs a part of a buffer, and more if caches do not keep what neighbours share. A
-    bandwidth is shown for kernels that read whole buffers, not for those that read where rays or
-    lists lead.
+    less if it needs only part of a buffer, and more if caches miss. Bandwidth is shown only for
+    kernels that read whole buffers, not for those that follow rays or lists.
 
     Parameters
     ----------
@@ -58,34 +57,31 @@ def profile(
         first view.
     size
         Width and height in pixels. Default: the view's own.
-    frames
-        Frames to time; with 16 or more, the noise of the times is estimated too.
+    repeat
+        Frames to time; from 16 on, the noise of the times is estimated too.
     method
-        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
-    setting_flags
-        Quality preset and single settings. Later ones win: preset, file, flags.
+        Relighting method: a name from `iprt methods`. Short for --set method=.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     compare
-        File with what --json of this verb or of `iprt bench` printed before: show what has changed
-        since, and which changes are larger than the noise.
+        JSON file that this verb or `iprt bench` printed before: show what has changed since, and
+        which changes exceed the noise.
     trace
         JSON file to write a trace to: what ran when, for Perfetto or Chrome's about:tracing.
     json
         Print a JSON object instead of tables.
     csv
-        Print a line of comma-separated values for each pass, each of its parts, and each program.
+        Print comma-separated values, with a row for each pass, part of a pass, and program.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
     int
         Exit status 0.
     """
-    if not 1 <= frames <= MAX_FRAMES:
-        raise IprtError(f"--frames {frames}: expected 1 to {MAX_FRAMES}")
+    check_count("--repeat", repeat)
     if json and csv:
         raise IprtError("--json and --csv: give one of them")
     if csv and compare is not None:
@@ -98,9 +94,9 @@ def profile(
     from iprt.measure.profile_file import read_profile
     from iprt.scene.scene import Scene
 
-    settings = setting_flags.resolved(method=method)
     old = None if compare is None else read_profile(compare)
     opened = Scene.open(scene, allow_outside=allow_outside)
+    settings = setting_flags.resolved(opened, method=method)
     if trace is not None:
         require_writable(trace)
         opened.require_not_ours(trace)
@@ -113,7 +109,7 @@ def profile(
         _require_comparable(old, compare, opened, compute, reel)
     if trace is not None:
         compute.profile.trace()
-    report = _measure(compute, reel, opened.name, frames)
+    report = _measure(compute, reel, opened.name, repeat)
     if trace is not None:
         from iprt.output.trace import write_trace
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from iprt.commands.pairs import Size
-from iprt.commands.streams import reporting
+from iprt.commands.flag_types import Size
+from iprt.commands.standard_streams import reporting
 from iprt.commands.views import choose_view
 from iprt.errors import IprtError
 
@@ -38,10 +38,10 @@ def reference(
 ) -> int:
     """Path-trace a view of a scene with Mitsuba, to a linear EXR file.
 
-    Without --model, the objects are traced in the world that the panorama describes: what the
-    renderer converges to. The layers are ratio, background, objects and coverage. With --model,
-    they are traced in the full geometry of the scene, which gives ground truth. The layers are
-    background and coverage.
+    Without --model, the objects are traced in the scene that the panorama describes, which is what
+    the renderer approximates; the layers are ratio, background, objects and coverage. With --model,
+    they are traced in the full geometry of the scene, which gives the ground truth; the layers are
+    background and coverage. Needs the extra `reference`: pip install 'iprt[reference]'.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ def reference(
     size
         Width and height in pixels. Default: the view's own.
     spp
-        Paths per pixel.
+        Samples (paths) per pixel.
     seed
         Seed of the random numbers.
     denoise
-        Keep the noise. By default, Open Image Denoise removes it.
+        Do not denoise. By default, Open Image Denoise removes what noise is left.
     model
         Python module with a function `build()` that returns the scene's parts for Mitsuba, such as
         `scenes360.room.model`; looked for in the working directory too.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from iprt.commands.flag_types import Size
 from iprt.commands.lists import listed
-from iprt.commands.pairs import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
-from iprt.commands.wish import Wish
+from iprt.commands.tradeoff_flags import TradeoffGoal
 from iprt.errors import IprtError
 from iprt.files.wording import counted
 from iprt.settings.presets import CONVERGED
 
 if TYPE_CHECKING:
-    from iprt.commands.job import Job
+    from iprt.commands.render_job import RenderJob
     from iprt.convergence import Goal
     from iprt.device.compute import ComputeDevice
     from iprt.film import Film
@@ -73,7 +73,7 @@ def render(
         Scene folder.
     output
         File to write; its suffix chooses the format: .exr or .png for a picture, .mp4, .mov or .mkv
-        for a video. A picture's name with %04d in it stands for numbered pictures of a video.
+        for a video. A name such as frame.%04d.png writes numbered pictures of a video.
     frames
         Which frames of the video to render: one number, such as 24; FIRST:LAST, such as 24:71, with
         both ends; or FIRST:LAST:STEP, such as 0:100:10. FIRST and LAST may be left out: ::10 is
@@ -83,17 +83,17 @@ def render(
         Name of a view of the scene, or `equirect` for the whole panorama; players let one look
         around in .mp4 and .mov files of it. Default: the scene's first view.
     yaw
-        Direction of a view of your own with all objects, in place of --view: degrees to the right.
+        Viewing direction in degrees to the right, for a picture of all objects. Not with --view.
     pitch
-        Its direction in degrees up.
+        Viewing direction in degrees up. Not with --view.
     fov
-        Its vertical field of view in degrees, above 1 and below 179. Default: 60.
+        Vertical field of view in degrees, above 1 and below 179. Not with --view. Default: 60.
     size
         Width and height in pixels. Default: the view's own.
     accumulate
         Frames accumulated into a picture, or into each frame of a video. Default: 64 for a picture;
-        4 for a frame of a video, which builds on the frames before it. With --quality final, at
-        most; default: 2048.
+        4 for a frame of a video, which builds on the frames before it. With --quality final this
+        is the upper limit, 2048 by default.
     codec
         How .mp4, .mov and .mkv are coded: h264 (8 bits) plays everywhere; hevc (10 bits) shows no
         bands in soft gradients. Default: h264.
@@ -103,31 +103,32 @@ def render(
         Seed of the random numbers; the same seed gives the same picture on the same device.
         Short for --set seed=.
     method
-        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
+        Relighting method: a name from `iprt methods`. Short for --set method=.
     time_per_frame
-        Seconds that a frame, one of those that are accumulated, may take: chooses the most accurate
-        settings that `iprt calibrate` expects to be so quick, in place of a quality preset.
+        Seconds that each accumulated frame may take: chooses the most accurate settings that are
+        estimated to keep the limit (`iprt calibrate`), in place of a quality preset.
     ssim
-        Least mean SSIM: chooses the quickest settings that `iprt calibrate` expects to reach it
-        after --accumulate frames. If none does, the most accurate are taken, with a warning.
+        Mean SSIM to reach after --accumulate frames: chooses the fastest settings that are
+        estimated to reach it (`iprt calibrate`). If none is, the most accurate are used, with a
+        warning.
     setting_flags
-        Quality preset and single settings. Later ones win: preset or what --time-per-frame or
-        --ssim chooses, file, flags.
+        Later ones win: preset or the choice of --time-per-frame or --ssim, user's file, scene,
+        environment, --settings, --set.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     aov
-        Auxiliary layer to add to EXR files, or several, separated by commas or with --aov again,
-        for example normal,depth.
+        Auxiliary layers (AOVs) to add to EXR files, separated by commas or with --aov again, such
+        as normal,depth.
     strict
         Stop at the first frame of the video that cannot be read, instead of repeating the last good
         frame.
     profile
-        JSON file to write the time of every pass to; they are printed as a table, too.
+        JSON file to write the time of every pass to; a table is printed, too.
     frame_limit
-        Seconds after which a device that has not finished a frame is given up.
+        Seconds without a finished frame after which the device counts as hung.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
@@ -139,7 +140,7 @@ def render(
     if not 0.0 < frame_limit < float("inf"):
         raise IprtError(f"--frame-limit {frame_limit:g}: expected seconds above 0")
     aov = listed(aov)
-    wish = Wish.of(time_per_frame, ssim, setting_flags.quality)
+    tradeoff_goal = TradeoffGoal.of(time_per_frame, ssim, setting_flags.quality)
     from iprt.output.encode import FORMATS
     from iprt.output.sequence import is_video
 
@@ -157,17 +158,18 @@ def render(
     _check_files(output, profile, aov, video=video)
 
     from iprt.commands.frames import frame_range
-    from iprt.commands.job import Job
+    from iprt.commands.render_job import RenderJob
     from iprt.commands.video import check_video, render_video
     from iprt.commands.views import moving_view
     from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
 
     resolved = partial(setting_flags.resolved, still=not video, seed=seed, method=method)
-    settings = resolved()
-    if wish is not None:
-        wish.require_method(settings.method)
+    resolved()  # faults in flags are reported first
     opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
+    settings = resolved(opened)
+    if tradeoff_goal is not None:
+        tradeoff_goal.require_method(settings.method)
     indices = frame_range(frames, opened.frame_indices)
     for path in (output, profile):
         if path is not None:
@@ -175,13 +177,13 @@ def render(
     chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
     still_frames = STILL_FRAMES if converged is None else MOST_STILL_FRAMES
     accumulate = accumulate or (VIDEO_FRAMES if video else still_frames)
-    if wish is not None:
+    if tradeoff_goal is not None:
         shown = chosen if isinstance(chosen, View) else chosen.view
-        entry = wish.assignments(
-            device, shown.width * shown.height, accumulate, setting_flags.assignments()
+        entry = tradeoff_goal.assignments(
+            device, shown.width * shown.height, accumulate, setting_flags.assignments(opened)
         )
-        settings = resolved(under=entry)
-    job = Job(
+        settings = resolved(opened, under=entry)
+    job = RenderJob(
         scene=opened,
         view=chosen,
         objects=objects,
@@ -226,7 +228,7 @@ def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, vid
             raise IprtError(f"--aov {name}: no such layer; the layers are: {', '.join(AOVS)}")
 
 
-def _render_still(job: Job, output: Path, index: int) -> tuple[ComputeDevice, Film]:
+def _render_still(job: RenderJob, output: Path, index: int) -> tuple[ComputeDevice, Film]:
     """One picture of a frame, with the device and the film that made it.
 
     Where the driver loses the device, all is made anew, once.
@@ -283,14 +285,14 @@ def _tell_noise(goal: Goal) -> None:
 
 
 def _report(
-    job: Job,
+    job: RenderJob,
     index: int,
     output: Path,
     rendered: tuple[ComputeDevice, Film] | None,
     profile: Path | None,
 ) -> None:
     """Print where the output is and, if asked for, where the time went in frame `index`."""
-    from iprt.commands.streams import reporting
+    from iprt.commands.standard_streams import reporting
     from iprt.film import view_at
     from iprt.measure.cost_report import CostReport
     from iprt.measure.profile_file import write_profile

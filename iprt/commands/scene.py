@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from iprt.commands.pairs import DepthRange, Values
-from iprt.commands.streams import reporting
+from iprt.commands.flag_types import DepthRange, Direction, Values
+from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
 from iprt.files.wording import counted
 
@@ -25,7 +25,7 @@ def info(
     thumbnail: Path | None = None,
     allow_outside: bool = False,
 ) -> int:
-    """Show what a scene holds: size, depth in metres, light through openings, objects, views.
+    """Show the size, depth, light through openings, objects and views of a scene.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def info(
     json
         Print JSON instead of text.
     thumbnail
-        PNG to write: the panorama with axes, views and objects drawn in.
+        PNG file to write: the panorama with axes, views and objects drawn in.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
@@ -78,77 +78,77 @@ def check(
     scene: tyro.conf.Positional[Path],
     /,
     *,
+    strict: bool = False,
+    json: bool = False,
     device: str | None = None,
     allow_outside: bool = False,
 ) -> int:
-    """Read every file of a scene; name all problems, what is not read, and badly placed objects.
+    """Read every file of a scene and report problems.
 
-    It also says whether the views fit into a device's memory, at the default settings.
+    Warnings are about unlikely depth, badly placed objects, surfaces that nothing matches, and
+    views that do not fit into the device's memory at the default settings. Notes say what is not
+    read from files.
 
     Parameters
     ----------
     scene
         Scene folder.
+    strict
+        Exit with status 1 if there are warnings.
+    json
+        Print a JSON object instead of text.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
     int
-        Exit status 0; problems end with status 2.
+        Exit status: 0, or 1 if there are warnings and `strict` is given; files that cannot be used
+        end with status 2.
     """
     import numpy as np
 
-    from iprt.commands.scene_report import memory_lines
+    from iprt.commands.findings import Findings
+    from iprt.commands.scene_report import add_memory
+    from iprt.commands.setting_flags import BALANCED
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
     compute = _device(device)
     opened = Scene.open(scene, allow_outside=allow_outside)
-    made_up = check_files(opened)
+    BALANCED.resolved(opened)  # its settings are checked
+    findings = Findings(scene=opened.name)
+    findings.warn(check_files(opened))
     raw = opened.raw_frame()
     frame = opened.sanitised(raw)
     report = describe_scene(opened, frame, raw)
-    made_up += report.unlikely
-    for line in made_up:
-        print(f"warning: {line}")
-    for line in opened.source.remarks():
-        print(f"note: {line}")
+    findings.warn(report.unlikely)
+    findings.note(opened.source.remarks())
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
-        print(f"warning: colour: {lost:.2%} of the picture is NaN or infinite and shown black")
-    empty = [
-        f"warning: {entry.name}: {phrase}"
-        for entry in report.real_materials
-        for phrase in entry.warnings()
-    ]
-    if empty:
-        print("\n".join(empty))
+        findings.warn([f"colour: {lost:.2%} of the picture is NaN or infinite and shown black"])
+    for material in report.real_materials:
+        findings.warn(f"{material.name}: {phrase}" for phrase in material.warnings())
     if report.clipped is not None:
-        print(f"note: {report.clipped.line()}")
+        findings.note([report.clipped.line()])
     for entry in report.objects:
-        for phrase in entry.dropped:
-            print(f"note: {entry.name}: not read from its file: {phrase}")
-        for phrase in entry.warnings:
-            print(f"warning: {entry.name}: {phrase}")
-    too_large, memory = memory_lines(opened, frame, compute)
-    print("\n".join(memory))
+        findings.note(f"{entry.name}: not read from its file: {phrase}" for phrase in entry.dropped)
+        findings.warn(f"{entry.name}: {phrase}" for phrase in entry.warnings)
+    add_memory(findings, opened, frame, compute)
     first, last = report.frames
-    warned = (
-        bool(made_up or empty)
-        or lost > 0.0
-        or too_large
-        or any(entry.warnings for entry in report.objects)
-    )
-    verdict = "usable, but see the warnings" if warned else "fine"
-    print(
-        f"{report.name}: {verdict}; {counted(last - first + 1, 'frame')}, "
-        f"{counted(len(report.objects), 'object')}, {counted(len(report.views), 'view')}"
-    )
-    return 0
+    counts = {
+        "frames": last - first + 1,
+        "objects": len(report.objects),
+        "views": len(report.views),
+    }
+    verdict = "usable, but see the warnings" if findings.warnings else "fine"
+    told = ", ".join(counted(count, name.removesuffix("s")) for name, count in counts.items())
+    findings.say(f"{report.name}: {verdict}; {told}", **counts)
+    findings.print(as_json=json)
+    return int(strict and bool(findings.warnings))
 
 
 def new(
@@ -169,6 +169,7 @@ def new(
     eye: Literal["left", "right"] | None = None,
     fit: Literal["stretch", "pad", "crop"] | None = None,
     list_layers: bool = False,
+    json: bool = False,
 ) -> int:
     """Make a scene folder from a panorama and its depth, or from a video with depth.
 
@@ -177,48 +178,51 @@ def new(
     folder
         Folder to make.
     color
-        360° picture: EXR, PNG, JPEG, WebP, AVIF, TIFF or HDR, twice as wide as high; for video a
-        pattern such as color.%04d.png, or a video file.
+        Equirectangular 360° picture, twice as wide as high: EXR, PNG, JPEG, WebP, AVIF, TIFF or
+        HDR. For video a pattern such as color.%04d.png, or a video file.
     depth
         Its depth: EXR, PFM, NumPy, or grey PNG or TIFF of the same size or smaller, or a video
         file of 16-bit grey. Default: in the same file as colour: a layer of EXR, a second stream,
         or below colour in each picture.
     depth_scale
-        Metres per stored unit; 0.001 for millimetres. PNG and video need it or depth_range.
+        Metres per stored unit: 0.001 for millimetres. PNG and video need it or --depth-range.
     depth_range
-        Metres that the lowest and the highest stored value stand for.
+        Depths in metres of the lowest and the highest stored value.
     depth_encoding
-        What grows in proportion with the stored values of --depth-range: depth (linear) or its
-        inverse. Default: linear.
+        Whether the values stored for --depth-range are linear in depth, or in its inverse
+        (disparity). Default: linear.
     depth_kind
-        What depth measures: the distance along each ray, or the z-depth of a cube's six faces
-        (cube). The z-depth of one axis (z) is refused, for it tells nothing of what is beside.
+        What depth measures: the distance along each ray, or the planar depth (z) of each face of a
+        cube map. Planar depth along a single axis (z) is refused: it cannot cover the sphere.
     invalid
-        Stored values that mean that nothing was measured: holes, filled in from around.
+        Stored values that mark missing depth: holes, which are filled from around them.
     sky
-        Stored values that mean that there is no surface. Default, without --invalid: what stands
-        out, such as 65535 and 1e10; with no value, none.
+        Stored values that mark the sky. Default, without --invalid: detected, such as 65535 and
+        1e10. --sky without a value: there are none.
     normal
-        World-space normals in an EXR file. Default: the layer of colour's file that is named so and
-        agrees with depth; else they are fitted to depth.
+        EXR file of world-space normals. Default: the normals in the colour's file, if there are any
+        and they agree with depth; else they are estimated from depth.
     color_layer
-        Layer of an EXR file that is the picture. Default: by the layers' names.
+        EXR layer of the picture. Default: found by its name.
     depth_layer
-        Layer of an EXR file that is depth. Default: by the layers' names.
+        EXR layer of the depth. Default: found by its name.
     eye
-        Half to take of a stereo picture: left is the upper one, or the left of two side by side.
+        Half of a stereo picture to use. Left is the upper one, or the left of two side by side.
     fit
-        How a picture that is not twice as wide as high covers the sphere: stretch takes it for all
-        of it, pad takes rows for missing at top and bottom, crop cuts such rows off, as black bars.
+        How a picture that is not twice as wide as high is fitted to the sphere: stretch it over all
+        of it, pad it at top and bottom, or crop rows off there, such as black bars.
     list_layers
         Print the layers of the files and stop; no folder is made.
+    json
+        Print what was found as a JSON object instead of text.
 
     Returns
     -------
     int
         Exit status 0.
     """
-    from iprt.commands.scene_report import first_look
+    from iprt.commands.findings import Findings
+    from iprt.commands.scene_report import add_first_look
     from iprt.footage.video.depth_code import DepthCode, DepthMarks
     from iprt.scene.edit import new_scene
     from iprt.scene.sources import layer_lists
@@ -260,11 +264,13 @@ def new(
         fit=fit,
     )
     with reporting(f"{folder} has been made all the same"):
-        print("\n".join(first_look(folder)))
-        print(
+        findings = Findings(folder=str(folder), frames=frames)
+        add_first_look(findings, folder)
+        findings.say(
             f"{folder}: a scene of {counted(frames, 'frame')}; next: "
-            f"iprt scene add {shlex.quote(str(folder))} MESH --look 0,-35"
+            f"iprt scene add {shlex.quote(str(folder))} MESH --look 0 -35"
         )
+        findings.print(as_json=json)
     return 0
 
 
@@ -273,7 +279,7 @@ def add(
     mesh: tyro.conf.Positional[Path],
     /,
     *,
-    look: str,
+    look: Direction,
     height: float | None = None,
     unit: str | None = None,
     up: Literal["x", "-x", "y", "-y", "z", "-z"] = "y",
@@ -281,9 +287,10 @@ def add(
     animation: str | None = None,
     material: str | None = None,
     name: str | None = None,
+    json: bool = False,
     allow_outside: bool = False,
 ) -> int:
-    """Set an object down on the surface seen in a direction, and add a view of it.
+    """Place an object on the surface seen in a direction, and add a view of it.
 
     Parameters
     ----------
@@ -292,36 +299,43 @@ def add(
     mesh
         PLY, OBJ, STL, glTF or GLB file.
     look
-        YAW,PITCH in degrees, right and up: the direction in which the surface is seen.
+        Direction in which the surface is seen: degrees to the right, and degrees up.
     height
-        Height of the object in metres. Default, without unit: so that its longest side is a fifth
-        of its distance.
+        Height of the object in metres. Default, without --unit: its longest side becomes a fifth of
+        its distance.
     unit
-        Unit of the mesh file, in place of height: m, cm, mm, in, ft, or the metres of one unit.
+        Unit of the mesh file, in place of --height: m, cm, mm, in, ft, or the metres of one unit.
     up
         Axis of the mesh file that points up.
     rotate
-        Degrees to turn the object to the left about the vertical: counter-clockwise from above.
+        Rotation about the vertical in degrees, counter-clockwise seen from above.
     animation
-        Name or number of the animation of a glTF file that moves the object.
+        Name or number of the glTF animation to play.
     material
-        diffuse:R,G,B or conductor:R,G,B:ALPHA or plastic:R,G,B:ALPHA or mirror. Default: the mesh
-        file's own.
+        diffuse:R,G,B, conductor:R,G,B:ALPHA, plastic:R,G,B:ALPHA (ALPHA: roughness) or mirror.
+        Default: the mesh file's own.
     name
         Name of the object. Default: the mesh file's.
+    json
+        Print what was found as a JSON object instead of text.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
     int
         Exit status 0.
     """
+    from iprt.commands.findings import Findings
     from iprt.scene.adding import add_object
     from iprt.scene.edit import parse_material
     from iprt.scene.stance import Stance, parse_unit
 
-    yaw, pitch = _direction(look)
+    yaw, pitch = look
+    if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
+        raise IprtError(
+            f"--look {yaw:g} {pitch:g}: expected -360 to 360 degrees and -90 to 90 degrees"
+        )
     stance = Stance(up, rotate, height, None if unit is None else parse_unit(unit))
     table = None if material is None else parse_material(material)
     added = add_object(
@@ -337,16 +351,19 @@ def add(
     )
     x, y, z = added.base
     next_words = ["iprt", "render", str(scene), "--view", added.view, "-o", f"{added.view}.png"]
+    findings = Findings(name=added.name, view=added.view, hints=added.hints)
+    findings.note(f"{added.name}: not read from its file: {phrase}" for phrase in added.dropped)
+    for phrase in added.hints:
+        findings.say(f"hint: {added.name}: {phrase}")
+    findings.warn(f"{added.name}: {phrase}" for phrase in added.warnings)
+    findings.say(f"{added.name}: {added.size}", size=added.size)
+    place = f"({x:.2f}, {y:.2f}, {z:.2f})"
+    findings.say(
+        f"{added.name}: stands at {place}; next: {shlex.join(next_words)}",
+        position=[float(value) for value in added.base],
+    )
     with reporting(f"{added.name} has been added to {scene} all the same"):
-        for phrase in added.dropped:
-            print(f"note: {added.name}: not read from its file: {phrase}")
-        for phrase in added.hints:
-            print(f"hint: {added.name}: {phrase}")
-        for phrase in added.warnings:
-            print(f"warning: {added.name}: {phrase}")
-        print(f"{added.name}: {added.size}")
-        place = f"({x:.2f}, {y:.2f}, {z:.2f})"
-        print(f"{added.name}: stands at {place}; next: {shlex.join(next_words)}")
+        findings.print(as_json=json)
     return 0
 
 
@@ -362,15 +379,3 @@ def _device(spec: str | None) -> ComputeDevice | None:
         if spec is not None:
             raise
         return None
-
-
-def _direction(text: str) -> tuple[float, float]:
-    try:
-        yaw, pitch = (float(value) for value in text.split(","))
-        if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
-            raise ValueError
-    except ValueError:
-        raise IprtError(
-            f"--look {text}: expected YAW,PITCH in degrees, such as 30,-40 (pitch from -90 to 90)"
-        ) from None
-    return yaw, pitch

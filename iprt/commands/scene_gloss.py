@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
+import json as json_format
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from iprt.commands.streams import reporting
+from iprt.commands.standard_streams import reporting
 from iprt.files.wording import counted
+
+if TYPE_CHECKING:
+    from iprt.footage.gloss import RealMaterial
 
 
 def gloss(
-    scene: tyro.conf.Positional[Path], /, *, write: bool = False, allow_outside: bool = False
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    write: bool = False,
+    json: bool = False,
+    allow_outside: bool = False,
 ) -> int:
-    """Show which surfaces reflect though nobody declared it, as [[real_materials]] to edit.
+    """Find glossy surfaces in a scene's picture and print them as [[real_materials]] to edit.
 
-    With the strength of the evidence. Where `[video]` says gloss = "auto", the default, they are
-    rendered so anyway.
+    Each has the strength of its evidence beside it. By default (gloss = "auto" in the scene's
+    [video]) what is found here is rendered as glossy without being declared.
 
     Parameters
     ----------
     scene
         Scene folder.
     write
-        Append them to scene.toml. What is declared is not looked for again.
+        Append them to scene.toml. Surfaces that are declared are not searched for again.
+    json
+        Print a JSON object instead of TOML.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
@@ -38,13 +51,28 @@ def gloss(
 
     opened = Scene.open(scene, allow_outside=allow_outside)
     found = opened.found_materials
-    if not found:
-        print(f"# {opened.name}: no surface shows a reflection that is surely one")
-        return 0
-    if write:
+    if write and found:
         declare(opened.root, found)
     with reporting(f"{scene} has been extended all the same" if write else "nothing was written"):
-        print("\n".join(declaration(material) for material in found))
-        if write:
-            print(f"# {counted(len(found), 'table')} appended to {opened.root / MANIFEST_NAME}")
+        if json:
+            print(json_format.dumps({"found": [_record(one) for one in found]}, indent=2))
+        elif not found:
+            print(f"# {opened.name}: no surface shows a reflection that is surely one")
+        else:
+            print("\n".join(declaration(material) for material in found))
+            if write:
+                print(f"# {counted(len(found), 'table')} appended to {opened.root / MANIFEST_NAME}")
     return 0
+
+
+def _record(material: RealMaterial) -> dict[str, Any]:
+    """Return a surface that was found, as plain data."""
+    plane, evidence, coat = material.plane, material.evidence, material.material
+    return {
+        "name": material.name,
+        "kind": coat.kind,
+        "alpha": coat.alpha,
+        "ior": coat.ior,
+        "plane": None if plane is None else asdict(plane),
+        "evidence": None if evidence is None else asdict(evidence),
+    }

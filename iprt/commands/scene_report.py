@@ -6,29 +6,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from iprt.commands.findings import Findings
     from iprt.device.compute import ComputeDevice
     from iprt.footage.frame import Frame
     from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
     from iprt.scene.scene import Scene
 
 
-def first_look(folder: Path) -> list[str]:
-    """Facts about the first frame of a new scene, for its maker to compare with the real place."""
+def add_first_look(findings: Findings, folder: Path) -> None:
+    """Add facts about the first frame of a new scene, to compare with the real place."""
     from iprt.scene.report import surroundings_of, unlikely
     from iprt.scene.scene import Scene
 
     scene = Scene.open(folder)
     raw = scene.raw_frame()
     place = surroundings_of(scene, raw)
-    lines = [] if place is None else [f"place: {place.line()}"]
-    lines += [f"note: {line}" for line in scene.source.remarks()]
-    return lines + [f"warning: {phrase}" for phrase in unlikely(scene, raw, place)]
+    if place is not None:
+        findings.say(f"place: {place.line()}", place=place.line())
+    findings.note(scene.source.remarks())
+    findings.warn(unlikely(scene, raw, place))
 
 
-def memory_lines(
-    scene: Scene, frame: Frame, device: ComputeDevice | None
-) -> tuple[bool, list[str]]:
-    """Whether a view needs more memory than the device has, and what to say about it."""
+def add_memory(
+    findings: Findings, scene: Scene, frame: Frame, device: ComputeDevice | None
+) -> None:
+    """Add the memory that the largest view needs, and a warning for each that does not fit."""
     from iprt.commands.views import choose_view
     from iprt.device.budget import amount
     from iprt.film import film_plan
@@ -42,15 +44,16 @@ def memory_lines(
     largest = max(plans, key=lambda label: plans[label].bytes)
     view, need = plans[largest].view, plans[largest].bytes
     line = f"memory: {amount(need)} for {largest} of {view.width} x {view.height}"
+    if device is not None:
+        line += f"; {device.name} has {amount(device.memory)}"
+    findings.say(line, memory_mib=need / 2**20)
     if device is None:
-        return False, [line]
-    line += f"; {device.name} has {amount(device.memory)}"
+        return
     problems = {
         label: plan.problem(device.name, device.memory, device.largest_buffer)
         for label, plan in plans.items()
     }
-    warnings = [f"warning: {label}: {why}" for label, why in problems.items() if why]
-    return bool(warnings), [line, *warnings]
+    findings.warn(f"{label}: {why}" for label, why in problems.items() if why)
 
 
 def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,28 +16,39 @@ from iprt.errors import IprtError
 from iprt.settings.presets import STILL, Quality
 
 if TYPE_CHECKING:
+    from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
     from iprt.settings.overrides import Assignment
 
 
+LOG = logging.getLogger("iprt.settings")
+
+
 @dataclass(frozen=True)
 class SettingFlags:
-    """`iprt settings` prints all settings. Later ones win: preset, file, flags."""
+    """Later ones win: preset, user's file, scene, environment, --settings, --set."""
 
     quality: Quality = "balanced"
-    """Preset of all settings: speed against accuracy."""
+    """Quality preset, from fastest to most accurate."""
     settings: Annotated[Path | None, plain_default()] = None
     """TOML file of settings, such as `iprt settings` prints."""
     set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("KEY=VALUE")] = ()
     """Value of one setting, such as trace.rays=4; may be given several times."""
 
     def resolved(
-        self, *, still: bool = False, under: Sequence[Assignment] = (), **short: object
+        self,
+        scene: Scene | None = None,
+        *,
+        still: bool = False,
+        under: Sequence[Assignment] = (),
+        **short: object,
     ) -> Settings:
         """The settings asked for.
 
         Parameters
         ----------
+        scene : Scene, optional
+            Its `[settings]` count too.
         still : bool
             For pictures in which nothing moves.
         under : sequence of Assignment
@@ -50,11 +63,19 @@ class SettingFlags:
         """
         from iprt.settings.overrides import resolved
 
-        return resolved(self.quality, [*under, *self.assignments(still=still, **short)])
+        return resolved(self.quality, [*under, *self.assignments(scene, still=still, **short)])
 
-    def assignments(self, *, still: bool = False, **short: object) -> list[Assignment]:
-        """Settings of file and flags, later ones override; see `resolved`."""
-        from iprt.settings.overrides import Assignment, parse_assignment, read_settings
+    def assignments(
+        self, scene: Scene | None = None, *, still: bool = False, **short: object
+    ) -> list[Assignment]:
+        """Return all settings but those of the preset, of which later ones win; see `resolved`."""
+        from iprt.settings.layers import environment_settings, user_settings
+        from iprt.settings.overrides import (
+            Assignment,
+            parse_assignment,
+            read_settings,
+            table_settings,
+        )
 
         file = [] if self.settings is None else read_settings(self.settings)
         flags = [parse_assignment("--set", text) for text in self.set]
@@ -65,7 +86,17 @@ class SettingFlags:
             if key in given:
                 raise IprtError(f"{given[key].source} and --{key} {value}: give one of them")
             flags.append(Assignment(key, value, f"--{key} {value}"))
-        return [*file, *flags, *(fixed_when_still(flags) if still else [])]
+        of_scene = [] if scene is None else table_settings(*scene.settings_table)
+        lower = [*user_settings(), *of_scene, *environment_settings()]
+        _tell(tuple(item.source for item in lower))
+        return [*lower, *file, *flags, *(fixed_when_still(flags) if still else [])]
+
+
+@cache
+def _tell(sources: tuple[str, ...]) -> None:
+    """Log which settings were not given on the command line, once."""
+    if sources:
+        LOG.info("settings from elsewhere: %s", "; ".join(sources))
 
 
 def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:

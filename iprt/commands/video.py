@@ -7,8 +7,8 @@ import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from iprt.commands.job import Job
 from iprt.commands.progress import progress_bar
+from iprt.commands.render_job import RenderJob
 from iprt.device.compute import ComputeDevice
 from iprt.errors import FormatError
 from iprt.files.atomic import require_regular, require_writable
@@ -33,7 +33,7 @@ give it a history. After these it differs from one of an uninterrupted run by th
 GOES_ON = "the same command continues from there"
 
 
-def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None:
+def check_video(job: RenderJob, output: Path, frames: range, codec: CodecName) -> None:
     """Refuse what cannot be written, before anything is rendered.
 
     Raises
@@ -59,7 +59,7 @@ def check_video(job: Job, output: Path, frames: range, codec: CodecName) -> None
 
 
 def render_video(
-    job: Job, output: Path, frames: range, codec: CodecName, *, audio: bool
+    job: RenderJob, output: Path, frames: range, codec: CodecName, *, audio: bool
 ) -> tuple[ComputeDevice, Film] | None:
     """Render what is not there yet: the device with its times, and what ran on it.
 
@@ -115,7 +115,7 @@ def warm_up(accumulate: int) -> int:
     return max(WARM_UP, -(-WARM_UP_STEPS // accumulate))
 
 
-def _render(film: Film, target: FrameOutput, frames: range, job: Job) -> None:
+def _render(film: Film, target: FrameOutput, frames: range, job: RenderJob) -> None:
     with progress_bar("rendering", len(frames), done=target.done, remaining=True) as progress:
         for run in runs(target.missing(), frames):
             for index, picture in film.frames(
@@ -138,7 +138,9 @@ def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
             start = place + 1
 
 
-def _opened(job: Job, output: Path, frames: range, codec: CodecName, audio: bool) -> FrameOutput:
+def _opened(
+    job: RenderJob, output: Path, frames: range, codec: CodecName, audio: bool
+) -> FrameOutput:
     """The output, with what an earlier render has left of the same job."""
     scene = job.scene
     files = {"iprt:files": fingerprint(scene)}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from iprt.commands.pairs import Size
+from iprt.commands.flag_types import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
@@ -40,43 +40,42 @@ def view(
     port: int = PORT,
     allow_outside: bool = False,
 ) -> int:
-    """Open a scene, to look around, place objects, change settings and see what they cost.
+    """Open a scene in an interactive viewer.
 
-    Drag to look, turn the wheel to zoom, click an object to select it, drop a mesh file to add it;
-    H shows all keys. Needs the extra `view`: pip install 'iprt[view]'.
+    Look around, place objects, change settings and see what they cost. Drag to look, turn the
+    wheel to zoom, click an object to select it, drop a mesh file to add it; H shows all keys.
+    Needs the extra `view`: pip install 'iprt[view]'.
 
     Parameters
     ----------
     scene
-        Scene folder. What is edited is written to its scene.toml when you save.
+        Scene folder. Edits are written to its scene.toml when you save.
     view
-        Name of a view of the scene to begin with, or `equirect` for the whole panorama. Default:
-        `saved`, where the viewer was left when objects were added, or else the scene's first view.
+        Name of the view to start from, or `equirect` for the whole panorama. Default: `saved`, the
+        view at the last save if there is one, or else the scene's first view.
     yaw
-        Direction of a view of your own with all objects, in place of --view: degrees to the right.
+        Viewing direction in degrees to the right, for a picture of all objects. Not with --view.
     pitch
-        Its direction in degrees up.
+        Viewing direction in degrees up. Not with --view.
     fov
-        Its vertical field of view in degrees, above 1 and below 179. Default: 60.
+        Vertical field of view in degrees, above 1 and below 179. Not with --view. Default: 60.
     size
         Width and height of the window in pixels; browsers have their own. Default: 1280 800.
     fps
         Frames per second to aim for while something moves. Where the device is too slow, the viewer
         lowers the resolution and settings, and shows which; at rest nothing is lowered. 0: never.
     method
-        How virtual objects are lit: a name from `iprt methods`. Short for --set method=.
-    setting_flags
-        Quality preset and single settings to begin with. Later ones win: preset, file, flags.
+        Relighting method: a name from `iprt methods`. Short for --set method=.
     device
-        gpu, cpu, a place such as 0:0 (see `iprt doctor`), or part of a device's name. Default: the
-        fastest kind there is.
+        OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
+        a name. Default: $IPRT_DEVICE, or else the fastest.
     web
         Serve the viewer to browsers of this machine instead of opening a window. Those of other
         machines come through ssh, by the command that is printed.
     port
         TCP port to serve at; 0: any that is free.
     allow_outside
-        Follow links in the scene's folder to files outside of it.
+        Follow symbolic links that lead out of the scene folder.
 
     Returns
     -------
@@ -97,14 +96,14 @@ def view(
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import SAMPLED_S
     from iprt.geometry.camera import View
-    from iprt.measure.kept_tradeoff import Timed, tradeoff_for
+    from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
     from iprt.scene.edits import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine
 
     require_size(size)
-    settings = setting_flags.resolved(method=method)
     opened = Scene.open(scene, allow_outside=allow_outside)
+    settings = setting_flags.resolved(opened, method=method)
     if SAVED_VIEW in opened.views and all(flag is None for flag in (view, yaw, pitch, fov)):
         view = SAVED_VIEW
     found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov)
@@ -121,7 +120,7 @@ def view(
         make_device,
         settings,
         allow_outside=allow_outside,
-        tradeoff=tradeoff_for(Timed.of(handle)),
+        tradeoff=tradeoff_for(TimedDevice.of(handle)),
     ) as engine:
         if not web:
             from iprt.viewer.desktop import run

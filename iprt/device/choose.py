@@ -18,6 +18,8 @@ from iprt.device.install import opencl_command
 from iprt.errors import DeviceError
 
 Kind = Literal["gpu", "cpu", "accelerator", "other"]
+VARIABLE = "IPRT_DEVICE"
+"""Environment variable that names the device where nothing else does."""
 ORDER = "GPU, Intel's CPU runtime, PoCL, others"
 
 
@@ -88,8 +90,8 @@ def choose(spec: str | None = None) -> Choice:
     ----------
     spec : str, optional
         `gpu`, `cpu`, `P:D`, or part of the name of a platform, its vendor or a device, in any
-        case. None takes what the environment variable `PYOPENCL_CTX` says, which pyopencl
-        parses, else the best device in the order `ORDER`.
+        case. None takes what the environment variable `IPRT_DEVICE` says in the same way, else
+        `PYOPENCL_CTX`, which pyopencl parses, else the best device in the order `ORDER`.
 
     Raises
     ------
@@ -97,6 +99,12 @@ def choose(spec: str | None = None) -> Choice:
         No device, or none or more than one that `spec` fits; the message lists what there is.
     """
     infos = describe_devices()
+    if spec is None and (named := os.environ.get(VARIABLE)):
+        try:
+            choice = select(named, infos)
+        except DeviceError as error:
+            raise DeviceError(f"{VARIABLE}='{named}': {error}") from None
+        return Choice(choice.info, f"{VARIABLE}='{named}', {choice.reason}")
     if spec is None and "PYOPENCL_CTX" in os.environ:
         return _environment_choice(infos)
     return select(spec, infos)

@@ -15,10 +15,10 @@ from iprt.measure.bench import timed_together
 from iprt.measure.camera_motion import Turn
 from iprt.measure.convergence import run_convergence
 from iprt.measure.intervals import Ratio
-from iprt.measure.kept_tradeoff import Timed
 from iprt.measure.sweep import Combination
-from iprt.measure.target import Target
 from iprt.measure.tradeoff import Entry, Tradeoff
+from iprt.measure.tradeoff_cache import TimedDevice
+from iprt.measure.view_truth import Target
 from iprt.memory import RenderPlan
 from iprt.settings.ladder import BALANCED, LADDER, entry_settings
 from iprt.settings.model import Settings
@@ -158,7 +158,7 @@ def measure_ssim(
 
 
 def tradeoff_of(
-    timed: Timed,
+    timed: TimedDevice,
     scene: str,
     times: Mapping[str, Sequence[Times]],
     truth: str,

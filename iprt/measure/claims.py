@@ -17,7 +17,7 @@ from iprt.measure.compare import render_target, scored
 from iprt.measure.intervals import Ratio
 from iprt.measure.learned import Learned, learn_frame
 from iprt.measure.sweep import still_settings
-from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 from iprt.output.display import display
 from iprt.output.grid import Grid
 from iprt.settings.overrides import Assignment, changed, resolved

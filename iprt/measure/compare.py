@@ -10,7 +10,7 @@ import numpy as np
 
 from iprt.errors import FormatError
 from iprt.measure import metrics
-from iprt.measure.target import Background, Radiance, Scores, Target, read_target, with_frames
+from iprt.measure.view_truth import Background, Radiance, Scores, Target, read_target, with_frames
 from iprt.output.display import display
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def compare_views(
     Parameters
     ----------
     views : sequence of str
-        See `iprt.measure.target.views_with_truth`.
+        See `iprt.measure.view_truth.views_with_truth`.
     background : {"panorama", "truth"}
         Which background the objects are composited over.
     size : (int, int) or None

@@ -13,7 +13,7 @@ from iprt.errors import IprtError
 from iprt.measure.compare import scored
 from iprt.measure.intervals import Estimate
 from iprt.measure.sweep import Combination, cut_estimates, still_settings
-from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -84,7 +84,7 @@ def parse_counts(text: str) -> list[int]:
             raise ValueError
     except (ValueError, IndexError):
         raise IprtError(
-            f"--convergence {text}: expected rising numbers from 1 to {MAX_COUNT}, such as "
+            f"--accumulate {text}: expected rising numbers from 1 to {MAX_COUNT}, such as "
             "1,2,4,8 or 1,2,...,256"
         ) from None
     return counts

@@ -16,10 +16,10 @@ from iprt.errors import IprtError
 from iprt.measure.bench import WARM_UP
 from iprt.measure.camera_motion import turned
 from iprt.measure.compare import scored
-from iprt.measure.contenders import Contender, IprtContender
 from iprt.measure.report import Figures, scored_pictures
 from iprt.measure.sweep import Combination
-from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.measure.timed_renderers import TimedIprt, TimedRenderer
+from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 from iprt.memory import require_memory
 from iprt.output.grid import Grid
 
@@ -72,7 +72,7 @@ class TimedPicture:
     frames : int
         Accumulated; 1 where even the first took longer than the budget.
     seconds : float
-        What they took, from what is in memory to the picture; see `Contender.picture`.
+        What they took, from what is in memory to the picture; see `TimedRenderer.picture`.
     """
 
     budget: float | None
@@ -149,10 +149,10 @@ def run_equal_time(
         instances = scene.instances_named(target.objects)
         for combination in chosen:
             costs = costs_of(device, frame, instances, target.view, combination.settings)
-            contender = IprtContender(combination, device, frame, instances, target)
-            contender.prepare(0)
-            found = pictures_within(contender, budgets)
-            found.append((frames, *contender.picture(frames, 0)))
+            renderer = TimedIprt(combination, device, frame, instances, target)
+            renderer.prepare(0)
+            found = pictures_within(renderer, budgets)
+            found.append((frames, *renderer.picture(frames, 0)))
             pictures = tuple(
                 TimedPicture(budget, count, seconds, scored(target, color, combination.label))
                 for budget, (count, seconds, color) in zip([*budgets, None], found, strict=True)
@@ -164,19 +164,19 @@ def run_equal_time(
 
 
 def pictures_within(
-    contender: Contender, budgets: Sequence[float]
+    renderer: TimedRenderer, budgets: Sequence[float]
 ) -> list[tuple[int, float, Radiance]]:
     """Frames, seconds and linear radiance of the last picture finished within each budget.
 
     The first picture counts however long it took. `budgets` rise.
     """
     count, found = 1, []
-    seconds, color = contender.picture(count, 0)
-    following = contender.picture(count + 1, 0)
+    seconds, color = renderer.picture(count, 0)
+    following = renderer.picture(count + 1, 0)
     for budget in budgets:
         while following[0] <= budget:
             count, (seconds, color) = count + 1, following
-            following = contender.picture(count + 1, 0)
+            following = renderer.picture(count + 1, 0)
         found.append((count, seconds, color))
     return found
 

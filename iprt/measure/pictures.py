@@ -13,7 +13,7 @@ from iprt.errors import FormatError, IprtError
 from iprt.files.images import read_color
 from iprt.files.kinds import file_kind
 from iprt.measure.compare import Compared, Comparison, scored
-from iprt.measure.target import Background, Radiance, read_target, truth_indices
+from iprt.measure.view_truth import Background, Radiance, read_target, truth_indices
 
 if TYPE_CHECKING:
     from iprt.scene.scene import Scene

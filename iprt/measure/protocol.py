@@ -23,10 +23,11 @@ _TRUTHS = ("truth", "truth_background", "truth_mask")
 def scene_hash(scene: Scene) -> str:
     """Digits that tell two scenes apart by all that comparisons depend on.
 
-    They depend on what the manifest says, not on how it is written, and on the bytes of the files
-    that it names, truths among them: copies have the same digits, on any machine.
+    They depend on what the manifest says, except for its settings, and not on how it is written;
+    and on the bytes of the files that it names, truths among them. Copies have the same digits, on
+    any machine.
     """
-    said = scene.manifest.model_dump_json(exclude={"name"})
+    said = scene.manifest.model_dump_json(exclude={"name", "settings"})
     digest = hashlib.sha256(said.encode())
     for file in sorted(made_of(scene) | _truths(scene)):
         if file.is_file() and file.name != MANIFEST_NAME:

@@ -22,7 +22,7 @@ from iprt.output.grid import Grid
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from iprt.measure.target import Radiance, Target
+    from iprt.measure.view_truth import Radiance, Target
 
 
 @dataclass(frozen=True)

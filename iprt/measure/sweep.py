@@ -15,7 +15,7 @@ from iprt.measure.compare import render_target, scored
 from iprt.measure.cost_report import CostReport
 from iprt.measure.intervals import Estimate, Ratio
 from iprt.measure.pareto import pareto_front
-from iprt.measure.target import Radiance, Scores, Target, with_frames
+from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.settings.overrides import Assignment, changed, parse_assignment, resolved
@@ -32,7 +32,7 @@ LEAST_TIMED = 40
 """Frames that are timed at least: a ratio of fewer is known to 10% at best."""
 
 
-class _Timed(TypedDict):
+class _BenchArguments(TypedDict):
     """What runs of frames are given."""
 
     scene: str
@@ -133,10 +133,10 @@ def combinations(
     keys = [axis[0].key for axis in axes]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice is not None:
-        raise IprtError(f"--sweep {twice}: is swept twice; give all its values at once")
+        raise IprtError(f"sweep {twice}: is swept twice; give all its values at once")
     count = sum(map(len, axes)) + 1 if one_at_a_time else math.prod(map(len, axes))
     if count > MAX_COMBINATIONS:
-        raise IprtError(f"--sweep: {count} combinations; at most {MAX_COMBINATIONS} are run")
+        raise IprtError(f"sweep: {count} combinations; at most {MAX_COMBINATIONS} are run")
     if not one_at_a_time:
         return [_combination(quality, given, items) for items in itertools.product(*axes)]
     found = [_combination(quality, given, ())]
@@ -151,21 +151,21 @@ def _axis(text: str, *, still: bool) -> list[Assignment]:
     """The assignments that a sweep goes through."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not equals or not key or not values:
-        raise IprtError(f"--sweep {text}: expected KEY=VALUE,VALUE,..., such as trace.rays=1,2,4")
+        raise IprtError(f"sweep {text}: expected KEY=VALUE,VALUE,..., such as trace.rays=1,2,4")
     words = [word.strip() for word in values.split(",")]
     if still and key in STILL:
         raise IprtError(
-            f"--sweep {text}: has no effect on a still picture, which averages all its frames"
+            f"sweep {text}: has no effect on a still picture, which averages all its frames"
         )
     if key == "method" and words == ["all"]:
         words = list(methods())
     if key != QUALITY:
-        return [parse_assignment("--sweep", f"{key}={word}") for word in words]
+        return [parse_assignment("sweep", f"{key}={word}") for word in words]
     for word in words:
         if word not in get_args(Quality):
             known = ", ".join(get_args(Quality))
-            raise IprtError(f"--sweep {QUALITY}={word}: expected some of {known}")
-    return [Assignment(QUALITY, word, f"--sweep {QUALITY}={word}") for word in words]
+            raise IprtError(f"sweep {QUALITY}={word}: expected some of {known}")
+    return [Assignment(QUALITY, word, f"sweep {QUALITY}={word}") for word in words]
 
 
 def _combination(
@@ -236,7 +236,11 @@ def run_sweep(
                 done += frames
             assert first is not None
             timed_frames = max(frames, LEAST_TIMED)
-            given: _Timed = {"scene": scene.name, "frames": timed_frames, "progress": forward}
+            given: _BenchArguments = {
+                "scene": scene.name,
+                "frames": timed_frames,
+                "progress": forward,
+            }
             if combination is chosen[0]:
                 bench, ratio = timed(device, base, **given), None
                 base_ms = bench.wall_ms

@@ -8,7 +8,7 @@ from iprt.measure.intervals import CONFIDENCE
 from iprt.measure.plot import Mark, Plot, Series
 from iprt.measure.report import Figures, scored_pictures
 from iprt.measure.sweep import Outcome, on_front, value_text
-from iprt.measure.target import Radiance
+from iprt.measure.view_truth import Radiance
 from iprt.output.grid import Grid
 
 FRONT = "*"

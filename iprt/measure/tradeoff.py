@@ -105,7 +105,7 @@ class Tradeoff(_Table):
     version : str
         That of iprt.
     device, driver : str
-        See `Timed`.
+        See `TimedDevice`.
     scene : str
         Whose views were timed.
     truth : str

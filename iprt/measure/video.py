@@ -26,12 +26,12 @@ from iprt.measure.stability import (
     taken,
 )
 from iprt.measure.sweep import Combination, still_settings
-from iprt.measure.target import Scores, Target, read_target, reduced_cut, truth_indices
+from iprt.measure.view_truth import Scores, Target, read_target, reduced_cut, truth_indices
 from iprt.output.display import display
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.target import Background
+    from iprt.measure.view_truth import Background
     from iprt.renderer import RenderedFrame
     from iprt.scene.scene import Scene, SceneView
 

@@ -250,6 +250,8 @@ class Manifest(Table):
         Field(default=[])
     )
     views: Annotated[list[ViewTable], Field(max_length=MAX_VIEWS)] = Field(default=[])
+    settings: dict[str, Any] = Field(default={})
+    """`[settings]`: settings that suit the scene, checked where they are used."""
 
 
 def read_manifest(path: Path) -> Manifest:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from iprt.errors import SceneError
 from iprt.files.path_safety import anywhere, require_inside
@@ -132,6 +133,11 @@ class Scene:
     @property
     def name(self) -> str:
         return self.manifest.name
+
+    @property
+    def settings_table(self) -> tuple[dict[str, Any], str]:
+        """The manifest's `[settings]`, which the renderer's user may override, and its path."""
+        return self.manifest.settings, str(self.root / MANIFEST_NAME)
 
     @property
     def exposure(self) -> float:

@@ -86,11 +86,15 @@ def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settin
     IprtError
         A key is no setting, or a value is of the wrong type or out of its bounds.
     """
-    preset = [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
-    asked = [*preset, *assignments]
+    asked = [*preset_settings(quality), *assignments]
     names = [item.value for item in asked if item.key == "method"]
     known = bool(names) and names[-1] in methods()  # `assigned` complains of others
     return assigned(Settings(method=names[-1]) if known else Settings(), asked)
+
+
+def preset_settings(quality: Quality) -> list[Assignment]:
+    """Return the assignments of a preset."""
+    return [Assignment(k, v, f"preset {quality}: {k}") for k, v in PRESETS[quality].items()]
 
 
 def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
@@ -160,10 +164,21 @@ def read_settings(path: Path) -> list[Assignment]:
         raise IprtError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise IprtError(f"{path}: {error}") from None
+    return table_settings(tables, str(path))
+
+
+def table_settings(tables: Mapping[str, Any], source: str) -> list[Assignment]:
+    """Return the assignments of parsed TOML; `source` names it in errors.
+
+    Raises
+    ------
+    IprtError
+        A key is no setting.
+    """
     assignments = []
     for key, value in _flat(tables):
         shown = "{...}" if isinstance(value, dict) else printable(_toml_value(value), 100)
-        assignments.append(Assignment(key, value, f"{path}: {printable(key)} = {shown}"))
+        assignments.append(Assignment(key, value, f"{source}: {printable(key)} = {shown}"))
     for item in assignments:
         _require_setting(item)
     return assignments

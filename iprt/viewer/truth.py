@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
-from iprt.measure.target import Target, read_target, truth_indices
+from iprt.measure.view_truth import Target, read_target, truth_indices
 from iprt.scene.scene import Scene
 from iprt.viewer.session import Shown
 

@@ -44,7 +44,9 @@ def test_a_captured_room_lights_objects_as_the_room_does(
         "-o",
         str(output),
         "--center",
-        "0,0,0",
+        "0",
+        "0",
+        "0",
         "--size",
         "256",
         "128",
@@ -118,8 +120,7 @@ def test_a_convention_can_be_forced_and_what_does_not_fit_is_refused(
     [
         (["--size", "64", "64"], "--size 64 64: expected twice as wide as high"),
         (["--every", "0"], "--every 0: expected 1 or more"),
-        (["--center", "1,2"], "--center 1,2: expected X,Y,Z in metres"),
-        (["--center", "nan,0,0"], "--center nan,0,0: expected X,Y,Z in metres"),
+        (["--center", "nan", "0", "0"], "--center nan 0 0: expected at most 100000 m from 0"),
     ],
 )
 def test_bad_values_are_one_line_and_make_nothing(

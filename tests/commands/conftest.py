@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iprt.commands.job import Job
 from iprt.commands.render import render
+from iprt.commands.render_job import RenderJob
 from iprt.convergence import Goal
 from iprt.device.profile import Profile
 from iprt.film import view_at
@@ -83,7 +83,7 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
             profile=Profile(), name="a device", buffers={}, opengl={}, memory=2**30
         )
 
-    def film(job: Job, device: SimpleNamespace) -> FakeFilm:
+    def film(job: RenderJob, device: SimpleNamespace) -> FakeFilm:
         view = view_at(job.scene, job.view, 0)
         return FakeFilm(device, job.settings, view, job.accumulate)
 
@@ -91,5 +91,5 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
     import_module("iprt.device.counting")  # derives from the class, which is replaced here
     monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
     monkeypatch.setattr("iprt.commands.video.ComputeDevice", compute)
-    monkeypatch.setattr(Job, "film", film)
+    monkeypatch.setattr(RenderJob, "film", film)
     return lambda *args, **kwargs: render(folder, *args, **kwargs)

@@ -11,8 +11,8 @@ import pytest
 from iprt import cli
 from iprt.device.choose import choose_device
 from iprt.measure import bench, calibration
-from iprt.measure.kept_tradeoff import Timed, tradeoff_for
 from iprt.measure.tradeoff import Tradeoff, shipped
+from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
 from iprt.settings.ladder import LADDER
 from tests.measure.tiny import write_tiny
 
@@ -27,7 +27,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(calibration, "SSIM_FRAMES", (1, 2))
     monkeypatch.setattr(bench, "WARM_UP", 1)
     monkeypatch.setattr(bench, "FEWEST_ROUNDS", 1)
-    monkeypatch.setattr("iprt.measure.kept_tradeoff.own_folder", lambda: tmp_path / "own")
+    monkeypatch.setattr("iprt.measure.tradeoff_cache.own_folder", lambda: tmp_path / "own")
     return write_tiny(tmp_path / "room", "near", "again", "third")
 
 
@@ -38,7 +38,7 @@ def test_a_table_of_the_device_is_kept_and_used(
     assert cli.main(["calibrate", str(quick), "--device", DEVICE]) == 0
     printed = capsys.readouterr().out
     assert all(name in printed for name in LADDER)
-    timed = Timed.of(choose_device(DEVICE))
+    timed = TimedDevice.of(choose_device(DEVICE))
     table = tradeoff_for(timed)
     assert timed.made(table)
     assert (table.scene, table.truth) == ("box", shipped().truth)

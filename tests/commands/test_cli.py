@@ -13,6 +13,7 @@ import pytest
 from iprt import cli
 from iprt.commands.help import unwrapped
 from iprt.errors import DeviceError, KernelError, SceneError
+from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).parents[2]
 Install = Callable[[Callable[..., int | None]], None]
@@ -249,3 +250,21 @@ def test_help_starts_quickly() -> None:
     )
     heavy = {"pyopencl", "trimesh", "scipy", "skimage", "moderngl", "OpenEXR", "mitsuba"}
     assert not heavy & set(result.stderr.split())
+
+
+@pytest.mark.thorough
+def test_bash_completes_verbs_flags_and_values(tmp_path: Path) -> None:
+    """By the script that docs/command-line.md says how to write."""
+    script = tmp_path / "iprt"
+    words = [sys.executable, "-m", "iprt", "--tyro-write-completion", "bash", str(script)]
+    subprocess.run(words, check=True, timeout=DEADLINE_S)
+    line = (
+        f"source {script}; name=$(complete -p iprt | sed 's/.*-F \\([^ ]*\\).*/\\1/')\n"
+        'try() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMP_LINE="$*"; COMPREPLY=()\n'
+        'COMP_POINT=${#COMP_LINE}; $name iprt "${@: -1}" "${@: -2:1}"; echo "${COMPREPLY[*]}"; }\n'
+        "try iprt swe; try iprt scene ch; try iprt render --qu; try iprt render --quality d"
+    )
+    done = subprocess.run(
+        ["bash", "-c", line], capture_output=True, text=True, check=True, timeout=DEADLINE_S
+    )
+    assert done.stdout.split("\n")[:4] == ["sweep", "check", "--quality", "draft"]

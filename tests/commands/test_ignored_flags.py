@@ -19,7 +19,6 @@ STILL = [
     ),
     ("bench SCENE --view equirect --size 200 128", "try --size 256 128"),
     ("profile SCENE --view equirect --size 200 128", "try --size 256 128"),
-    ("bench SCENE --convergence 1,2 --frames 3", "--frames 3: has no effect"),
     ("compare SCENE --one-at-a-time", "--one-at-a-time: is for --sweep"),
     ("compare SCENE --json --markdown", "--json and --markdown: give one of them"),
     ("view SCENE --web --size 100 100", "--size: is for a window"),
@@ -51,7 +50,9 @@ def test_flags_without_effect(
     assert told in fails(*line.replace("SCENE", str(scene)).split())
 
 
-def test_frames_of_a_video_are_for_trails(tmp_path: Path, fails: Callable[..., str]) -> None:
+def test_accumulated_frames_of_a_video_are_for_trails(
+    tmp_path: Path, fails: Callable[..., str]
+) -> None:
     folder = write_clip(tmp_path / "clip")
-    line = fails("compare", folder, "--frames", 8)
-    assert "--frames 8: has no effect on a video without --trails" in line
+    line = fails("compare", folder, "--accumulate", 8)
+    assert "--accumulate 8: has no effect on a video without --trails" in line

@@ -156,7 +156,7 @@ def test_a_scene_reached_by_a_link_to_its_file_is_not_changed(
     (scene.parent / "m.obj").write_text(CUBE)
     before = snapshot(scene.parent)
     monkeypatch.chdir(scene.parent)
-    line = fails("scene", "add", "room", "m.obj", "--look", "0,-40")
+    line = fails("scene", "add", "room", "m.obj", "--look", "0", "-40")
     assert "room/scene.toml: is a symbolic link" in line
     assert (scene / "scene.toml").is_symlink()
     assert snapshot(scene.parent) == before

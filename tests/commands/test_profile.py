@@ -54,7 +54,7 @@ def test_a_still_scene_is_profiled_and_compared(
     room: Path, tmp_path: Path, printed: Callable[..., str]
 ) -> None:
     trace, old = tmp_path / "trace.json", tmp_path / "old.json"
-    old.write_text(printed(room, "--frames", 16, "--trace", trace, "--json"))
+    old.write_text(printed(room, "--repeat", 16, "--trace", trace, "--json"))
     record: dict[str, Any] = json.loads(old.read_text())
     assert (record["frames"], record["width"], record["height"]) == (16, 18, 12)
     passes = {row["name"]: row for row in record["passes"]}
@@ -82,7 +82,7 @@ def test_a_still_scene_is_profiled_and_compared(
     assert "frame 16" not in names  # the warm-up and the frames that are counted are not shown
     assert names.count("trace_delta") >= 16
 
-    told = json.loads(printed(room, "--frames", 16, "--compare", old, "--json"))
+    told = json.loads(printed(room, "--repeat", 16, "--compare", old, "--json"))
     rows = {(row["name"], row["part"]): row for row in told["changes"]}
     assert rows["trace real", "trace_delta"]["before_ms"] == delta["ms"]
     assert all(row["noise_ms"] > 0.0 for row in told["changes"] if row["after_ms"] is not None)
@@ -93,7 +93,7 @@ def test_a_still_scene_is_profiled_and_compared(
 def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
     clip = write_clip(tmp_path / "clip", 3)
     rows = list(
-        csv.DictReader(io.StringIO(printed(clip, "--method", "ibl", "--frames", 2, "--csv")))
+        csv.DictReader(io.StringIO(printed(clip, "--method", "ibl", "--repeat", 2, "--csv")))
     )
     launches = {row["pass"]: float(row["launches"]) for row in rows if row["kind"] == "pass"}
     # Frames are read, become surfaces and pyramids, and are looked at.
@@ -110,7 +110,7 @@ def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
 @pytest.mark.thorough
 @pytest.mark.gl
 def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[..., str]) -> None:
-    text = printed(room, "--frames", 1)
+    text = printed(room, "--repeat", 1)
     for part in ("trace_delta", "active", "MiB", "view/composite.cl", "frames/s"):
         assert part in text
 
@@ -118,7 +118,7 @@ def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--frames", "0"), "--frames 0: expected 1 to"),
+        (("--repeat", "0"), "--repeat 0: expected 1 to"),
         (("--json", "--csv"), "--json and --csv: give one of them"),
         (("--csv", "--compare", "x.json"), "--compare: is for a table or --json"),
         (("--compare", "x.json"), "x.json: cannot be read"),

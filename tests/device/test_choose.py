@@ -158,6 +158,21 @@ def test_environment_goes_before_the_order_but_not_before_a_spec(
         choose()
 
 
+def test_iprt_device_is_used_where_nothing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    infos = module.describe_devices()
+    last = infos[-1]
+    monkeypatch.setenv("PYOPENCL_CTX", infos[0].index)
+    monkeypatch.setenv("IPRT_DEVICE", last.index)
+    assert choose().info == last
+    assert choose().reason == f"IPRT_DEVICE='{last.index}', named by its place"
+    assert choose(infos[0].index).info == infos[0]
+    monkeypatch.setenv("IPRT_DEVICE", "")
+    assert "PYOPENCL_CTX" in choose().reason
+    monkeypatch.setenv("IPRT_DEVICE", "no such device")
+    with pytest.raises(DeviceError, match=r"^IPRT_DEVICE='no such device': no OpenCL device fits"):
+        choose()
+
+
 def test_the_real_list_is_in_the_loaders_order() -> None:
     infos = describe_devices()
     devices = [device for p in cl.get_platforms() for device in p.get_devices()]

@@ -178,7 +178,7 @@ def test_nothing_is_written_through_a_link(
     (whole / "meshes").symlink_to(shared)
     (tmp_path / "new.obj").write_text(CUBE)
     before = snapshot(tmp_path)
-    words = ["scene", "add", whole, tmp_path / "new.obj", "--look=0,-40"]
+    words = ["scene", "add", whole, tmp_path / "new.obj", "--look", "0", "-40"]
     assert "meshes/new.obj: is a link to" in fails(*words)
     assert snapshot(tmp_path) == before
     assert cli.main([str(word) for word in words] + ["--allow-outside"]) == 0

@@ -168,10 +168,10 @@ def test_an_equirect_view_does_not_turn() -> None:
     assert all(turned(view, index) == view for index in range(200))
 
 
-@pytest.mark.parametrize("frames", [0, -3, 100_001])
-def test_frames_out_of_range_are_refused(frames: int) -> None:
-    with pytest.raises(IprtError, match=f"--frames {frames}: expected 1 to"):
-        bench(ROOM, frames=frames)
+@pytest.mark.parametrize("repeat", [0, -3, 100_001])
+def test_numbers_of_frames_out_of_range_are_refused(repeat: int) -> None:
+    with pytest.raises(IprtError, match=f"--repeat {repeat}: expected 1 to"):
+        bench(ROOM, repeat=repeat)
 
 
 @pytest.mark.thorough

@@ -12,11 +12,11 @@ from iprt.geometry.camera import View
 from iprt.measure import calibration
 from iprt.measure.calibration import SIDES, TIMES_S, Subject, Times, measure_times, tradeoff_of
 from iprt.measure.intervals import Ratio
-from iprt.measure.kept_tradeoff import Timed
+from iprt.measure.tradeoff_cache import TimedDevice
 from iprt.settings.ladder import BALANCED, LADDER
 from tests.measure.tables import FRAMES, made_table
 
-TIMED = Timed("a device (a platform)", "1.0")
+TIMED = TimedDevice("a device (a platform)", "1.0")
 SSIM = {entry.name: entry.ssim for entry in made_table().entries}
 Given = Mapping[str, tuple[float, float]]
 

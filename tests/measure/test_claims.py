@@ -1,4 +1,4 @@
-"""`iprt bench --claims`: what is made of times and pictures that are known."""
+"""`iprt claims`: what is made of times and pictures that are known."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from iprt import cli
-from iprt.commands import bench_truth
 from iprt.measure.claims import Claim, Found, Subject, Verdict, claims_grid
 from iprt.measure.intervals import Ratio
 from iprt.measure.learned import Learned
 from iprt.measure.published import CLAIMS
-from iprt.measure.target import Scores
+from iprt.measure.view_truth import Scores
 from iprt.settings.methods import methods
 from iprt.settings.overrides import all_settings
 from tests.measure.tiny import write_tiny
@@ -149,9 +148,9 @@ def test_a_view_is_measured(
 ) -> None:
     """The one about image-based lighting, from files to JSON and a page."""
     folder = write_tiny(tmp_path / "room", "near")
-    monkeypatch.setattr(bench_truth, "CLAIMS", CLAIMS[:2])
+    monkeypatch.setattr("iprt.measure.published.CLAIMS", CLAIMS[:2])
     page = tmp_path / "page.html"
-    words = ["bench", str(folder), "--claims", "--frames", "2", "--device", "pocl"]
+    words = ["claims", str(folder), "--accumulate", "2", "--device", "pocl"]
     assert cli.main([*words, "--json", "--html", str(page)]) == 0
     first, second = json.loads(capsys.readouterr().out)["claims"]
     assert first["view"] == second["view"] == "near"

@@ -23,7 +23,7 @@ from iprt.errors import FormatError, IprtError, SceneError
 from iprt.geometry.camera import View
 from iprt.measure import metrics
 from iprt.measure.compare import Compared, Comparison, compare_views
-from iprt.measure.target import Scores, views_with_truth
+from iprt.measure.view_truth import Scores, views_with_truth
 from iprt.output.display import display
 from iprt.output.exr import write_exr
 from iprt.settings.methods import methods
@@ -116,6 +116,7 @@ def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
     return SimpleNamespace(
         name="room",
         exposure=1.5,
+        settings_table=({}, "scene.toml"),
         views={"plain": plain, "table": compared},
         frame=lambda index: f"frame {index}",
         instances_named=lambda names: names,
@@ -290,7 +291,7 @@ def command(
     module("iprt.device.choose", choose_device=lambda spec: spec)
     monkeypatch.setattr("iprt.measure.protocol.provenance", lambda _: MADE)
     module("iprt.device.compute", ComputeDevice=lambda spec: device)
-    return lambda **kwargs: compare(Path("room"), frames=2, **kwargs)
+    return lambda **kwargs: compare(Path("room"), accumulate=2, **kwargs)
 
 
 def test_json_goes_to_stdout_alone(
@@ -378,7 +379,7 @@ def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [{"frames": 0}, {"seed": -1}, {"fail_under_ssim": 1.5}, {"fail_under_ssim": float("nan")}],
+    [{"accumulate": 0}, {"seed": -1}, {"fail_under_ssim": 1.5}, {"fail_under_ssim": float("nan")}],
 )
 def test_bad_values_are_refused(arguments: dict[str, Any]) -> None:
     flag = next(iter(arguments)).replace("_", "-")

@@ -1,4 +1,4 @@
-"""`iprt bench --seconds`: who gets how far in equal time, and what frames cost."""
+"""`iprt equal-time`: who gets how far in equal time, and what frames cost."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from iprt.errors import IprtError
 from iprt.measure import equal_time
 from iprt.measure.equal_time import costs_of, parse_seconds, pictures_within
 from iprt.measure.sweep import combinations
-from iprt.measure.target import Radiance
+from iprt.measure.view_truth import Radiance
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.methods import methods
@@ -37,12 +37,12 @@ class Clockwork:
 
 
 def test_the_last_picture_in_time_counts_or_the_first() -> None:
-    contender = Clockwork()
-    found = pictures_within(contender, [0.1, 0.35, 0.45, 1.0, 1.05])
+    renderer = Clockwork()
+    found = pictures_within(renderer, [0.1, 0.35, 0.45, 1.0, 1.05])
     assert [count for count, *_ in found] == [1, 1, 2, 8, 8]
     assert all(seconds == pytest.approx(0.2 + 0.1 * count) for count, seconds, _ in found)
     assert all(color.item(0) == count for count, _, color in found)
-    assert contender.asked == list(range(1, 10)), "each frame once"
+    assert renderer.asked == list(range(1, 10)), "each frame once"
 
 
 def test_times_rise() -> None:
@@ -95,7 +95,16 @@ def test_costs_are_those_of_the_frames_that_have_them(
 @pytest.mark.gl
 def test_results_hold_all_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = write_tiny(tmp_path / "room", "near")
-    words = ["bench", str(folder), "--seconds", "0.01,0.5", "--frames", "3", "--device", "pocl"]
+    words = [
+        "equal-time",
+        str(folder),
+        "--seconds",
+        "0.01,0.5",
+        "--accumulate",
+        "3",
+        "--device",
+        "pocl",
+    ]
     words += ["--sweep", "method=ibl,em", "--html", str(tmp_path / "page.html")]
     assert cli.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["results"]

@@ -54,7 +54,7 @@ def test_our_own_picture_has_the_scores_of_our_own(
     device = ["--device", "pocl"]
     words = ["render", room, "--view", "near", "--accumulate", 2, "-o", mine / "near.exr", *device]
     assert cli.main([*map(str, words)]) == 0
-    words = ["--pictures", mine, "--method", "iprt", "--frames", 2, *device]
+    words = ["--pictures", mine, "--method", "iprt", "--accumulate", 2, *device]
     given, perfect, ours, _ = compared(room, *words)
     assert (given.pop("method"), given.pop("ms"), ours.pop("method")) == ("mine", {}, "iprt")
     assert ours.pop("ms")

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iprt.errors import FormatError
-from iprt.measure.kept_tradeoff import Timed, keep, tradeoff_for
 from iprt.measure.pareto import pareto_front
 from iprt.measure.tradeoff import Entry, Range, Tradeoff, shipped
+from iprt.measure.tradeoff_cache import TimedDevice, keep, tradeoff_for
 from iprt.measure.tradeoff_report import tradeoff_grid
 from iprt.settings.ladder import BALANCED, KEYS, LADDER, entry_assignments
 from iprt.settings.model import Settings
@@ -23,7 +23,7 @@ from iprt.settings.overrides import changed, resolved
 from iprt.settings.presets import CONVERGED, PRESETS, Quality
 from tests.measure.tables import STEP, made_table, ratio_of
 
-TIMED = Timed("a device (a platform)", "1.0")
+TIMED = TimedDevice("a device (a platform)", "1.0")
 
 
 def named(table: Tradeoff, name: str) -> Entry:
@@ -181,7 +181,7 @@ def test_the_own_table_is_that_of_the_device(own: Path) -> None:
     keep(table, own)
     assert tradeoff_for(TIMED) == table
     assert TIMED.made(table)
-    assert tradeoff_for(Timed("another (a platform)", "1.0")) is shipped()
+    assert tradeoff_for(TimedDevice("another (a platform)", "1.0")) is shipped()
 
 
 @pytest.mark.parametrize("change", [{"driver": "0.9"}, {"version": "0.0.1"}, {"device": "renamed"}])

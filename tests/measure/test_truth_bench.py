@@ -1,4 +1,4 @@
-"""`iprt bench` against truth: sweeps, convergence and their pages, on a scene of a few pixels.
+"""`iprt sweep` and `iprt converge`, and their pages, on a scene of a few pixels.
 
 The truth is a picture that the renderer itself made, so that the best settings are known.
 """
@@ -18,15 +18,14 @@ import pytest
 from scipy import stats
 
 from iprt import cli
-from iprt.commands import bench_truth
-from iprt.commands.bench import TRUTH_FLAGS
-from iprt.commands.bench_truth import parse_levels
+from iprt.commands.measurement import parse_levels
 from iprt.errors import DeviceError, IprtError
 from iprt.files.images import read_color
+from iprt.measure import sweep
 from iprt.measure.convergence import Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
 from iprt.measure.sweep import combinations, still_settings
-from iprt.measure.target import read_target
+from iprt.measure.view_truth import read_target
 from iprt.scene.scene import Scene
 from iprt.settings.overrides import parse_assignment, resolved
 from iprt.settings.presets import PRESETS
@@ -52,7 +51,7 @@ def render(scene: Path, output: Path, *settings: str, frames: int = FRAMES) -> N
 
 
 def run(*words: object) -> int:
-    return cli.main(["bench", *map(str, words), *QUICK, "--background", "panorama"])
+    return cli.main([*map(str, words), *QUICK, "--background", "panorama"])
 
 
 def measured(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
@@ -99,48 +98,42 @@ def knob_of(settings: Any, key: str) -> Any:
     return settings
 
 
-BAD: dict[str, tuple[list[str], str]] = {
-    "no values": (["--sweep", "trace.rays"], "--sweep trace.rays: expected KEY=VALUE,VALUE"),
-    "a gap": (["--sweep", "trace.rays=1,,2"], "--sweep trace.rays=: expected KEY=VALUE"),
-    "bound": (["--sweep", "trace.rays=1,0"], "--sweep trace.rays=0: expected a whole number"),
-    "setting": (["--sweep", "trace.rais=1"], "did you mean trace.rays?"),
-    "quality": (["--sweep", "quality=best"], "--sweep quality=best: expected some of draft"),
-    "fading": (["--sweep", "fading=0.1,0.5"], "has no effect on a still picture"),
-    "twice": (["--sweep", "seed=1", "--sweep", "seed=2"], "--sweep seed: is swept twice"),
-    "many": (["--sweep", "seed=" + ",".join(map(str, range(1001)))], "1001 combinations; at most"),
-    "seeds": (["--sweep", "seed=1", "--seeds", "0"], "--seeds 0: expected 1 to 100"),
-    "size": (["--sweep", "seed=1", "--size", "40", "30"], "--size 40 30: the truth of view 'near'"),
-    "no size": (["--sweep", "seed=1", "--size", "0", "0"], "--size 0 0: the truth of view 'near'"),
-    "view": (["--sweep", "seed=1", "--view", "far"], "no view is named 'far'"),
-    "formats": (["--sweep", "seed=1", "--json", "--markdown"], "--json and --markdown"),
-    "page": (
-        ["--html", "a.html"],
-        f"--html: is for {TRUTH_FLAGS}",
+BAD: dict[str, tuple[str, list[str], str]] = {
+    "nothing": ("sweep", [], "no setting to vary"),
+    "no values": ("sweep", ["trace.rays"], "sweep trace.rays: expected KEY=VALUE,VALUE"),
+    "a gap": ("sweep", ["trace.rays=1,,2"], "sweep trace.rays=: expected KEY=VALUE"),
+    "bound": ("sweep", ["trace.rays=1,0"], "sweep trace.rays=0: expected a whole number"),
+    "setting": ("sweep", ["trace.rais=1"], "did you mean trace.rays?"),
+    "quality": ("sweep", ["quality=best"], "sweep quality=best: expected some of draft"),
+    "fading": ("sweep", ["fading=0.1,0.5"], "has no effect on a still picture"),
+    "twice": ("sweep", ["seed=1", "seed=2"], "sweep seed: is swept twice"),
+    "many": (
+        "sweep",
+        ["seed=" + ",".join(map(str, range(1001)))],
+        "1001 combinations; at most",
     ),
-    "page in place": (["--sweep", "seed=1", "--html", "ROOM/truth.exr/a.html"], "not a folder"),
-    "scene's file": (["--sweep", "seed=1", "--html", "ROOM/scene.toml"], "belongs to the scene"),
-    "alone": (["--one-at-a-time"], "--one-at-a-time: is for --sweep"),
-    "one seed": (
-        ["--seeds", "2"],
-        f"--seeds: is for {TRUTH_FLAGS}",
-    ),
-    "no levels": (["--reach", "0.9"], "--reach: is for --convergence or --against"),
-    "model": (["--convergence", "1", "--model", "m"], "--model: is for --against"),
-    "counts": (["--convergence", "4,2"], "--convergence 4,2: expected rising numbers"),
-    "seconds": (["--seconds", "1,0.5"], "--seconds 1,0.5: expected rising times"),
-    "claims": (["--claims", "--sweep", "seed=1"], "--claims: says what is measured"),
-    "both": (["--seconds", "1", "--convergence", "1"], "--seconds: does not go with"),
-    "levels": (["--convergence", "1", "--reach", "1.5"], "--reach 1.5: expected values of SSIM"),
-    "views": (["--view", "near", "--view", "again"], "--view again: only one view is timed"),
+    "seeds": ("sweep", ["seed=1", "--seeds", "0"], "--seeds 0: expected 1 to 100"),
+    "size": ("sweep", ["seed=1", "--size", "40", "30"], "--size 40 30: the truth of view 'near'"),
+    "no size": ("sweep", ["seed=1", "--size", "0", "0"], "--size 0 0: the truth of view 'near'"),
+    "view": ("sweep", ["seed=1", "--view", "far"], "no view is named 'far'"),
+    "formats": ("sweep", ["seed=1", "--json", "--markdown"], "--json and --markdown"),
+    "frames": ("sweep", ["seed=1", "--accumulate", "0"], "--accumulate 0: expected 1 to"),
+    "page in place": ("sweep", ["seed=1", "--html", "ROOM/truth.exr/a.html"], "not a folder"),
+    "scene's file": ("sweep", ["seed=1", "--html", "ROOM/scene.toml"], "belongs to the scene"),
+    "alone": ("converge", ["--one-at-a-time"], "--one-at-a-time: needs --sweep"),
+    "counts": ("converge", ["--accumulate", "4,2"], "--accumulate 4,2: expected rising numbers"),
+    "levels": ("converge", ["--reach", "1.5"], "--reach 1.5: expected values of SSIM"),
+    "seconds": ("equal-time", ["--seconds", "1,0.5"], "--seconds 1,0.5: expected rising times"),
+    "repeat": ("bench", ["--repeat", "0"], "--repeat 0: expected 1 to"),
 }
 
 
-@pytest.mark.parametrize(("words", "message"), BAD.values(), ids=BAD)
+@pytest.mark.parametrize(("verb", "words", "message"), BAD.values(), ids=BAD)
 def test_bad_values_are_one_line(
-    words: list[str], message: str, scene: Path, fails: Callable[..., str]
+    verb: str, words: list[str], message: str, scene: Path, fails: Callable[..., str]
 ) -> None:
     given = [word.replace("ROOM", str(scene)) for word in words]
-    assert message in fails("bench", scene, *given)
+    assert message in fails(verb, scene, *given)
 
 
 @pytest.mark.parametrize(
@@ -172,8 +165,8 @@ def test_levels() -> None:
 def test_sweep_finds_the_settings_that_made_the_truth(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--sweep", "trace.object_rays=1,2", "--frames", FRAMES, "--seeds", 1, "--view", "near"]
-    found = measured(capsys, scene, *words)
+    words = ["trace.object_rays=1,2", "--accumulate", FRAMES, "--seeds", 1, "--view", "near"]
+    found = measured(capsys, "sweep", scene, *words)
     one, two = found["rows"]
     assert (one["values"], two["values"]) == ({"trace.object_rays": 1}, {"trace.object_rays": 2})
     assert two["rmse"] == {"mean": 0.0, "half": None}
@@ -191,8 +184,8 @@ def test_sweep_finds_the_settings_that_made_the_truth(
 def test_intervals_are_over_pictures_of_other_seeds(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--sweep", "seed=5", "--frames", FRAMES, "--seeds", 3, "--view", "near"]
-    (row,) = measured(capsys, scene, *words)["rows"]
+    words = ["seed=5", "--accumulate", FRAMES, "--seeds", 3, "--view", "near"]
+    (row,) = measured(capsys, "sweep", scene, *words)["rows"]
     target = read_target(Scene.open(scene), "near", "panorama")
     values = []
     for seed in (5, 6, 7):
@@ -207,9 +200,9 @@ def test_intervals_are_over_pictures_of_other_seeds(
 def test_convergence_passes_through_the_truth(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--convergence", "1,2,4", "--seeds", 1, "--view", "near"]
+    words = ["--accumulate", "1,2,4", "--seeds", 1, "--view", "near"]
     words += ["--set", "trace.object_rays=2"]
-    (curve,) = measured(capsys, scene, *words)["curves"]
+    (curve,) = measured(capsys, "converge", scene, *words)["curves"]
     points = curve["points"]
     assert [point["count"] for point in points] == [1, 2, 4]
     assert points[1]["ssim"]["mean"] == pytest.approx(1.0)
@@ -266,8 +259,8 @@ def test_page_of_a_sweep_needs_nothing_else(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     html = tmp_path / "new" / "a.html"
-    words = ["--sweep", "trace.rays=1,2", "--frames", 1, "--seeds", 2, "--html", html]
-    assert run(scene, *words, "--markdown") == 0
+    words = ["trace.rays=1,2", "--accumulate", 1, "--seeds", 2, "--html", html]
+    assert run("sweep", scene, *words, "--markdown") == 0
     table = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
     assert len(table) == 2 + 4
     assert "8 runs: 2 combinations of settings, 2 views, 2 seeds" in caplog.text
@@ -284,8 +277,8 @@ def test_page_of_a_sweep_needs_nothing_else(
 def test_page_of_convergence_and_of_a_comparison(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["--convergence", "1,2", "--seeds", 1, "--view", "near", "--html", tmp_path / "a.html"]
-    assert run(scene, *words, "--sweep", "trace.rays=1,2") == 0
+    words = ["--accumulate", "1,2", "--seeds", 1, "--view", "near", "--html", tmp_path / "a.html"]
+    assert run("converge", scene, *words, "--sweep", "trace.rays=1,2") == 0
     assert "Seconds to reach an SSIM" in capsys.readouterr().out
     page = page_of(tmp_path / "a.html")
     assert len(page.named("object")) == 2, "one per cut"
@@ -293,7 +286,7 @@ def test_page_of_convergence_and_of_a_comparison(
     words = [
         "compare",
         str(scene),
-        "--frames",
+        "--accumulate",
         "1",
         "--view",
         "near",
@@ -316,16 +309,16 @@ def test_what_was_measured_before_an_error_is_kept(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    whole = bench_truth.run_sweep
+    whole = sweep.run_sweep
 
     def failing(*args: Any, **kwargs: Any) -> Any:
         yield next(whole(*args, **kwargs))
         raise DeviceError("lost")
 
-    monkeypatch.setattr(bench_truth, "run_sweep", failing)
+    monkeypatch.setattr(sweep, "run_sweep", failing)
     html = tmp_path / "a.html"
-    words = ["--sweep", "trace.rays=1,2", "--frames", 1, "--seeds", 1, "--view", "near"]
-    assert run(scene, *words, "--json", "--html", html) == 3
+    words = ["trace.rays=1,2", "--accumulate", 1, "--seeds", 1, "--view", "near"]
+    assert run("sweep", scene, *words, "--json", "--html", html) == 3
     captured = capsys.readouterr()
     assert len(json.loads(captured.out)["rows"]) == 1
     assert captured.err.endswith("iprt: error: lost\n")
@@ -338,7 +331,7 @@ def test_what_was_measured_before_a_signal_is_printed(results: str, printed: str
     code = (
         "import os, signal, time; from iprt.files.termination import end_on_signals\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
-        "from iprt.commands.bench_truth import printed_at_last\n"
+        "from iprt.commands.measurement import printed_at_last\n"
         f"with printed_at_last([{results}], lambda: print('table')):\n"
         "    os.kill(os.getpid(), signal.SIGINT); time.sleep(1000)"
     )

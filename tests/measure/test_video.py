@@ -18,8 +18,8 @@ from iprt import cli
 from iprt.commands.compare_video import VideoFlags, stability_grid
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
+from iprt.measure.film_strip import COLUMNS, Strip
 from iprt.measure.stability import CAUSES
-from iprt.measure.strip import COLUMNS, Strip
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
 from iprt.output.display import display
@@ -234,11 +234,15 @@ def test_how_fast_history_fades_is_swept_of_videos_only() -> None:
         combinations("balanced", [], sweep, one_at_a_time=True)
 
 
-@pytest.mark.parametrize("play", [(-1, 3), (2, 1), (0, 6)])
-def test_frames_that_are_not_there_are_refused(scene: Any, play: tuple[int, int]) -> None:
-    with pytest.raises(IprtError, match=f"--play {play[0]} {play[1]}: clip has the frames 0 to 5"):
-        VideoFlags(play=play).indices(scene)
-    assert VideoFlags(play=(2, 4)).indices(scene) == range(2, 5)
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [("2:1", "the first frame"), ("0:6", "no frame 6"), ("::2", "without gaps")],
+)
+def test_frames_that_cannot_be_played_are_refused(scene: Any, frames: str, message: str) -> None:
+    with pytest.raises(IprtError, match=f"--frames {frames}: .*{message}"):
+        VideoFlags(frames=frames).indices(scene)
+    assert VideoFlags(frames="2:4").indices(scene) == range(2, 5)
+    assert VideoFlags().indices(scene) == range(6)
 
 
 def test_flags_for_videos_are_refused_for_pictures() -> None:
@@ -268,7 +272,7 @@ def test_what_no_object_touches_is_as_steady_as_the_input(
 ) -> None:
     """To the last bit, while everything moves; and the verb says so."""
     words = ["compare", str(clip), "--device", "pocl", "--size", "64", "32", "--json"]
-    more = ["--play", "0", "2", "--frames", "4", "--trails", "--save", str(tmp_path / "saved")]
+    more = ["--frames", "0:2", "--accumulate", "4", "--trails", "--save", str(tmp_path / "saved")]
     assert cli.main([*words, *more, "--fail-over-flicker", "1e9"]) == 0
     (record,) = json.loads(capsys.readouterr().out)["results"]
     assert record["unequal_pixels"] == 0
@@ -278,4 +282,4 @@ def test_what_no_object_touches_is_as_steady_as_the_input(
     assert record["trails"]["object"]["ages"][0]["pixels"] > 10
     assert list(record["scores"]) == ["1", "2"]
     assert (tmp_path / "saved" / "ahead-base.png").exists()
-    assert cli.main([*words, "--play", "0", "1", "--fail-over-flicker", "0.5"]) == 1
+    assert cli.main([*words, "--frames", "0:1", "--fail-over-flicker", "0.5"]) == 1

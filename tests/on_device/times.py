@@ -14,7 +14,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.measure.bench import timed, timed_together
 from iprt.measure.camera_motion import Playback, Reel, Step, Turn
 from iprt.measure.cost_report import CostReport
-from iprt.measure.intake import time_intake
+from iprt.measure.frame_preparation import time_preparation
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from iprt.settings.overrides import resolved
@@ -115,7 +115,7 @@ def _reel(size: tuple[int, int], motion: str, settings: Settings) -> Reel:
 
 def _intake(device: ComputeDevice, size: tuple[int, int], frames: int) -> list[Row]:
     device.profile.reset()
-    found = time_intake(device, opened("train"), Settings(), frames=frames, size=size)
+    found = time_preparation(device, opened("train"), Settings(), frames=frames, size=size)
     return [
         {
             "ms": found.ms,

@@ -32,7 +32,7 @@ from tests.scene.files import (
     write_scene,
 )
 
-LOOK = "--look=0,-50"
+LOOK = ("--look", "0", "-50")
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def placed(room: Path, name: str) -> Any:
 @pytest.mark.parametrize("up", UP_AXES)
 def test_the_axis_that_is_up_points_up(up: str, room: Path, tmp_path: Path) -> None:
     mesh = wedge(tmp_path / "w.ply")
-    words = ["scene", "add", str(room), str(mesh), LOOK, "--unit=0.1", "--up", up, "--rotate=30"]
+    words = ["scene", "add", str(room), str(mesh), *LOOK, "--unit=0.1", "--up", up, "--rotate=30"]
     assert cli.main(words) == 0
     (instance,) = Scene.open(room).instances
     axis = np.eye(3)["xyz".index(up[-1])] * (-1.0 if up.startswith("-") else 1.0)
@@ -91,7 +91,7 @@ def test_units(
     unit: str, metres: float, room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mesh = wedge(tmp_path / "w.ply", 0.2 / metres)
-    assert cli.main(["scene", "add", str(room), str(mesh), LOOK, "--unit", unit]) == 0
+    assert cli.main(["scene", "add", str(room), str(mesh), *LOOK, "--unit", unit]) == 0
     assert np.allclose(np.ptp(placed(room, "w"), axis=0), [0.2, 0.4, 0.6], atol=1e-4)
     out = capsys.readouterr().out
     assert "w: 0.20 x 0.40 x 0.60 m (width, height, depth); in its file " in out
@@ -111,7 +111,14 @@ def test_a_turned_object_is_measured_as_it_stands(room: Path, tmp_path: Path) ->
 
 
 def test_scene_toml_needs_no_new_keys(room: Path, tmp_path: Path) -> None:
-    words = [str(room), str(wedge(tmp_path / "w.ply")), LOOK, "--up=z", "--rotate=90", "--unit=0.1"]
+    words = [
+        str(room),
+        str(wedge(tmp_path / "w.ply")),
+        *LOOK,
+        "--up=z",
+        "--rotate=90",
+        "--unit=0.1",
+    ]
     assert cli.main(["scene", "add", *words]) == 0
     (table,) = Scene.open(room).manifest.objects
     assert table.model_fields_set == {"name", "mesh", "to_world"}
@@ -137,7 +144,7 @@ def test_flags_that_make_no_sense(
 ) -> None:
     wedge(tmp_path / "w.ply")
     before = snapshot(room)
-    assert message in fails("scene", "add", room, tmp_path / "w.ply", LOOK, *words)
+    assert message in fails("scene", "add", room, tmp_path / "w.ply", *LOOK, *words)
     assert snapshot(room) == before
 
 
@@ -149,7 +156,7 @@ def test_an_animation_by_name_or_number(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     mesh = bar().write(tmp_path / "bar.glb")
-    words = ["scene", "add", str(room), str(mesh), LOOK]
+    words = ["scene", "add", str(room), str(mesh), *LOOK]
     assert cli.main(words) == 0
     assert "hint: bar: its file has the animations 0 ('bend'); --animation" in (
         capsys.readouterr().out
@@ -213,7 +220,7 @@ def test_add_warns_as_check_does(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    words = [str(room), str(wedge(tmp_path / "w.ply")), LOOK, "--unit", str(unit)]
+    words = [str(room), str(wedge(tmp_path / "w.ply")), *LOOK, "--unit", str(unit)]
     assert cli.main(["scene", "add", *words]) == 0
     of_add = [line for line in capsys.readouterr().out.splitlines() if "warning: w" in line]
     assert cli.main(["scene", "check", str(room)]) == 0
@@ -256,7 +263,7 @@ def test_one_object_too_many_is_not_added(
 ) -> None:
     folder = write_scene(tmp_path / "s", many(MAX_OBJECTS).replace("none.obj", "cube.obj"))
     before = snapshot(folder)
-    line = fails("scene", "add", folder, folder / "cube.obj", LOOK)
+    line = fails("scene", "add", folder, folder / "cube.obj", *LOOK)
     assert f"has {MAX_OBJECTS} objects, and no more are read" in line
     assert snapshot(folder) == before
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ def test_own_footage_takes_two_commands(
     own = str(tmp_path / "own")
     photo, depth = str(footage / "photo.PNG"), str(footage / "depth.png")
     run("new", own, "--color", photo, "--depth", depth, "--depth-scale", "0.001")
-    words = ("--look", "-20,-50", "--height", "0.3", "--material", "plastic:0.5,0.1,0.1:0.2")
+    words = ("--look", "-20", "-50", "--height", "0.3", "--material", "plastic:0.5,0.1,0.1:0.2")
     run("add", own, str(footage / "cube.obj"), *words)
     assert "--view cube -o cube.png" in capsys.readouterr().out
     scene = Scene.open(Path(own))
@@ -334,8 +335,8 @@ def test_materials_that_make_no_sense(text: str) -> None:
         parse_material(text)
 
 
-@pytest.mark.parametrize("look", ["", "3", "1,2,3", "a,b", "nan,0", "0,91", "400,0"])
-def test_directions_that_make_no_sense(tmp_path: Path, look: str) -> None:
+@pytest.mark.parametrize("look", [(math.nan, 0.0), (0.0, 91.0), (400.0, 0.0)])
+def test_directions_out_of_range(tmp_path: Path, look: tuple[float, float]) -> None:
     with pytest.raises(IprtError, match="--look"):
         commands.add(tmp_path, tmp_path / "m.obj", look=look)
 

@@ -10,7 +10,7 @@ import pytest
 from iprt.files.images import picture_size, read_color
 from iprt.footage.video.sequence import frame_path
 from iprt.geometry.camera import View
-from iprt.measure.target import truth_indices
+from iprt.measure.view_truth import truth_indices
 from iprt.scene.scene import Scene
 from scenes360.chart import make as chart
 from scenes360.train import plan as train

@@ -32,7 +32,7 @@ def judged(tmp_path: Path) -> Scene:
 
 def test_truth_is_scored_as_iprt_compare_does(judged: Scene, device: ComputeDevice) -> None:
     """SSIM of the shared scene format's own score function, and only in the view that it shows."""
-    from iprt.measure.target import read_target
+    from iprt.measure.view_truth import read_target
 
     name, own = "ahead", VIEW.resized(8 * VIEW.width, 8 * VIEW.height)
     file = judged.root / "scene.toml"

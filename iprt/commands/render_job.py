@@ -15,7 +15,7 @@ from iprt.settings.model import Settings
 
 
 @dataclass(frozen=True)
-class Job:
+class RenderJob:
     """A picture or video to render.
 
     Attributes

@@ -36,7 +36,7 @@ BRIGHTER, FARTHER = 0.01, 1e-4
 
 
 @dataclass(frozen=True)
-class Intake:
+class PreparationTimes:
     """Times of a video's frames, decoding left out.
 
     Attributes
@@ -91,7 +91,7 @@ class Intake:
         return Grid(title, ("frame", "ms"), tuple(rows), notes)
 
 
-def time_intake(
+def time_preparation(
     device: ComputeDevice,
     scene: Scene,
     settings: Settings,
@@ -99,7 +99,7 @@ def time_intake(
     frames: int,
     size: tuple[int, int] | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Intake:
+) -> PreparationTimes:
     """Time `frames` frames of a scene's video, which are enlarged to `size` where that is given."""
     held = _decoded(scene, size)
     height, width = held[0].depth.shape
@@ -130,7 +130,7 @@ def time_intake(
         replace(one, device_ms=one.device_ms / frames, host_ms=one.host_ms / frames)
         for one in device.profile.passes()
     )
-    return Intake(
+    return PreparationTimes(
         scene.name,
         device.name,
         (width, height),

@@ -15,19 +15,19 @@ from statistics import median
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
 from iprt.measure.compare import scored
-from iprt.measure.contenders import Entry, Subject
 from iprt.measure.convergence import Curve, curve
-from iprt.measure.target import Radiance, Scores, Target
+from iprt.measure.timed_renderers import Entry, Subject
+from iprt.measure.view_truth import Radiance, Scores, Target
 
 Picture = tuple[float, Radiance]
-"""Seconds and linear radiance; see `Contender.picture`."""
+"""Seconds and linear radiance; see `TimedRenderer.picture`."""
 QUICK_S, TRIES = 4.0, 3
 """Pictures made in less are made so often, and the median time counts: little disturbs them."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """How one contender did on a view.
+    """How one renderer did on a view.
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ class Result:
         return {"once": self.once, **self.curve.record()}
 
 
-class Racer:
-    """A contender in a process of its own, which is warm.
+class RendererProcess:
+    """A renderer in a process of its own, which is warm.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Racer:
         self.once = first - self.picture(1, 0)[0]
 
     def picture(self, count: int, seed: int) -> Picture:
-        """See `Contender.picture`.
+        """See `TimedRenderer.picture`.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class Racer:
         return picture
 
     def _receive(self) -> Picture | None:
-        """A picture; None: the contender is ready."""
+        """A picture; None: the renderer is ready."""
         try:
             answer: Picture | IprtError | None = self._pipe.recv()
         except EOFError:
@@ -92,8 +92,8 @@ class Racer:
 
 
 @contextmanager
-def racing(entry: Entry, subject: Subject) -> Iterator[Racer]:
-    """Start a contender's process, and end it after the block."""
+def renderer_process(entry: Entry, subject: Subject) -> Iterator[RendererProcess]:
+    """Start a renderer's process, and end it after the block."""
     # It lets signals through when it starts, which `end_on_signals` keeps from all threads.
     kept = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     resource_tracker.ensure_running()
@@ -107,7 +107,7 @@ def racing(entry: Entry, subject: Subject) -> Iterator[Racer]:
     # Signals are kept from the process too.
     with ours, at_termination(process.kill):
         try:
-            yield Racer(entry.label, ours, start)
+            yield RendererProcess(entry.label, ours, start)
         finally:
             process.kill()
             process.join()
@@ -116,11 +116,11 @@ def racing(entry: Entry, subject: Subject) -> Iterator[Racer]:
 def _serve(pipe: Connection, entry: Entry, subject: Subject) -> None:
     """What the process does: pictures that are asked for, until nobody is there."""
     try:
-        contender = entry.contender(subject)
-        contender.prepare(0)
+        renderer = entry.renderer(subject)
+        renderer.prepare(0)
         pipe.send(None)
         while True:
-            pipe.send(contender.picture(*pipe.recv()))
+            pipe.send(renderer.picture(*pipe.recv()))
     except EOFError:
         pass
     except IprtError as error:
@@ -138,14 +138,14 @@ def run_race(
 ) -> Iterator[tuple[Target, list[Result]]]:
     """The results of each view, in the order of `entries`.
 
-    Contenders take turns picture by picture, so that what slows the machine down slows all.
+    Renderers take turns picture by picture, so that what slows the machine down slows all.
 
     Parameters
     ----------
     counts : sequence of int
         Frames of iprt, samples per pixel of the others; rising.
     enough : float
-        A contender whose SSIM is so high in all cuts is not asked for more.
+        A renderer whose SSIM is so high in all cuts is not asked for more.
     seeds : int
         Pictures per count that scores and times are the means of.
     progress : callable, optional
@@ -154,14 +154,14 @@ def run_race(
     done = 0
     for subject in subjects:
         with ExitStack() as stack:
-            racers = [stack.enter_context(racing(entry, subject)) for entry in entries]
-            tracks = [Track(counts, enough) for _ in racers]
+            processes = [stack.enter_context(renderer_process(entry, subject)) for entry in entries]
+            tracks = [Track(counts, enough) for _ in processes]
             for seed in range(seeds):
                 for count in counts:
-                    for racer, track in zip(racers, tracks, strict=True):
+                    for process, track in zip(processes, tracks, strict=True):
                         if count in track.counts:
-                            seconds, color = _timed(racer, count, seed)
-                            what = f"{racer.label}, {count}"
+                            seconds, color = _timed(process, count, seed)
+                            what = f"{process.label}, {count}"
                             track.add(seed, seconds, scored(subject.target, color, what), color)
                         done += 1
                         if progress is not None:
@@ -169,22 +169,22 @@ def run_race(
         yield (
             subject.target,
             [
-                track.result(subject.target.name, racer.label, racer.once)
-                for racer, track in zip(racers, tracks, strict=True)
+                track.result(subject.target.name, process.label, process.once)
+                for process, track in zip(processes, tracks, strict=True)
             ],
         )
 
 
-def _timed(racer: Racer, count: int, seed: int) -> Picture:
+def _timed(process: RendererProcess, count: int, seed: int) -> Picture:
     """A picture and the seconds that it took; it is the same each time."""
-    seconds, color = racer.picture(count, seed)
+    seconds, color = process.picture(count, seed)
     if seconds < QUICK_S:
-        seconds = median([seconds, *(racer.picture(count, seed)[0] for _ in range(TRIES - 1))])
+        seconds = median([seconds, *(process.picture(count, seed)[0] for _ in range(TRIES - 1))])
     return seconds, color
 
 
 class Track:
-    """The pictures of one contender.
+    """The pictures of one renderer.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""`iprt bench --against`: what is asked of contenders, and what is made of their pictures."""
+"""`iprt race`: what is asked of renderers, and what is made of their pictures."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ import pytest
 from iprt import cli
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError, SceneError
-from iprt.measure.contenders import FULL, PANORAMA, Contender, IprtEntry, Subject
 from iprt.measure.convergence import Curve, Point
 from iprt.measure.intervals import Estimate
-from iprt.measure.race import Result, Track, run_race
-from iprt.measure.race_report import race_grid
 from iprt.measure.sweep import Combination, combinations, still_settings
-from iprt.measure.target import Radiance, Scores, read_target
+from iprt.measure.time_to_accuracy import Result, Track, run_race
+from iprt.measure.time_to_accuracy_report import race_grid
+from iprt.measure.timed_renderers import FULL, PANORAMA, IprtEntry, Subject, TimedRenderer
+from iprt.measure.view_truth import Radiance, Scores, read_target
 from iprt.output.exr import write_exr
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -119,7 +119,7 @@ class Pretender:
     label: str
     fault: str = ""
 
-    def contender(self, subject: Subject) -> Contender:
+    def renderer(self, subject: Subject) -> TimedRenderer:
         if self.fault == "error":
             raise SceneError("nothing there")
         if self.fault == "end":
@@ -179,10 +179,10 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
         "import os, signal, time; from pathlib import Path\n"
         "from iprt.files.termination import end_on_signals\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
-        "from iprt.measure.race import racing\n"
-        "from tests.measure.test_race import Pretender, subject_of\n"
-        f"with racing(Pretender('a'), subject_of(Path({str(scene)!r}))) as racer:\n"
-        "    print(racer.label, flush=True)\n"
+        "from iprt.measure.time_to_accuracy import renderer_process\n"
+        "from tests.measure.test_time_to_accuracy import Pretender, subject_of\n"
+        f"with renderer_process(Pretender('a'), subject_of(Path({str(scene)!r}))) as process:\n"
+        "    print(process.label, flush=True)\n"
         "    os.killpg(0, signal.SIGINT); time.sleep(1000)"
     )
     done = subprocess.run(
@@ -197,7 +197,7 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "a\n", "iprt: interrupted\n")
 
 
-# Contenders ------------------------------------------------------------------------------------
+# Renderers -------------------------------------------------------------------------------------
 
 
 @pytest.mark.thorough
@@ -217,14 +217,12 @@ def test_pictures_of_iprt_are_those_of_a_renderer_of_its_own(
     monkeypatch.setattr(Renderer, "step", counted)
     subject = subject_of(scene)
     (combination,) = combinations("draft", [parse_assignment("--set", "trace.rays=2")], [])
-    contender = IprtEntry(combination, os.environ.get("IPRT_TEST_DEVICE", "pocl")).contender(
-        subject
-    )
-    contender.prepare(0)
+    renderer = IprtEntry(combination, os.environ.get("IPRT_TEST_DEVICE", "pocl")).renderer(subject)
+    renderer.prepare(0)
     wanted = ((0, 1), (0, 3), (0, 1), (1, 3))
     with monkeypatch.context() as clock:
-        clock.setattr("iprt.measure.contenders.time.perf_counter", lambda: float(frames))
-        made = [(seed, count, *contender.picture(count, seed)) for seed, count in wanted]
+        clock.setattr("iprt.measure.timed_renderers.time.perf_counter", lambda: float(frames))
+        made = [(seed, count, *renderer.picture(count, seed)) for seed, count in wanted]
     assert [seconds for _, _, seconds, _ in made] == [1.0, 3.0, 1.0, 3.0]
     for seed, count, _, color in made:
         settings = still_settings(combination.settings, seed)
@@ -248,7 +246,7 @@ def test_what_is_not_installed_is_one_line(
     if module == "pyoidn":
         pytest.importorskip("mitsuba")
     monkeypatch.setitem(sys.modules, module, None)
-    line = fails("bench", scene, "--against")
+    line = fails("race", scene)
     assert f"no module {module}: pip install 'iprt[reference]'" in line
 
 
@@ -258,11 +256,10 @@ def test_bad_values_are_one_line(scene: Path, fails: Callable[..., str]) -> None
     pytest.importorskip("pyoidn")
     for words, message in (
         (["--model", "no.such.module"], "--model no.such.module: no such module"),
-        (["--frames", "2"], "--frames 2: has no effect"),
         (["--reach", "2"], "--reach 2: expected values of SSIM"),
-        (["--convergence", "2,1"], "--convergence 2,1: expected rising numbers"),
+        (["--accumulate", "2,1"], "--accumulate 2,1: expected rising numbers"),
     ):
-        assert message in fails("bench", scene, "--against", "--device", "pocl", *words)
+        assert message in fails("race", scene, "--device", "pocl", *words)
 
 
 @pytest.mark.gl
@@ -280,13 +277,13 @@ def test_mitsuba_finds_the_picture_that_it_made(
     )
     model = ["--model", "tiny_model"]
     quick = ["--device", "pocl", "--method", "ibl", "--background", "panorama"]
-    words = ["--against", *model, *quick, "--convergence", "1,2,4", "--seeds", 1, "--reach", 1]
+    words = [*model, *quick, "--accumulate", "1,2,4", "--seeds", 1, "--reach", 1]
     before = (scene / "truth.exr").read_bytes()
     for made, label in ((model, FULL), ([], PANORAMA)):
         run("reference", scene, "-o", scene / "truth.exr", "--spp", 2, *made)
         capsys.readouterr()
         try:
-            run("bench", scene, *words, "--json")
+            run("race", scene, *words, "--json")
         finally:
             (scene / "truth.exr").write_bytes(before)
         found: dict[str, Any] = json.loads(capsys.readouterr().out)

@@ -11,15 +11,15 @@ import pytest
 
 from iprt.commands.setting_flags import SettingFlags
 from iprt.errors import IprtError
-from iprt.measure.kept_tradeoff import Timed, keep
 from iprt.measure.tradeoff import shipped
+from iprt.measure.tradeoff_cache import TimedDevice, keep
 from iprt.settings.ladder import LADDER
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed
 from tests.commands.conftest import FakeFilm
 from tests.measure.tables import made_table
 
-TIMED = Timed("a device (a platform)", "1.0")
+TIMED = TimedDevice("a device (a platform)", "1.0")
 Render = Callable[..., list[str]]
 
 
@@ -32,7 +32,7 @@ def rendered(
 ) -> Render:
     """Render on a device that has a table of its own; the lines that were logged."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(Timed, "of", lambda device: TIMED)
+    monkeypatch.setattr(TimedDevice, "of", lambda device: TIMED)
     keep(made_table(), TIMED.file)
 
     def run(**given: Any) -> list[str]:
@@ -78,12 +78,12 @@ def test_the_quickest_entry_that_is_accurate_enough(
 
 
 @pytest.mark.parametrize(
-    ("wish", "name"), [({"time_per_frame": 1e-4}, "light 8"), ({"ssim": 0.99999}, "accurate")]
+    ("goal", "name"), [({"time_per_frame": 1e-4}, "light 8"), ({"ssim": 0.99999}, "accurate")]
 )
 def test_what_no_entry_grants_comes_as_near_as_it_can(
-    wish: dict[str, float], name: str, rendered: Render
+    goal: dict[str, float], name: str, rendered: Render
 ) -> None:
-    (line,) = rendered(**wish)
+    (line,) = rendered(**goal)
     assert settings_used() == entry(name)
     assert "no entry is estimated to reach it; the nearest is" in line
     assert f"'{name}'" in line

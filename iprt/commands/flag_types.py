@@ -1,4 +1,7 @@
-"""Flags that take numbers: help and errors name their number and meaning."""
+"""Types of flags that take several numbers, separated by spaces.
+
+Help and errors name each of them.
+"""
 
 from __future__ import annotations
 
@@ -8,24 +11,24 @@ from typing import Annotated, TypeVar
 from tyro.constructors import PrimitiveConstructorSpec
 
 Number = TypeVar("Number", int, float)
-WHOLE = "two whole numbers"
 
 
-def _pair(
-    number: Callable[[str], Number], kind: str, first: str, second: str
-) -> PrimitiveConstructorSpec[tuple[Number, Number] | None]:
-    def parsed(words: list[str]) -> tuple[Number, Number]:
+def _vector(
+    number: Callable[[str], Number], kind: str, *names: str
+) -> PrimitiveConstructorSpec[tuple[Number, ...] | None]:
+    def parsed(words: list[str]) -> tuple[Number, ...]:
         try:
-            return number(words[0]), number(words[1])
+            return tuple(number(word) for word in words)
         except ValueError:
-            raise ValueError(f"expected {first} {second}, {kind}; got {' '.join(words)}") from None
+            expected = f"expected {' '.join(names)}, {kind}"
+            raise ValueError(f"{expected}; got {' '.join(words)}") from None
 
     return PrimitiveConstructorSpec(
-        nargs=2,
-        metavar=f"{first} {second}",
+        nargs=len(names),
+        metavar=" ".join(names),
         instance_from_str=parsed,
         is_instance=lambda value: value is None or isinstance(value, tuple),
-        str_from_instance=lambda pair: ["None"] if pair is None else [str(end) for end in pair],
+        str_from_instance=lambda vector: ["None"] if vector is None else list(map(str, vector)),
     )
 
 
@@ -45,7 +48,8 @@ def _any_number() -> PrimitiveConstructorSpec[tuple[float, ...] | None]:
     )
 
 
-Size = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "WIDTH", "HEIGHT")]
-FrameSpan = Annotated[tuple[int, int] | None, _pair(int, WHOLE, "FIRST", "LAST")]
-DepthRange = Annotated[tuple[float, float] | None, _pair(float, "two numbers", "LOW", "HIGH")]
+Size = Annotated[tuple[int, int] | None, _vector(int, "two whole numbers", "WIDTH", "HEIGHT")]
+DepthRange = Annotated[tuple[float, float] | None, _vector(float, "two numbers", "LOW", "HIGH")]
+Direction = Annotated[tuple[float, float], _vector(float, "degrees", "YAW", "PITCH")]
+Position = Annotated[tuple[float, float, float] | None, _vector(float, "metres", "X", "Y", "Z")]
 Values = Annotated[tuple[float, ...] | None, _any_number()]

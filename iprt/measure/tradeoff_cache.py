@@ -22,7 +22,7 @@ LOG = logging.getLogger("iprt.measure")
 
 
 @dataclass(frozen=True)
-class Timed:
+class TimedDevice:
     """What times hold for, besides the version of iprt.
 
     Attributes
@@ -65,7 +65,7 @@ def keep(table: Tradeoff, path: Path) -> None:
         temporary.write_text(table.text("Measured by `iprt calibrate`."), encoding="utf-8")
 
 
-def tradeoff_for(timed: Timed) -> Tradeoff:
+def tradeoff_for(timed: TimedDevice) -> Tradeoff:
     """The device's own table, or the shipped one where there is none that holds.
 
     One that cannot be read, or is of another driver or version, is ignored with a warning.

@@ -24,7 +24,7 @@ ARGUMENTS = {
     "render": "SCENE -o OUT/a.png --method ibl --size 32 32 --accumulate 1",
     "reference": "SCENE -o OUT/a.exr",
     "scene new": "OUT/new --color SCENE/color.exr --depth SCENE/depth.exr",
-    "scene add": "SCENE OUT/m.obj --look 0,-40",
+    "scene add": "SCENE OUT/m.obj --look 0 -40",
 }
 """What a verb is given, where that is more than a scene."""
 
@@ -116,7 +116,7 @@ def test_a_disk_that_is_full_at_the_end_tells_what_is_done(
         ("scene check SCENE --device none", 3, b""),
         ("render", 2, b""),
         ("--debug settings --settings nowhere.toml", 2, b""),
-        ("scene add SCENE OUT/m.obj --look 0,-40", 0, b"m: "),
+        ("scene add SCENE OUT/m.obj --look 0 -40", 0, b"m: "),
     ],
 )
 def test_a_lost_stderr_changes_nothing(
@@ -132,7 +132,7 @@ def test_a_lost_stderr_changes_nothing(
 def test_files_do_not_get_the_number_of_a_closed_stream(folder: Path) -> None:
     """Else what a driver prints to stderr would end up in one of them."""
     program = (
-        "import os, sys; from iprt.commands.streams import prepare_streams\n"
+        "import os, sys; from iprt.commands.standard_streams import prepare_streams\n"
         "prepare_streams()\n"
         "file = os.open(sys.argv[1], os.O_WRONLY | os.O_CREAT)\n"
         "os.write(2, b'what a driver prints'); print(file > 2)"
@@ -218,7 +218,7 @@ def test_quiet_leaves_results_and_errors(folder: Path) -> None:
     plain = shell(f"render {given}", folder, **without)
     path = f"{folder}/a.png\n".encode()
     assert (plain.returncode, plain.stdout) == (0, path)
-    for words in (f"--quiet render {given}", f"render {given} --quiet"):
+    for words in (f"--quiet render {given}", f"render {given} -q"):
         result = shell(words, folder, **without)
         assert (result.returncode, result.stdout, result.stderr) == (0, path, b"")
     told = shell("--quiet render nowhere -o OUT/a.png", folder)
@@ -239,6 +239,8 @@ def test_quiet_and_verbose_exclude_each_other(folder: Path) -> None:
     result = shell("settings --quiet --verbose", folder)
     assert result.returncode == 2
     assert result.stderr == b"iprt: error: --quiet and --verbose: give one of them\n"
+    short = shell("settings -q -v", folder)
+    assert short.stderr == b"iprt: error: -q and -v: give one of them\n"
 
 
 def test_the_top_level_help_names_the_flags_of_all_verbs(folder: Path) -> None:
@@ -254,7 +256,7 @@ def test_an_unwritable_stdout_is_no_fault_of_a_file() -> None:
 
 def test_unbuffered_lines_are_not_held_back() -> None:
     program = (
-        "import os; from iprt.commands.streams import prepare_streams\n"
+        "import os; from iprt.commands.standard_streams import prepare_streams\n"
         "prepare_streams(); print('first'); os._exit(0)"
     )
     words = [sys.executable, "-u", "-c", program]

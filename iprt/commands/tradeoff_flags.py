@@ -18,7 +18,7 @@ LONGEST_S = 3600.0
 
 
 @dataclass(frozen=True)
-class Wish:
+class TradeoffGoal:
     """What a picture may cost, or how accurate it is to be; one of the two.
 
     Attributes
@@ -33,8 +33,10 @@ class Wish:
     ssim: float | None
 
     @classmethod
-    def of(cls, time_per_frame: float | None, ssim: float | None, quality: str) -> Wish | None:
-        """The wish in the flags of a verb; None: there is none.
+    def of(
+        cls, time_per_frame: float | None, ssim: float | None, quality: str
+    ) -> TradeoffGoal | None:
+        """The goal in the flags of a verb; None: there is none.
 
         Raises
         ------
@@ -55,10 +57,10 @@ class Wish:
             )
         if ssim is not None and not 0.0 < ssim <= 1.0:
             raise IprtError(f"--ssim {ssim:g}: expected above 0 and at most 1")
-        wish = cls(time_per_frame, ssim)
+        goal = cls(time_per_frame, ssim)
         if quality != "balanced":
-            raise IprtError(f"--quality {quality} and {wish.flag}: give one of them")
-        return wish
+            raise IprtError(f"--quality {quality} and {goal.flag}: give one of them")
+        return goal
 
     @property
     def flag(self) -> str:
@@ -82,7 +84,7 @@ class Wish:
     def assignments(
         self, device: str | None, pixels: int, frames: int, given: Sequence[Assignment]
     ) -> list[Assignment]:
-        """The settings of the entry that grants the wish, or comes nearest; say which it is.
+        """The settings of the entry that grants the goal, or comes nearest; say which it is.
 
         Parameters
         ----------
@@ -94,10 +96,10 @@ class Wish:
             Those of file and flags, which win over the entry.
         """
         from iprt.device.choose import choose_device
-        from iprt.measure.kept_tradeoff import Timed, tradeoff_for
+        from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
         from iprt.settings.ladder import KEYS, entry_assignments
 
-        timed = Timed.of(choose_device(device))
+        timed = TimedDevice.of(choose_device(device))
         table = tradeoff_for(timed)
         entry, granted = self._choice(table, pixels, frames)
         told = _estimate(table, entry, pixels, frames)

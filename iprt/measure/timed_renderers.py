@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from iprt.measure.sweep import Combination, still_settings
-from iprt.measure.target import Radiance, Target
+from iprt.measure.view_truth import Radiance, Target
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -54,7 +54,7 @@ class Subject:
         return self._scene.instances_named(self.target.objects)
 
 
-class Contender(Protocol):
+class TimedRenderer(Protocol):
     """A renderer with a scene in memory."""
 
     def prepare(self, seed: int) -> None:
@@ -69,12 +69,12 @@ class Contender(Protocol):
 
 
 class Entry(Protocol):
-    """What a process needs to know to become a contender; it can be pickled."""
+    """What a process needs to know to become a renderer; it can be pickled."""
 
     @property
     def label(self) -> str: ...
 
-    def contender(self, subject: Subject) -> Contender:
+    def renderer(self, subject: Subject) -> TimedRenderer:
         """Import, load and build all that it takes."""
 
 
@@ -91,13 +91,13 @@ class IprtEntry:
         changed = self.combination.values
         return f"{OURS}, {self.combination.label}" if changed else OURS
 
-    def contender(self, subject: Subject) -> Contender:
+    def renderer(self, subject: Subject) -> TimedRenderer:
         from iprt.device.choose import choose_device
         from iprt.device.compute import ComputeDevice
 
         device = ComputeDevice(choose_device(self.device))
         frame, instances = subject.frame(), subject.instances()
-        return IprtContender(self.combination, device, frame, instances, subject.target)
+        return TimedIprt(self.combination, device, frame, instances, subject.target)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class FullEntry:
     model: str
     label: str = field(default=FULL, init=False)
 
-    def contender(self, subject: Subject) -> Contender:
+    def renderer(self, subject: Subject) -> TimedRenderer:
         return _Full(self.model, subject)
 
 
@@ -117,11 +117,11 @@ class PanoramaEntry:
 
     label: str = field(default=PANORAMA, init=False)
 
-    def contender(self, subject: Subject) -> Contender:
+    def renderer(self, subject: Subject) -> TimedRenderer:
         return _Panorama(subject)
 
 
-class IprtContender:
+class TimedIprt:
     """iprt in this process.
 
     A picture goes on where the last one ended, if that has fewer frames and the same seed.

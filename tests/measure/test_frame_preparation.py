@@ -1,4 +1,4 @@
-"""`iprt bench --video`: which frames come in, and what is timed."""
+"""`iprt bench-video`: which frames come in, and what is timed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iprt.commands.bench import bench
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
 from iprt.footage.frame import Frame
-from iprt.measure.intake import HELD, WARM_UP, time_intake
+from iprt.measure.frame_preparation import HELD, WARM_UP, time_preparation
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.world.real.real_world import RealWorld
@@ -43,7 +43,7 @@ def test_frames_that_differ_come_in(
     """Of a video and of a still picture."""
     done: list[int] = []
     scene = Scene.open(SCENES / name)
-    found = time_intake(device, scene, Settings(), frames=5, size=size, progress=done.append)
+    found = time_preparation(device, scene, Settings(), frames=5, size=size, progress=done.append)
     assert done == list(range(1, WARM_UP + 6))
     assert len(loaded) == WARM_UP + 5
     assert found.size == size == (loaded[0].width, loaded[0].height)

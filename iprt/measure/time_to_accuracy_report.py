@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from iprt.measure.contenders import FULL
 from iprt.measure.convergence import seconds_to
 from iprt.measure.convergence_report import cut_name, cuts_of
-from iprt.measure.race import Result
 from iprt.measure.report import Figures, scored_pictures
-from iprt.measure.target import Target
+from iprt.measure.time_to_accuracy import Result
+from iprt.measure.timed_renderers import FULL
+from iprt.measure.view_truth import Target
 from iprt.output.grid import Grid
 
 Race = Mapping[str, Sequence[Result]]
@@ -67,7 +67,7 @@ def _cells(results: Sequence[Result], cut: int | None, level: float) -> list[str
 
 
 def race_figures(target: Target, results: Sequence[Result]) -> list[Figures]:
-    """The last picture of each contender beside the truth."""
+    """The last picture of each renderer beside the truth."""
     figures = []
     for result in results:
         last = result.curve.points[-1]
