@@ -2,9 +2,10 @@
 // of the panorama.
 //
 // A path meets up to `max_bounces` virtual surfaces. The ray after the last one sees real surfaces only
-// (Algorithm 1, lines 4-6). -D GLOSS lets one glossy real surface per path reflect as well; the panorama's
-// radiance there is then the diffuse part only (iprt/world/real/highlight.py). -D DISTANT_ENVIRONMENT
-// treats the panorama as infinitely far: environment mapping.
+// (Algorithm 1, lines 4-6).
+// -D GLOSS lets one glossy real surface per path reflect as well. The radiance of glossy surfaces is then
+// their diffuse part only (iprt/world/real/highlight.py).
+// -D DISTANT_ENVIRONMENT treats the panorama as infinitely far: environment mapping.
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
 
@@ -99,10 +100,10 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 }
 #endif
 
-// Trace a path. It is one loop with one call of each march, because OpenCL compilers inline them. -D
-// WITHOUT_OBJECTS also fills `real`, at the cost of tracing past the objects. -D DELTA computes only the
-// change by objects: a path whose first surface is real ends there, and `real` is the radiance that the
-// first object hides.
+// Trace a path. It is one loop with one call of each march, because OpenCL compilers inline them.
+// -D WITHOUT_OBJECTS also fills `real`, at the cost of tracing past the objects.
+// -D DELTA computes only the change by objects: a path whose first surface is real ends there, and `real`
+// is the radiance that the first object hides.
 static inline ALWAYS_INLINE PathResult trace_path(
     const World world, float3 o, float3 o_object, Scatter s, uint seed, uint index)
 {

@@ -2,10 +2,11 @@
 // shows it.
 //
 // Real surfaces are diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the panorama already
-// holds every bounce between them. -D RELIT multiplies real radiance by the change due to objects
-// (UpdateGbuffer): from the view where it shows the surface, else from the panorama. A null pointer leaves
-// radiance as captured. With a picture of the surroundings, windows show distant radiance in the ray's
-// direction rather than the radiance of the point where the ray crosses them.
+// holds every bounce between them.
+// -D RELIT multiplies real radiance by the change due to objects (UpdateGbuffer): from the view where it
+// shows the surface, else from the panorama. Without either (null pointers) radiance is as captured.
+// With a picture of the surroundings, windows show distant radiance in the ray's direction rather than the
+// radiance of the point where the ray crosses them.
 #ifndef IPRT_WORLD_H
 #define IPRT_WORLD_H
 

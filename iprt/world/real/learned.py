@@ -1,4 +1,4 @@
-"""What a video has shown of the radiance of real surfaces, as rays ask for it."""
+"""Learned radiance of real surfaces, as shown by a video."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 class LearnedRadiance:
-    """Models of the radiance of real surfaces, which follow a video from frame to frame.
+    """Models of the radiance of real surfaces, updated from frame to frame of a video.
 
-    Models stay where their surfaces are, in the axes of the world, while the camera moves.
+    Models stay with their surfaces, in the axes of the world, while the camera moves.
 
     Attributes
     ----------
@@ -34,18 +34,18 @@ class LearnedRadiance:
     def follow(
         self, pose: NDArray[np.float64] | None, *, texels: int, scale: float, forget: bool
     ) -> None:
-        """Follow the video to its next frame, which is learned from now on.
+        """Go on to the video's next frame, which is learned from now on.
 
         Parameters
         ----------
         pose : (4, 4) float64 or None
-            From the axes of the capture centre to the world's; None: these are the same.
+            From the axes of the capture centre to the world's; None: the axes are the same.
         texels : int
-            How many the panorama has.
+            Number of texels of the panorama.
         scale : float
             `Panorama.scale`, metres.
         forget : bool
-            The frames before showed another scene, or another light.
+            Earlier frames showed another scene, or another light.
         """
         if forget:
             self.learner.forget()
@@ -54,7 +54,7 @@ class LearnedRadiance:
         self._left = texels
 
     def learn(self, surfaces: Surfaces, radiance: cla.Array, mean: float) -> None:
-        """Learn from so many texels as are learned at a time, until all were drawn on average.
+        """Learn from the next batch of texels, until every texel was drawn once on average.
 
         Parameters
         ----------
@@ -79,5 +79,5 @@ class LearnedRadiance:
             self.learner.learn(self.learner.draw(surfaces, radiance), how)
 
     def arguments(self) -> dict[str, Any]:
-        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
+        """Return `LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
         return self.learner.arguments()

@@ -5,9 +5,10 @@
 // unit direction v: 1 / (g.v)); g = 0 where there is no surface. surface[texel].w holds flags.
 //
 // -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown there
-// (remember.cl). It equals the first layer where nothing nearer hides it (background.h). -D LEARNED_HIDDEN:
-// behind the first layer, rays also find surfaces that the video has shown before and whose radiance was
-// learned (hidden.h). -D IMPOSTOR: rays do not march but intersect the distance impostor (impostor.h).
+// (remember.cl). It equals the first layer where nothing nearer hides it (background.h).
+// -D LEARNED_HIDDEN: behind the first layer, rays also find surfaces that the video has shown before and
+// whose radiance was learned (hidden.h).
+// -D IMPOSTOR: rays do not march but intersect the distance impostor (impostor.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
 
@@ -35,7 +36,7 @@
 #define HIT_BACK_FACE 2     // an assumed back face
 #define HIT_SKY 3           // no hit: open sky
 #define HIT_UNKNOWN 4       // no hit: behind visible surfaces, or at the step cap
-#define HIT_LEARNED 5       // a hidden surface whose radiance was learned
+#define HIT_LEARNED 5       // it meets a hidden surface whose radiance was learned
 
 typedef struct {
     Grid grid;
@@ -60,7 +61,7 @@ typedef struct {
 } RealLayer;
 
 #ifdef LEARNED_HIDDEN
-// The first assumed back face on a ray, with members as in RealHit.
+// The first back face that a ray has passed, members as those of RealHit.
 typedef struct {
     float t;            // INFINITY: none
     float3 direction;
@@ -79,7 +80,7 @@ typedef struct {
 #endif
 #ifdef LEARNED_HIDDEN
     AssumedHit assumed;
-    float hidden_from;  // metres along the ray to its first point behind the first layer
+    float hidden_from;  // metres along the ray to where it first passes behind the first layer
     float3 learned;     // radiance of HIT_LEARNED
 #endif
 } RealHit;
