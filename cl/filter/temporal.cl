@@ -22,8 +22,8 @@
 //
 // g is the displayed scalar (filter/signal.h): for real surfaces the luminance of the first three planes
 // minus the last three, else the signal's. Without correction, fading and motion, the accumulated signal is
-// the plain mean of the samples. Non-finite samples are dropped. Where all samples are 0, or the first
-// three planes equal the last three, so does the result, bit for bit.
+// the plain mean of the samples. Non-finite samples are dropped. Where all samples are 0, the result is 0.
+// Where their first three planes equal the last three, so do the result's, bit for bit.
 #include "filter/history.h"
 
 #define SPATIAL_TAPS 4        // along a side: every other pixel of a 7x7 neighbourhood

@@ -7,9 +7,9 @@
 // With a colour map, objects and their changes are in the colours of a reference frame, which the map
 // converts to the frame's: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
-// A pixel that blends texels of several planes is scaled by the ratio of each, weighted by its share. Where
-// a pixel shows two real surfaces, each has its own ratio, and objects may hide only one of them: L = (1 -
-// M) L_object + the sum over both surfaces of (1 - hidden share) times their part of L_cam.
+// A pixel that blends texels of several planes is scaled by the ratio of each, weighted by its share.
+// Where a pixel shows two real surfaces, each has its own ratio, and objects may hide only one of them:
+// L = (1 - M) L_object + the sum over both surfaces of (1 - hidden share) times their part of L_cam.
 //
 //   in   colour (3 planes, radiance of the real layer),
 //        other (float4 per pixel, share of a second surface in the radiance), other_pixel (a pixel

@@ -66,8 +66,8 @@ static inline void store_tile(
             plane[p + j * stride + i] = lane(&values, j * TILE + i);
 }
 
-// Return the column and row of a block around an image point: right of `corner` for odd i, below it for i
-// >= 2.
+// Return the column and row of a block around an image point: right of `corner` for odd i, below it from
+// i = 2 on.
 static inline int2 block_at(int2 corner, int i, int width, int height, int seam)
 {
     const int column = corner.x + (i & 1), row = clamp(corner.y + (i >> 1), 0, height - 1);

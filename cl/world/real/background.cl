@@ -31,7 +31,7 @@ typedef struct {
     __global const float2 *polar;
 } Kept;
 
-// Return whether a texel from x to `end` of a row, or a direct neighbour of one, hides something.
+// Return whether something is hidden at a texel from x to `end` of a row, or at a direct neighbour.
 static inline int hides(__global const uchar *restrict marks, int x, int end, int y, int width,
                         int height)
 {

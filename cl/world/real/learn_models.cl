@@ -79,7 +79,7 @@ __kernel void learn_models(
                                       dot(d, frame.y) * inverse_radius);
             const float3 e = sample[2].xyz - (level + x.y * slope_x + x.z * slope_y);
 
-            // Eqs. 6 and 7. Directions without new samples are not forgotten.
+            // Eqs. 6 and 7. Information never falls below the prior.
             const float forgetting = mix(first_forgetting, last_forgetting,
                                          fmin(learned / FORGETTING_SAMPLES, 1.0f));
             a[0] = fmax(forgetting * a[0], PRIOR) + weight;
@@ -89,8 +89,8 @@ __kernel void learn_models(
             a[4] = forgetting * a[4] + weight * x.y * x.z;
             a[5] = fmax(forgetting * a[5], PRIOR) + weight * x.z * x.z;
             const float3 gain = gain_of(a, x);
-            // Eq. 8: the derivative with respect to the logarithm of the bandwidth. For a weight it is w
-            // r^2 / b^2. The derivative of the coefficients with respect to a weight is P x e; J_1 is
+            // Eq. 8: the derivative with respect to the logarithm of the bandwidth. A weight's is
+            // w r^2 / b^2. The derivative of the coefficients with respect to a weight is P x e; J_1 is
             // minimal for the coefficients. All use coefficients from before the sample.
             if (learned >= ERRORS_FROM) {
                 const float scale = 1.0f / (unit + fmax(luminance(level), 0.0f));

@@ -163,7 +163,7 @@ class IrradianceCache:
     def _relight(self, factor: NDArray[np.float32], error: NDArray[np.float32]) -> None:
         """Scale E_R by (cells, 3) factors with (cells,) relative errors.
 
-        A mean with as few samples as have that error is kept.
+        Each mean's number of samples is limited to one that corresponds to that error.
         """
         factor, error = np.tile(factor, (SURFACES, 1)), np.tile(error, SURFACES)
         plane, mean, smooth = (

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from iprt.settings.trace import LearningSettings, TraceSettings
 
 COARSEST_COLUMNS = 8
-"""Least number of columns: cells of at most π/4 of azimuth are crossed at most once per meridian.
-"""
+"""Fewest columns of a level: cells span at most π/4 of azimuth, so that one plane per meridian
+decides a crossing."""
 START_BIAS = 1e-3
 """Tolerance, in metres of a room, of a ray's start against the surface it starts from."""
 
