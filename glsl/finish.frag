@@ -1,11 +1,11 @@
 // The displayed layer from the front layer: coverage, borrowed edges, motion.
 //
-// Coverage is the fraction of SAMPLES x SAMPLES sub-samples whose nearest object is in front of the
-// real surface: r <= r_real (1 + tolerance), where r_real = 1 / (g . d) is the tangent plane g of
-// the panorama's texel (g . d <= 0: nothing there). It is 1 - M of IPRT Eq. 2. A covered pixel
-// whose centre has no surface borrows a neighbour's: its normal and material, and its tangent
-// plane's distance along this pixel's ray, also where real surfaces hide what covers it. Motion is the image point, in the previous view, of the
-// surface point before its object moved; with DEFORMING, before it bent, too.
+// Coverage is the fraction of SAMPLES x SAMPLES sub-samples whose nearest object is in front of the real
+// surface: r <= r_real (1 + tolerance), where r_real = 1 / (g . d) is the tangent plane g of the panorama's
+// texel (g . d <= 0: no surface). It is 1 - M of IPRT Eq. 2. A covered pixel whose centre has no surface
+// borrows a neighbour's normal, material and tangent plane, whose distance is along this pixel's ray, also
+// behind real surfaces. Motion is the image point, in the previous view, of the surface point before its
+// object moved; with DEFORMING, also before its mesh deformed.
 #version 330
 #include "view.glsl"
 #include "depth.glsl"
@@ -30,7 +30,7 @@ layout(location = 1) out vec4 material;
 layout(location = 2) out vec4 display;   // coverage, previous image point, fraction with any object
 
 const float NOWHERE = -1e9;
-const float BORROW_RANGE = 0.03;         // relative change of distance that borrowing may make
+const float BORROW_RANGE = 0.03;         // largest relative change of distance by borrowing
 
 const ivec2 NEIGHBOURS[8] = ivec2[8](ivec2(-1, 0), ivec2(1, 0), ivec2(0, -1), ivec2(0, 1),
                                      ivec2(-1, -1), ivec2(1, -1), ivec2(-1, 1), ivec2(1, 1));
@@ -42,7 +42,8 @@ vec3 tangent_plane(vec3 d)
     return texelFetch(surface, min(ivec2(uv * vec2(size)), size - 1), 0).xyz;
 }
 
-// Fractions of a pixel in which there is an object in front of the real surface, and in which any.
+// Return the fractions of a pixel in which an object is in front of the real surface, and in which there is
+// any object.
 vec2 visible_fraction(ivec2 pixel)
 {
     ivec2 corner = (pixel - samples_origin) * SAMPLES;
@@ -62,7 +63,7 @@ vec2 visible_fraction(ivec2 pixel)
     return visible / float(SAMPLES * SAMPLES);
 }
 
-// The pixel that a surface is borrowed from; the pixel itself where there is none.
+// Return the pixel to borrow a surface from; the pixel itself if there is none.
 ivec2 borrow(ivec2 pixel, vec3 d)
 {
     ivec2 size = ivec2(view_size);
@@ -78,7 +79,7 @@ ivec2 borrow(ivec2 pixel, vec3 d)
             continue;
         vec3 covered = world_from_view * view_direction(vec2(from) + 0.5);
         float ratio = dot(lent.xyz, covered) / dot(lent.xyz, d);
-        // A plane seen edge-on gives no ratio, or one of any size.
+        // A plane seen edge-on has no ratio, or one of any size.
         ratio = ratio > 0.0 ? clamp(ratio, 1.0 - BORROW_RANGE, 1.0 + BORROW_RANGE) : 1.0;
         geometry = vec4(lent.xyz, lent.w * ratio);
         material = texelFetch(material_in, from, 0);

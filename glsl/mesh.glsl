@@ -23,7 +23,7 @@ vec4 position_u(int vertex) { return fetch_vertex(2 * vertex); }
 vec4 normal_v(int vertex) { return fetch_vertex(2 * vertex + 1); }
 
 #ifdef DEFORMING
-uniform sampler2D displacements; // one texel per vertex: to where it was, world space, 0
+uniform sampler2D displacements; // one texel per vertex: to its previous position, world space, 0
 
 vec4 displacement(int vertex)
 {

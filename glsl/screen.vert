@@ -1,4 +1,4 @@
-// One triangle over the whole target.
+// One triangle that covers the whole target.
 #version 330
 
 void main()

@@ -1,8 +1,8 @@
 // One layer from the visible triangles: normal, radial distance, albedo and material.
 //
-// Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is
-// interpolated by the rasterizer. With TEXTURED, only the pixels of one textured material. With
-// DEFORMING, also by how much the surface has bent since the previous frame.
+// Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is interpolated by
+// the rasterizer. With TEXTURED, only the pixels of one textured material. With DEFORMING, also the
+// deformation since the previous frame.
 #version 330
 #include "view.glsl"
 #include "mesh.glsl"
@@ -14,13 +14,13 @@ uniform bool back_layer;       // the nearest that faces away, else the nearest 
 uniform sampler2D table;       // per material: albedo, then three rows of its object's motion
 #ifdef TEXTURED
 uniform sampler2D image;
-uniform int textured;          // the material that has it
+uniform int textured;          // index of the textured material
 #endif
 
 layout(location = 0) out vec4 geometry;   // world normal, radial distance
 layout(location = 1) out vec4 material;   // albedo, 1 + material index
 #ifdef DEFORMING
-layout(location = 2) out vec4 displaced;  // world space, to where the mesh was before its motion; 0
+layout(location = 2) out vec4 displaced;  // world space, to the mesh's shape before deformation; 0
 #endif
 
 float distance_along(vec3 d, int number)

@@ -1,7 +1,6 @@
-// The view that is rendered, and the window of it that the bound target shows.
-// EQUIRECT selects the equirect projection, else perspective. An image point is in pixels with
-// y down; the target's rows run the same way, so texel (x, y) of a full-size target is the pixel
-// in column x, row y.
+// The rendered view, and the window of it that the bound target shows. EQUIRECT selects the equirect
+// projection, else perspective. An image point is in pixels with y down. The target's rows run the same
+// way, so texel (x, y) of a full-size target is the pixel in column x, row y.
 
 const float PI = 3.14159265358979;
 
@@ -10,13 +9,13 @@ uniform float focal_px;      // perspective only
 uniform vec2 view_size;      // pixels
 uniform vec3 window;         // image point of the target's corner; samples per pixel
 
-// Image point of a point of the target, in samples.
+// Return the image point of a target point, in samples.
 vec2 image_point(vec2 target_point)
 {
     return window.xy + target_point / window.z;
 }
 
-// View-space unit direction through an image point.
+// Return the view-space unit direction through an image point.
 vec3 view_direction(vec2 image)
 {
 #ifdef EQUIRECT

@@ -1,6 +1,6 @@
-// Visibility, equirect: exact test of the pixel-centre ray against the triangle; which triangle is
-// seen, 1 + its number; depth is the radial distance. Edges are inclusive within the rounding
-// error, so that no ray slips between neighbours.
+// Visibility, equirect: exact test of the pixel-centre ray against the triangle. Outputs 1 + the number of
+// the visible triangle; depth is the radial distance. Edges are inclusive within the rounding error, so
+// that no ray slips between neighbours.
 #version 330
 #include "view.glsl"
 #include "triangle.glsl"

@@ -1,7 +1,7 @@
-// Visibility, equirect: a rectangle of pixels that is sure to hold the triangle, twice where it
-// crosses the seam. Edges are great circles: they bulge towards the pole beyond their end points,
-// and a triangle that contains a pole spans all columns. Rectangles without a pixel centre are
-// dropped, which removes most triangles of a dense mesh.
+// Visibility, equirect: a conservative rectangle of pixels around the triangle, twice where it crosses the
+// seam. Edges are great circles: they bulge towards the pole beyond their end points, and a triangle that
+// contains a pole spans all columns. Rectangles without a pixel centre are dropped, which removes most
+// triangles of a dense mesh.
 #version 330
 #include "view.glsl"
 
@@ -23,11 +23,11 @@ flat out float number;
 const float ROUNDING = 1e-6; // bounds the rounding error of an edge function / (|a| |b - a|)
 const float PAD = 0.02;      // samples; covers the rounding of image points
 
-// Widens rows to the turning points of the great circle through a and b, with normal n.
+// Widen rows to the turning points of the great circle through a and b, with normal n.
 void include_bulge(vec3 a, vec3 b, vec3 n, inout vec2 rows)
 {
-    float leaving = n.z * a.x - n.x * a.z;    // y of n x a: does the arc rise at a?
-    float arriving = b.z * n.x - b.x * n.z;   // y of b x n: does it fall at b?
+    float leaving = n.z * a.x - n.x * a.z;    // y of n x a: whether the arc rises at a
+    float arriving = b.z * n.x - b.x * n.z;   // y of b x n: whether it falls at b
     if (leaving * arriving < 0.0 || dot(n, n) == 0.0)
         return;
     float turn = atan(abs(n.y), length(n.xz)) / PI * view_size.y;
@@ -37,7 +37,7 @@ void include_bulge(vec3 a, vec3 b, vec3 n, inout vec2 rows)
         rows.y = max(rows.y, view_size.y - turn);
 }
 
-// One copy of the rectangle; bounds are samples of the target.
+// Emit one copy of the rectangle; bounds are samples of the target.
 void emit_rectangle(vec2 low, vec2 high)
 {
     if (high.x <= 0.0 || low.x >= target_size.x)
@@ -78,8 +78,8 @@ void main()
     if (columns.y - columns.x > 0.4995 * view_size.x)
         columns = vec2(0.0, view_size.x);
 
-    // The vertical line through the origin passes the triangle where all edge functions of +Y
-    // have one sign.
+    // The vertical line through the origin passes through the triangle where all edge functions of +Y have
+    // one sign.
     vec3 slack = ROUNDING * vec3(length(b) * length(c - b), length(c) * length(a - c),
                                  length(a) * length(b - a));
     vec3 upright = vec3(bc.y, ca.y, ab.y);

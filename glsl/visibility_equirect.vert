@@ -11,7 +11,7 @@ void main()
 {
     local = position * world_from_view;
     triangle = float(gl_VertexID / 3 + 1);
-    // On the vertical axis any azimuth will do: the triangle then spans all columns.
+    // Any azimuth is valid on the vertical axis: the triangle then spans all columns.
     float phi = all(equal(local.xz, vec2(0.0))) ? 0.0 : atan(local.x, -local.z);
     float theta = all(equal(local, vec3(0.0))) ? 0.0 : atan(length(local.xz), local.y);
     image = vec2(phi / (2.0 * PI) + 0.5, theta / PI) * view_size;

@@ -1,4 +1,4 @@
-// Visibility, perspective: which triangle is seen, 1 + its number; depth is the radial distance.
+// Visibility, perspective: outputs 1 + the number of the visible triangle; depth is the radial distance.
 // 1/w is linear in the image, so that gl_FragCoord.w is the plane's own at the pixel centre.
 #version 330
 #include "view.glsl"

@@ -1,6 +1,6 @@
-// Visibility, perspective: world-space vertices to the target's window of the view.
-// Clip-space z is 0 (the fragment shader writes depth), so that nothing is too near or too far;
-// w >= 0 alone cuts off what lies behind the camera.
+// Visibility, perspective: transforms world-space vertices to the target's window of the view. Clip-space z
+// is 0 (the fragment shader writes depth), so that nothing is clipped by near or far planes; w >= 0 alone
+// clips points behind the camera.
 #version 330
 #include "view.glsl"
 

@@ -19,7 +19,7 @@ from iprt.world.real.real_world import RealWorld
 
 
 class RenderedView(Protocol):
-    """Source of auxiliary pictures: a `Renderer` after a frame, see there."""
+    """Source of auxiliary pictures: a `Renderer` after a frame, which documents the attributes."""
 
     device: ComputeDevice
     layout: PlaneLayout
@@ -42,7 +42,7 @@ def _planes(renderer: RenderedView, planes: cla.Array | None, channels: slice) -
 
 
 def _visible(name: str, channels: slice) -> Reader:
-    """Planes of the visible objects."""
+    """Return a reader of planes of the visible objects."""
 
     def image(renderer: RenderedView) -> Image | None:
         visible = renderer.visible
@@ -52,7 +52,7 @@ def _visible(name: str, channels: slice) -> Reader:
 
 
 def _mixed(name: str, channels: slice) -> Reader:
-    """Planes of the real layer, replaced by the objects' where they cover half of the pixel."""
+    """Return a reader of real planes, replaced by the objects' where they cover half of a pixel."""
 
     def image(renderer: RenderedView) -> Image | None:
         real = _planes(renderer, getattr(renderer.real, name), channels)
@@ -68,7 +68,7 @@ def _reflected(name: str) -> Reader:
         coverage = _visible("coverage", slice(0, 1))(renderer)
         if shown is None or coverage is None:
             return None
-        # Beside objects, where nothing is filtered, planes hold what was there before.
+        # Beside objects nothing is filtered, and planes hold old values.
         return np.where(coverage[..., None] > 0.0, shown, np.float32(0.0))
 
     return image
@@ -119,7 +119,7 @@ def _normal(renderer: RenderedView) -> Image | None:
 
 
 def _of_method(name: str) -> Reader:
-    """A picture that not every method has."""
+    """Return a reader of a picture that only some methods have."""
 
     def image(renderer: RenderedView) -> Image | None:
         found = renderer.method.aov(name) if renderer.method else None
@@ -149,23 +149,22 @@ AOVS: dict[str, Reader] = {
     "variance": _of_method("variance"),
     "learned": _of_method("learned"),
 }
-"""Name -> what reads it back. background: radiance without objects; normal (world) and depth
-(metres from the capture centre) of what is seen; albedo and coverage of the objects; motion: x and
-y in pixels of where what is seen was in the frame before, -1e9: nowhere; ratio: E_RV / E_R;
-irradiance_*: E_R and E_RV over pi; diffuse: what the albedo is multiplied by; specular: radiance;
-highlight: what glossy real surfaces reflect towards the camera, of the background; gloss: what
-objects change in it; tracing_level: 0, 1, 2, and 255 where nothing is traced;
-hit_distance: metres from objects to what they reflect specularly, 1e6: the sky, 0: nothing;
-history_length: frames with all their rays that the temporal mean is worth; variance: of the
-luminance of that mean, which guides the spatial filter (of real surfaces: what objects change, as a
-fraction of E_R with `iprt`, over pi with `iprt2023`; of objects: of diffuse and
-specular light, added up); learned: radiance of real surfaces as `oil` has learned it, 0 where it
-has not. All but the background is in the colours of the video's reference frame
-(`iprt.footage.drift`), where the frame's differ."""
+"""Name -> reader. background: radiance without objects; normal (world) and depth (metres from the
+capture centre) of visible surfaces; albedo and coverage of the objects; motion: x and y, in pixels,
+of the visible surface in the previous frame, -1e9: nowhere; ratio: E_RV / E_R; irradiance_*: E_R
+and E_RV over pi; diffuse: light that the albedo multiplies; specular: radiance; highlight:
+reflection of glossy real surfaces towards the camera, in the background; gloss: its change by
+objects; tracing_level: 0, 1, 2, and 255 where nothing is traced; hit_distance: metres from objects
+to the surface they reflect specularly, 1e6: the sky, 0: none; history_length: temporal mean's
+effective number of frames with all their rays; variance: of the luminance of that mean, which
+guides the spatial filter (of real surfaces: the change by objects, as a fraction of E_R with
+`iprt`, over pi with `iprt2023`; of objects: the sum of diffuse and specular light); learned:
+radiance of real surfaces as learned by `oil`, 0 where unknown. All but the background is in the
+colours of the video's reference frame (`iprt.footage.drift`), where the frame's differ."""
 
 
 def read_aov(renderer: RenderedView, name: str) -> Image:
-    """(H, W) or (H, W, 3) float32; zeros where the scene requires no such pass.
+    """Return a picture, (H, W) or (H, W, 3) float32; zeros if the scene needs no such pass.
 
     Raises
     ------

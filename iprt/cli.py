@@ -1,11 +1,11 @@
-"""The command `iprt`: its verbs, and how errors become exit codes.
+"""Command `iprt`: its verbs, and the conversion of errors to exit codes.
 
-Exit codes: 0 fine; 1 a threshold given on the command line was missed; 2 bad input, or stdout
+Exit codes: 0 success; 1 a threshold given on the command line was missed; 2 bad input, or stdout
 cannot be written; 3 no usable device; 70 a defect in iprt itself; 130 interrupted, 143 and 129
 terminated by SIGTERM and SIGHUP. A reader of stdout that leaves early changes none of these.
 Results go to stdout, the log to stderr.
 
-What takes long to import is imported late: before `command` runs, a signal would show a traceback.
+Slow imports are deferred: before `command` runs, a signal would show a traceback.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from contextlib import suppress
 from iprt.errors import DeviceHangError, IprtError, OutputError
 from iprt.files.termination import end, end_on_signals
 
-TYPE_CHECKING = False  # `typing` takes long to import
+TYPE_CHECKING = False  # `typing` is slow to import
 if TYPE_CHECKING:
     from typing import NoReturn
 
@@ -61,21 +61,21 @@ VERBS = {
     "scene add": "iprt.commands.scene:add",
     "scene gloss": "iprt.commands.scene_gloss:gloss",
 }
-"""Words after `iprt` -> the function that does it. It returns the exit code, or None for 0."""
+"""Words after `iprt` -> function. It returns the exit code, or None for 0."""
 
 GROUPS = {"scene": "Inspect, check and edit scenes."}
 """Subject of the first word of each two-word verb."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one verb and return the exit code. Errors of the user are one line on stderr."""
+    """Run one verb and return the exit code. User errors are one line on stderr."""
     return _run(arguments)[0]
 
 
 def command(arguments: Sequence[str] | None = None) -> NoReturn:
-    """The process: runs one verb and ends.
+    """Run one verb and end the process.
 
-    Without the drivers' own endings if the device hangs: these wait for it.
+    If the device hangs, the drivers' own exit handlers are skipped, because they wait for it.
     """
     end_on_signals()
     from iprt.commands.standard_streams import prepare_streams
@@ -94,7 +94,7 @@ def command(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _run(arguments: Sequence[str] | None) -> tuple[int, bool]:
-    """The exit code, and whether the device hangs."""
+    """Run one verb, and return the exit code and whether the device hangs."""
     import logging
     import traceback
 
@@ -148,7 +148,7 @@ def _verb(words: list[str]) -> int | None:
 
 
 def versions() -> str:
-    """Versions and platform for a report of a defect, in one line."""
+    """Return versions and platform for a bug report, in one line."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
@@ -162,7 +162,7 @@ def versions() -> str:
 
 
 def _complain(error: IprtError) -> None:
-    """Print an error, with the notes that were added on the way up."""
+    """Print an error, with the notes added by callers."""
     from iprt.commands.standard_streams import one_line
 
     *lines, last = error.lines
@@ -171,7 +171,7 @@ def _complain(error: IprtError) -> None:
 
 
 def _has_folder() -> bool:
-    """Whether the current folder still exists, which relative paths need."""
+    """Return whether the current folder still exists, which relative paths need."""
     try:
         os.getcwd()
     except FileNotFoundError:
@@ -180,9 +180,9 @@ def _has_folder() -> bool:
 
 
 def application(arguments: Sequence[str]) -> SubcommandApp:
-    """All verbs; the one that `arguments` asks for explains itself at length, the others briefly.
+    """Return the application with all verbs; only the verb in `arguments` has its full help text.
 
-    The verbs' modules import what is heavy only when they run.
+    The verbs' modules defer heavy imports until they run.
     """
     import inspect
 

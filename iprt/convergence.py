@@ -1,10 +1,10 @@
-"""The noise of a still picture, and when there is little enough of it.
+"""Noise of a static picture, and convergence to a given noise.
 
-Noise is the standard error of the picture as displayed (`iprt.output.display`, in the scene's
-exposure): the root of the mean of its squared error, over the channels of all pixels that are not
-the same from frame to frame, where 1 is white. One step of 8 bits is 0.004. Linear radiance would
-not do: its error is that of the few pixels that reflect a lamp, far beyond white. Nor would all
-pixels: those of the video that no object touches have no noise, however many they are.
+Noise is the standard error of the displayed picture (`iprt.output.display`, in the scene's
+exposure), where 1 is white. It is the root mean square over the channels of all pixels that differ
+between frames. One step of 8 bits is 0.004. Linear radiance is unsuitable: the few pixels that
+reflect a lamp, far beyond white, would dominate its error. All pixels are unsuitable too: pixels of
+the video that no object touches have no noise, however many there are.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ Picture = NDArray[np.float32]
 
 
 class Convergence:
-    """Estimates the noise of a mean of frames from how it changed while their number doubled.
+    """Estimator of the noise of a mean of frames, from its change while their number doubled.
 
-    Means of n and of 2n frames differ by half of the second's frames: the variance of their
-    difference is that of the second mean. So the pictures suffice; no pass is involved. What more
-    frames do not take away, such as the error of what the panorama does not show, is no noise.
+    Means of n and of 2n frames differ by half of the difference of their halves: the variance of
+    their difference equals the second mean's. So the pictures suffice, without access to a pass.
+    Errors that more frames do not reduce, such as surfaces missing in the panorama, are not noise.
 
     Parameters
     ----------
@@ -39,9 +39,10 @@ class Convergence:
         self._measured: tuple[int, float] | None = None
 
     def add(self, frames: int, picture: Picture) -> float | None:
-        """The estimate after so many frames; each picture at rest is to be added, from the first.
+        """Add the picture after `frames` frames, and return the estimate.
 
-        Between doublings it is taken to fall with the root of the number of frames.
+        All pictures of a static scene must be added, from the first. Between doublings the noise is
+        assumed to fall with the root of the number of frames.
 
         Returns
         -------
@@ -62,23 +63,23 @@ class Convergence:
 
 
 def _difference(a: Image, b: Image) -> float:
-    """Root mean square over the pixels that differ; 0 where none does."""
+    """Return the root mean square over the pixels that differ; 0 where none does."""
     squares = np.square(a - b)[(a != b).any(axis=2)]
     return float(np.sqrt(squares.mean())) if squares.size else 0.0
 
 
 class Goal:
-    """Tells when a still picture has converged: its noise, as of `Convergence`, is small enough.
+    """Goal of a static picture: its noise, as defined in `Convergence`, is small enough.
 
-    The picture is looked at whenever the number of its frames has doubled. What the filter leaves
-    falls more slowly than with the root of that number, so that it cannot be known before.
+    The picture is examined whenever the number of its frames has doubled. The filter's residual
+    falls more slowly than with the root of that number, so that it cannot be predicted.
 
     Parameters
     ----------
     noise : float
         Above 0.
     most_frames : int
-        After these it ends all the same.
+        Limit on the number of frames.
     exposure : float
         The scene's.
 
@@ -98,17 +99,17 @@ class Goal:
 
     @property
     def met(self) -> bool:
-        """The picture has converged."""
+        """True if the picture has converged."""
         return self.reached is not None and self.reached <= self.noise
 
     @property
     def next_frames(self) -> int:
-        """Number of frames after which to look at the picture next; the present one: no more."""
+        """Number of frames after which to examine the picture next; the present one: no more."""
         if self.met:
             return self.frames
         return min(max(2 * self.frames, 1), self.most_frames)
 
     def add(self, frames: int, picture: Picture) -> None:
-        """Take note of the picture after so many frames."""
+        """Record the picture after `frames` frames."""
         self.frames = frames
         self.reached = self._convergence.add(frames, picture)

@@ -1,4 +1,4 @@
-"""A video with its objects: frame after frame, with all that moves moved."""
+"""Rendering of a video with its objects, frame by frame, with all motion."""
 
 from __future__ import annotations
 
@@ -20,30 +20,29 @@ from iprt.scene.scene import Scene, SceneView
 from iprt.settings.model import Settings
 
 LEAVING_S = 5.0
-"""Longest wait for a device that nobody asks anything any more."""
+"""Longest wait for an idle device at the end."""
 MEMORY_DOUBLED = 10
-"""Frames that a long memory is given at most, the earliest of them 512 warm-ups back."""
+"""Most frames for a long memory, the earliest of them 512 warm-ups back."""
 
 
 class Film:
-    """Renders frames of a scene's video, one view frame after another.
+    """Renderer of a scene's video, one view frame after another.
 
     Parameters
     ----------
     view : SceneView or View
-        A view of the scene moves as the scene says; a plain one stands.
+        A view of the scene moves as the scene says; a plain one is fixed.
     objects : tuple of str or None
-        Names of the objects to insert. None: those of the scene's view, or all.
+        Names of the objects to insert. None: the scene view's, or all.
     accumulate : int
-        View frames that are rendered for each frame of the video; the picture is the last. See
-        `memory`.
+        View frames per frame of the video; the picture is the last. See `memory`.
     strict : bool
         Stop at the first frame of the video that cannot be read, rather than bridge it.
 
     Attributes
     ----------
     prepare_ms : float
-        Time that passes took before the first view frame.
+        Time spent on preparing passes before the first view frame.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class Film:
         self._renderer: Renderer | None = None
 
     def close(self) -> None:
-        """Release what the last run of frames held."""
+        """Release the resources of the last run of frames."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -91,22 +90,22 @@ class Film:
     ) -> Iterator[tuple[int, RenderedFrame]]:
         """Render frames in the order of `indices`, with nothing accumulated by earlier calls.
 
-        One call at a time; no more than a few frames are held.
+        Only one call may be active. At most a few frames are held in memory.
 
         Parameters
         ----------
         indices : sequence of int
             Numbers of frames of the video.
         warm_up : int
-            Frames that are rendered before the first, and not yielded, so that it has a history:
-            those before it, in the step of `indices`. Where the video begins later, its first
-            frame stands for them. What only a longer memory holds (the background that moving
-            things hide) is looked up in a few frames before those, which are not rendered.
+            Frames rendered before the first without being yielded, to build its history: the
+            preceding ones, in the step of `indices`. Before the start of the video, its first frame
+            is repeated. State with a longer memory (the background that moving things hide) is
+            built from a few frames before those, which are not rendered.
         aovs : names from `iprt.aovs.AOVS`
         progress : callable or None
             Called with the number of finished view frames of a frame after each.
         goal : Goal or None
-            For one frame: renders as many view frames as it takes, in place of `accumulate`.
+            For one frame: renders as many view frames as the goal needs, in place of `accumulate`.
 
         Yields
         ------
@@ -142,13 +141,13 @@ class Film:
                     picture = renderer.render(self.accumulate, layers, progress)
                 else:
                     picture = converged(renderer, goal, layers, progress)
-                self.device.finish()  # reads events: those of hours would fill the memory
+                self.device.finish()  # reads events: hours of them would fill the memory
                 if wanted:
                     yield index, picture
                 del picture
 
     def _showing(self, frame: Frame, index: int, *, several: bool) -> Renderer:
-        """The renderer, gone on to a frame of the video, of which there may be `several`."""
+        """Return the renderer with a frame loaded; `several`: more frames may follow."""
         view = self.view_at(index)
         instances = self.scene.instances_at(self.scene.time_of(index), self._objects)
         renderer = self._renderer
@@ -168,7 +167,7 @@ class Film:
         return renderer
 
     def view_at(self, index: int) -> View:
-        """The view in a frame of the video."""
+        """Return the view in a frame of the video."""
         return view_at(self.scene, self._view, index)
 
 
@@ -178,7 +177,7 @@ def converged(
     aovs: Iterable[str] = (),
     progress: Callable[[int], None] | None = None,
 ) -> RenderedFrame:
-    """The picture of a renderer that has rendered nothing yet, once it meets the goal."""
+    """Return the picture of a fresh renderer once it meets the goal."""
     while goal.next_frames > goal.frames:
         done, count = goal.frames, goal.next_frames
 
@@ -191,24 +190,25 @@ def converged(
 
 
 def memory(settings: Settings, accumulate: int) -> Settings:
-    """Settings for so many view frames to each frame of the video.
+    """Return settings for `accumulate` view frames per frame of the video.
 
-    What fades is half of the gain spent on less noise of our own, half on following the video more
-    closely: over as many view frames as before, the mean would hold less of the video, whose noise
-    reflections show; over as many of its frames, it would lag as far behind.
+    The gain in fading is spent half on less noise of the renderer and half on following the video
+    more closely. Over an unchanged number of view frames, the mean would hold less of the video,
+    whose noise reflections show. Over an unchanged number of its frames, it would lag as far
+    behind.
     """
     return settings.model_copy(update={"fading": settings.fading / accumulate**0.5})
 
 
 def film_plan(scene: Scene, frame: Frame, instances: Iterable[Instance], view: View) -> RenderPlan:
-    """The plan of a film of all frames of the scene, of which `frame` is one."""
+    """Return the plan of a film of all frames of the scene, of which `frame` is one."""
     settings = Settings()
     footage = footage_of(scene, frame, settings) if len(scene.frame_indices) > 1 else None
     return RenderPlan.of(frame, instances, view, settings, footage)
 
 
 def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
-    """The properties of a scene's video, of which `frame` is a frame."""
+    """Return the properties of a scene's video, of which `frame` is a frame."""
     return Footage.of(
         frame,
         clips=scene.clips,
@@ -219,23 +219,23 @@ def footage_of(scene: Scene, frame: Frame, settings: Settings) -> Footage:
 
 
 def view_at(scene: Scene, view: SceneView | View, index: int) -> View:
-    """Where `view` looks in a frame of the video, in the size that it has."""
+    """Return `view` in a frame of the video, in its own size."""
     if isinstance(view, View):
         return view
     return view.at(scene.time_of(index)).resized(view.view.width, view.view.height)
 
 
 def warm_up_indices(indices: Sequence[int], count: int, first: int) -> list[int]:
-    """The `count` frames before `indices`, in their step; none before `first`, which is repeated.
+    """Return the `count` frames before `indices`, in their step, with `first` repeated as needed.
 
-    Indices that are no range, or run backwards, count as steps of 1.
+    Indices that are not a range, or that run backwards, count as steps of 1.
     """
     step = max(indices.step, 1) if isinstance(indices, range) else 1
     return [max(indices[0] - step * back, first) for back in range(count, 0, -1)]
 
 
 def memory_indices(before: Sequence[int], first: int) -> list[int]:
-    """Frames before those of a warm-up, down to `first`: ever fewer, over ever longer times."""
+    """Return frames before a warm-up's, down to `first`, at ever longer intervals."""
     distances = [len(before) * 2**doubled for doubled in range(MEMORY_DOUBLED)]
     found = {before[0] - distance for distance in distances} if before else set()
     return sorted(index for index in found if index >= first)

@@ -1,4 +1,4 @@
-"""The view with a pixel for each block of pixels, for which light is computed, and the way back."""
+"""View at a lower resolution, one pixel per block of pixels, for light, and its upsampling."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _Layer = RealLayer | VisibleSurfaces
 
 
 def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
-    """Scale x y and offset x y that take image points of a view to those of the reduced one."""
+    """Return scale x y and offset x y from image points of a view to the reduced one's."""
     if view.projection == "equirect":
         return reduced.width / view.width, reduced.height / view.height, 0.0, 0.0
     # Both have the same centre.
@@ -34,17 +34,17 @@ def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
 
 
 def enlarging_size(view: View, reduced: View, *, wide: bool) -> tuple[int, int]:
-    """Work items of `cl/view/enlarge.cl`: pixels, or, `wide`, spaces between blocks' centres."""
+    """Return work items of `cl/view/enlarge.cl`: pixels, or, `wide`, gaps between blocks."""
     if wide:
         return reduced.width + 1, reduced.height + 1
     return view.width, view.height
 
 
 class LightView:
-    """Light at a fraction of the view's resolution: signals are enlarged along surfaces.
+    """Light at a fraction of the view's resolution, upsampled along surfaces.
 
-    Outlines and textures keep the view's resolution, as only signals are enlarged: what they are
-    multiplied by is not in them.
+    Outlines and textures keep the view's resolution, because only signals without albedo are
+    upsampled.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class LightView:
         features: Features,
         camera: cla.Array | None,
     ) -> None:
-        """`full`: the G-buffer of the view."""
+        """Create buffers and kernels; `full` is the G-buffer of the view."""
         self._device, self._full_view = device, view
         self._scale = features.settings.light_scale
         self.view = view.reduced(self._scale)
@@ -104,7 +104,7 @@ class LightView:
             self._add("specular", *objects, "id")
 
     def _add(self, signal: str, full: _Layer, blocks: _Layer, ids: str) -> None:
-        """Enlarge a signal of a layer, of which `ids` tells apart what does not mix."""
+        """Add the upsampling of a layer's signal; `ids` names the plane of ids that never mix."""
         device, ratio = self._device, signal == "ratio"
         layout = PlaneLayout.of(self._full_view)
         shape = (layout.width * layout.height, 4) if ratio else layout.shape(3)
@@ -128,13 +128,13 @@ class LightView:
     def prepare(
         self, world: RealWorld, view: View, previous: View, context: FrameContext
     ) -> FrameContext:
-        """Fill `gbuffer` and return the frame as it is at this resolution.
+        """Fill `gbuffer` and return the frame's context at this resolution.
 
         Parameters
         ----------
         world : RealWorld
         view, previous : View
-            Those of `context`, in the view's own resolution.
+            Views of `context`, in the full resolution.
         """
         scale = self._scale
         self._constants.follow(view.reduced(scale), previous.reduced(scale))
@@ -148,7 +148,7 @@ class LightView:
         return here
 
     def enlarge(self, signals: Signals, view: cla.Array) -> Signals:
-        """`signals` for each pixel of the view, whose constants on the device `view` are."""
+        """Return `signals` for each pixel of the view, with constants `view` on the device."""
         with self._device.profile.section("enlarge"):
             for name, kernel in self._enlarge.items():
                 kernel(
@@ -160,7 +160,7 @@ class LightView:
         return Signals(**self._enlarged)
 
     def repeated(self, image: Image) -> Image:
-        """A picture of blocks (h, w) or (h, w, C) as one of pixels."""
+        """Return a picture of blocks (h, w) or (h, w, C), repeated for each pixel."""
         view, (x_scale, y_scale, x_offset, y_offset) = self._full_view, self._map
         columns = ((np.arange(view.width) + 0.5) * x_scale + x_offset).astype(np.intp)
         rows = ((np.arange(view.height) + 0.5) * y_scale + y_offset).astype(np.intp)

@@ -1,4 +1,4 @@
-"""How much memory of a device a picture needs, before any is allocated, and what to lower."""
+"""Memory that a picture needs on a device, computed before allocation, and remedies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RenderPlan:
-    """Buffers and kernels of a renderer before it is built.
+    """Buffers and kernels of a renderer before it is created.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class RenderPlan:
         *,
         is_cpu: bool = True,
     ) -> RenderPlan:
-        """The plan by the renderer's own code, on a device that allocates nothing.
+        """Return the plan, from the renderer's own code on a device without allocations.
 
-        `is_cpu`: the device that it is for is a CPU.
+        `is_cpu`: the plan is for a CPU.
         """
         from iprt.device.plan import PlanDevice
         from iprt.renderer import Renderer
@@ -60,11 +60,11 @@ class RenderPlan:
 
     @property
     def bytes(self) -> int:
-        """All buffers together."""
+        """Size of all buffers together."""
         return sum(self.buffers.values())
 
     def problem(self, device: str, memory: int, largest: int) -> str | None:
-        """Why it does not fit, and what to lower; None if it does.
+        """Return why the plan does not fit, and a remedy; None if it fits.
 
         Parameters
         ----------
@@ -98,10 +98,8 @@ def require_memory(
 ) -> RenderPlan:
     """Return the plan of a picture, whose kernels the device begins to compile.
 
-    Refuses one whose buffers do not fit into the device's memory.
-
-    Drivers for processors promise memory that they do not have, and the system then ends the
-    process without a word.
+    Refuses a plan whose buffers do not fit into the device's memory. Drivers for CPUs report memory
+    that they do not have, and the system then kills the process without a message.
 
     Raises
     ------

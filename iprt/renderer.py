@@ -1,8 +1,8 @@
-"""The frame: what is done on each clock, and in which order. Read this file first.
+"""Renderer: the work on each clock, and its order. Read this file first.
 
-Three clocks: the video (`RealWorld`: the panorama and what rays need of it), the objects
-(`Objects`: what rays meet of them), and the view (everything after). A view compares the versions
-of both worlds with those of its last frame. `Features` says which passes exist for a scene.
+There are three clocks: the video (`RealWorld`: the panorama and data derived from it for rays), the
+objects (`Objects`: their geometry for rays), and the view (everything after). A view compares the
+versions of both worlds with its last frame's. `Features` tells which passes a scene needs.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from iprt.world.world import World
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """A finished picture.
+    """Finished picture.
 
     Attributes
     ----------
     color : (H, W, 3) float32
         Linear radiance.
     aovs : dict of str to (H, W) or (H, W, 3) float32
-        The auxiliary pictures asked for.
+        The requested auxiliary pictures.
     """
 
     color: NDArray[np.float32]
@@ -63,9 +63,9 @@ class _Seen:
     real, objects : int
         `RealWorld.version` and `Objects.version`.
     objects_moved : bool
-        They were elsewhere in the frame before.
+        Objects had other positions in the previous frame.
     view, previous : View
-        Its view and that of the frame before, in the axes of the capture centre.
+        The frame's view and the previous frame's, in the axes of the capture centre.
     """
 
     real: int
@@ -76,7 +76,7 @@ class _Seen:
 
 
 class Renderer:
-    """Inserts objects into a 360° RGBD frame, for one view.
+    """Renderer that inserts objects into a 360° RGBD frame, for one view.
 
     Parameters
     ----------
@@ -86,29 +86,29 @@ class Renderer:
     instances : iterable of Instance
         The objects to insert.
     view : View
-        Equirect views show the whole panorama; they do not turn.
+        Equirect views show the whole panorama and cannot be rotated.
     settings : Settings
     background : (H, W, 3) float32 or None
         Linear radiance to composite over in place of the resampled panorama.
     footage : Footage or None
-        What frames have that are loaded later. None: what `frame` has.
+        Properties of frames that are loaded later. None: the same as of `frame`.
     worlds : Worlds or None
-        Those of the device, where several views of the scene share them.
+        The device's worlds, where several views share a scene.
 
     Attributes
     ----------
     fading : float
-        Least share of a new frame in the temporal means from the next step on; at first that of
-        the settings.
+        Least share of a new frame in the temporal means from the next step on; initially from the
+        settings.
     real_world : RealWorld
     method : Method or None
-        What lights the objects; None: there are none.
+        Lighting method of the objects; None without objects.
     visible : VisibleLayer or None
         Surfaces of the objects in the view.
     light : LightView or None
-        What the method sees, where light has fewer pixels than the view.
+        The method's view, if light has a lower resolution than the view.
     signals : Signals
-        What the picture is composed of, after a frame.
+        Components of the picture, after a frame.
 
     Raises
     ------
@@ -144,7 +144,7 @@ class Renderer:
         )
         self._frame_index = 0
         self._seen: _Seen | None = None
-        self._placed = self.instances, frame.pose  # what the objects follow
+        self._placed = self.instances, frame.pose  # state that the objects follow
 
         self._camera: CameraMotion | None = None
         if features.moving_camera and frame.pose is not None:
@@ -201,7 +201,7 @@ class Renderer:
     # The frame ------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Render one view frame; temporal passes build on the ones before."""
+        """Render one view frame; temporal passes continue from the previous ones."""
         real, objects = self.real_world, self._objects
         pose = real.frame.pose
         placed, placed_from = self._placed
@@ -221,7 +221,7 @@ class Renderer:
         self.device.profile.end_frame()
 
     def _look(self) -> _Seen:
-        """State of the worlds and of the camera in this frame."""
+        """Return the state of the worlds and of the camera in this frame."""
         view = view_from(self.view, self.real_world.frame.pose)
         before, objects = self._seen, 0 if self._objects is None else self._objects.version
         return _Seen(
@@ -244,7 +244,7 @@ class Renderer:
             previous=constants.previous,
             view_changed=turned or carried,
             video_changed=before is None or now.real != before.real,
-            # Their motion ends in the frame after the last one that moves them.
+            # Motion ends in the frame after the last one that moves the objects.
             objects_changed=before is None or now.objects_moved or before.objects_moved,
             fading=self.fading,
             grids=self._grids,
@@ -289,17 +289,17 @@ class Renderer:
 
     @property
     def frame(self) -> Frame:
-        """The video frame that is shown."""
+        """The current video frame."""
         return self.real_world.frame
 
     # Use ------------------------------------------------------------------------------------
 
     def load(self, frame: Frame) -> None:
-        """Go on with another frame of the video; see `RealWorld.load`."""
+        """Load another frame of the video; see `RealWorld.load`."""
         self.real_world.load(frame)
 
     def move(self, instances: Iterable[Instance]) -> None:
-        """Follow the objects to where they are now.
+        """Move the objects.
 
         Parameters
         ----------
@@ -310,14 +310,14 @@ class Renderer:
         Raises
         ------
         SceneError
-            They are others, or a transform is not 4x4 finite numbers. The renderer stays as it was.
+            The objects differ, or a transform is not 4x4 finite numbers. The renderer is unchanged.
         """
         moved = tuple(instances)
         require_same_objects(self.instances, moved)
         self.instances = moved
 
     def look(self, view: View) -> None:
-        """Turn the camera; size and projection stay."""
+        """Rotate the camera; size and projection stay."""
         assert (view.width, view.height) == (self.view.width, self.view.height)
         assert view.projection == self.view.projection
         self.view = view
@@ -328,7 +328,7 @@ class Renderer:
         aovs: Iterable[str] = (),
         progress: Callable[[int], None] | None = None,
     ) -> RenderedFrame:
-        """Accumulate `frames` frames of the still scene and return the picture.
+        """Accumulate `frames` frames of the static scene and return the picture.
 
         Parameters
         ----------

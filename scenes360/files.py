@@ -1,4 +1,4 @@
-"""What a scene folder holds, written small."""
+"""Compact files of a scene folder."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_planes(
 
 
 def rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth (H, W) with its mantissa rounded to `DEPTH_BITS`."""
+    """Return depth (H, W) with its mantissa rounded to `DEPTH_BITS`."""
     drop = 23 - DEPTH_BITS
     bits = depth.astype(np.float32).view(np.uint32)
     kept = (bits + np.uint32(1 << (drop - 1))) & np.uint32(0xFFFFFFFF << drop & 0xFFFFFFFF)
@@ -42,7 +42,7 @@ def rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:
 def cuts(
     mask: NDArray[np.float32], change: NDArray[np.float32], *, margin: int = 6
 ) -> list[list[int]]:
-    """Two crops x0, y0, x1, y1: tight around the objects, and wider, with what they change.
+    """Return two crops x0, y0, x1, y1: around the objects, and around all they change.
 
     Parameters
     ----------
@@ -67,6 +67,6 @@ def _bounds(inside: NDArray[np.bool_], margin: int) -> list[int]:
 
 
 def toml_matrix(matrix: Sequence[Sequence[float]] | NDArray[np.float64]) -> str:
-    """A 4x4 matrix as the lines of a TOML array."""
+    """Return a 4x4 matrix as the lines of a TOML array."""
     rows = [", ".join(f"{value:.7g}" for value in row) for row in np.asarray(matrix) + 0.0]
     return "[\n  " + ",\n  ".join(rows) + ",\n]"

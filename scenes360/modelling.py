@@ -1,4 +1,4 @@
-"""Procedural solids: what the models of our scenes are built from.
+"""Procedural solids, the building blocks of the models.
 
 Units are metres, +Y is up; outsides are counter-clockwise.
 """
@@ -32,10 +32,14 @@ class Solid:
     triangles: NDArray[np.int64]
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
+        """Return the solid translated."""
         return replace(self, positions=self.positions + np.array([x, y, z]))
 
     def turned(self, axis: str, degrees: float) -> Solid:
-        """Rotated about a coordinate axis through the origin, counter-clockwise seen from it."""
+        """Return the solid rotated about a coordinate axis through the origin.
+
+        Counter-clockwise, seen from the axis.
+        """
         first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
         matrix = np.eye(3)
@@ -45,6 +49,7 @@ class Solid:
 
 
 def join(solids: Sequence[Solid]) -> Solid:
+    """Return one solid of the triangles of several."""
     offsets = np.cumsum([0] + [len(solid.positions) for solid in solids[:-1]])
     return Solid(
         np.concatenate([solid.positions for solid in solids]),
@@ -55,7 +60,7 @@ def join(solids: Sequence[Solid]) -> Solid:
 
 
 def sheet(points: Float, *, closed: bool = False) -> Solid:
-    """A surface through a grid of points (rows, columns, 3).
+    """Return a surface through a grid of points (rows, columns, 3).
 
     Seen from the outside, rows run down and columns to the right. Normals by central differences.
 
@@ -73,7 +78,7 @@ def sheet(points: Float, *, closed: bool = False) -> Solid:
         across = np.gradient(points, axis=1)
     normals = _unit(np.cross(along, across))
     lost = ~np.isfinite(normals).all(axis=-1) | (np.linalg.norm(normals, axis=-1) < 0.5)
-    for row in (0, rows - 1):  # at a pole the ring has shrunk to a point
+    for row in (0, rows - 1):  # at a pole the ring is a point
         if lost[row].any():
             inner = normals[1 if row == 0 else rows - 2]
             normals[row] = _unit(inner.mean(axis=0, keepdims=True))
@@ -97,7 +102,7 @@ def sheet(points: Float, *, closed: bool = False) -> Solid:
 
 
 def panel(corner: Sequence[float], right: Sequence[float], up: Sequence[float]) -> Solid:
-    """A parallelogram with uv (0, 0) at `corner`; its outside is right x up."""
+    """Return a parallelogram with uv (0, 0) at `corner`; its outside is right x up."""
     origin, r, t = (np.asarray(v, np.float64) for v in (corner, right, up))
     normal = _unit(np.cross(r, t))
     return Solid(
@@ -109,7 +114,7 @@ def panel(corner: Sequence[float], right: Sequence[float], up: Sequence[float]) 
 
 
 def box(size: Sequence[float], *, bevel: float = 0.004, steps: int = 2) -> Solid:
-    """A box around the origin with round edges of radius `bevel`."""
+    """Return a box around the origin with round edges of radius `bevel`."""
     half = 0.5 * np.asarray(size, np.float64)
     radius = min(bevel, float(half.min()))
     inner = half - radius
@@ -132,7 +137,7 @@ def box(size: Sequence[float], *, bevel: float = 0.004, steps: int = 2) -> Solid
 
 
 def lathe(profile: Sequence[tuple[float, float]], *, segments: int = 64, smooth: int = 0) -> Solid:
-    """A solid of revolution about +Y.
+    """Return a solid of revolution about +Y.
 
     Parameters
     ----------
@@ -173,7 +178,7 @@ def _revolve(profile: Float, segments: int) -> Solid:
 
 
 def tube(path: Float, radius: float | Float, *, segments: int = 16, closed: bool = False) -> Solid:
-    """A round tube along a curve (N, 3), with ends left open; `closed` joins its ends.
+    """Return a round tube along a curve (N, 3), with open ends; `closed` joins its ends.
 
     The cross-section is carried along without twist (rotation-minimising frames).
     """
@@ -190,7 +195,7 @@ def tube(path: Float, radius: float | Float, *, segments: int = 16, closed: bool
         carried = side[i - 1] - tangent[i] * (side[i - 1] @ tangent[i])
         side[i] = carried / np.linalg.norm(carried)
     twist = np.zeros(len(curve))
-    if closed:  # what is left over after a round trip is spread evenly
+    if closed:  # the remaining twist of a round trip is spread evenly
         over = np.cross(tangent[0], side[0])
         left = np.arctan2(side[-1] @ over, side[-1] @ side[0])
         twist = -left * np.linspace(0.0, 1.0, len(curve))
@@ -205,13 +210,14 @@ def tube(path: Float, radius: float | Float, *, segments: int = 16, closed: bool
 
 
 def sphere(radius: float, *, segments: int = 48) -> Solid:
+    """Return a sphere around the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
     solid = _revolve(radius * np.stack([np.cos(angle), np.sin(angle)], -1), segments)
     return replace(solid, normals=_unit(solid.positions))
 
 
 def cylinder(radius: float, height: float, *, bevel: float = 0.003, segments: int = 40) -> Solid:
-    """An upright cylinder from y = 0 to `height`."""
+    """Return an upright cylinder from y = 0 to `height`."""
     b = min(bevel, 0.5 * height, radius)
     return lathe(
         [
@@ -227,7 +233,7 @@ def cylinder(radius: float, height: float, *, bevel: float = 0.003, segments: in
 
 
 def cushion(width: float, depth: float, thickness: float, *, segments: int = 28) -> Solid:
-    """A pillow lying in the xz plane: two bulging sides that meet in a seam."""
+    """Return a pillow lying in the xz plane: two bulging sides that meet in a seam."""
     t = np.sin(np.linspace(-np.pi / 2, np.pi / 2, segments))
     x, z = np.meshgrid(t, t)
     swell = np.sqrt(np.maximum((1 - np.abs(x) ** 3) * (1 - np.abs(z) ** 3), 0.0))
@@ -242,7 +248,7 @@ def cushion(width: float, depth: float, thickness: float, *, segments: int = 28)
 
 
 def torus_knot(p: int, q: int, radius: float, thickness: float, *, segments: int = 240) -> Solid:
-    """A (p, q) torus knot about +Y."""
+    """Return a (p, q) torus knot about +Y."""
     t = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
     r = radius * (1.0 + 0.42 * np.cos(q * t))
     path = np.stack([r * np.cos(p * t), 0.42 * radius * np.sin(q * t), r * np.sin(p * t)], -1)
@@ -250,7 +256,7 @@ def torus_knot(p: int, q: int, radius: float, thickness: float, *, segments: int
 
 
 def write_ply(path: Path, solid: Solid) -> None:
-    """Binary PLY with one float32 normal per vertex; equal vertices are welded."""
+    """Write binary PLY with one float32 normal per vertex; equal vertices are welded."""
     rows = np.concatenate([solid.positions, solid.normals], axis=1).astype("<f4")
     unique, index = np.unique(np.round(rows, 6), axis=0, return_inverse=True)
     faces = index.reshape(-1)[solid.triangles].astype("<i4")
@@ -291,7 +297,7 @@ def _catmull_rom(points: Float, steps: int) -> Float:
 
 
 def _oriented(solid: Solid) -> Solid:
-    """The same with every triangle's winding as its normals say."""
+    """Return the solid with every triangle's winding according to its normals."""
     a, b, c = (solid.positions[solid.triangles[:, i]] for i in range(3))
     facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), solid.normals[solid.triangles[:, 0]])
     triangles = np.where((facing < 0)[:, None], solid.triangles[:, ::-1], solid.triangles)

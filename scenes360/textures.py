@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 def noise(
     shape: tuple[int, int], cells: tuple[int, int], seed: int, *, octaves: int = 4
 ) -> NDArray[np.float64]:
-    """Periodic value noise in [0, 1], about 0.5: `cells` lattice cells in the first octave."""
+    """Return periodic value noise in [0, 1], about 0.5; `cells` are the first octave's."""
     rng = np.random.default_rng(seed)
     total, weight = np.zeros(shape), 0.0
     for octave in range(octaves):
@@ -36,12 +36,12 @@ def noise(
 
 
 def mix(a: Colour, b: Colour, t: NDArray[np.float64]) -> Image:
-    """Colours between `a` (t = 0) and `b` (t = 1)."""
+    """Return colours between `a` (t = 0) and `b` (t = 1)."""
     return (np.asarray(a) + t[..., None] * (np.asarray(b) - np.asarray(a))).astype(np.float32)
 
 
 def wood(shape: tuple[int, int], dark: Colour, light: Colour, seed: int) -> Image:
-    """Grain along the image's rows."""
+    """Return wood with grain along the image's rows."""
     rows = shape[0]
     wave = noise(shape, (3, 1), seed, octaves=3)
     fibre = noise(shape, (rows // 4, 3), seed + 1, octaves=2)
@@ -52,7 +52,7 @@ def wood(shape: tuple[int, int], dark: Colour, light: Colour, seed: int) -> Imag
 def planks(
     shape: tuple[int, int], across: int, lengths: float, dark: Colour, light: Colour, seed: int
 ) -> Image:
-    """Floor boards: `across` rows of boards, each row cut into about `lengths` boards."""
+    """Return floor boards: `across` rows, each cut into about `lengths` boards."""
     rows, columns = shape
     rng = np.random.default_rng(seed)
     image = wood(shape, dark, light, seed)
@@ -73,7 +73,7 @@ def planks(
 
 
 def rug(shape: tuple[int, int], ground: Colour, accent: Colour, border: Colour, seed: int) -> Image:
-    """A woven rug: rhombs on a ground, two border stripes, and the yarn's unevenness."""
+    """Return a woven rug: rhombs on a ground, two border stripes, and uneven yarn."""
     v, u = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
     aspect = shape[1] / shape[0]
     a, b = u * aspect * 3, v * 3
@@ -89,7 +89,7 @@ def rug(shape: tuple[int, int], ground: Colour, accent: Colour, border: Colour, 
 
 
 def fabric(shape: tuple[int, int], colour: Colour, seed: int) -> Image:
-    """A plain weave of slightly uneven yarn."""
+    """Return a plain weave of slightly uneven yarn."""
     yarn = noise(shape, (shape[0] // 4, shape[1] // 16), seed, octaves=2) + noise(
         shape, (shape[0] // 16, shape[1] // 4), seed + 1, octaves=2
     )
@@ -97,7 +97,7 @@ def fabric(shape: tuple[int, int], colour: Colour, seed: int) -> Image:
 
 
 def hills(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
-    """A picture: a low sun over layers of hills, one colour of the palette each."""
+    """Return a picture of a low sun over layers of hills, one colour of the palette each."""
     rows, columns = shape
     y, x = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
     image = mix(palette[0], palette[1], y)
@@ -109,7 +109,7 @@ def hills(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
 
 
 def discs(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
-    """A picture: overlapping discs on a plain ground."""
+    """Return a picture of overlapping discs on a plain ground."""
     rows, columns = shape
     rng = np.random.default_rng(seed)
     y, x = np.meshgrid(
@@ -126,7 +126,7 @@ def discs(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
 
 
 def bands(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
-    """A picture: horizontal bands with soft, wavy edges."""
+    """Return a picture of horizontal bands with soft, wavy edges."""
     rows, columns = shape
     bend = noise(shape, (2, 3), seed, octaves=4) - 0.5
     level = np.linspace(0, len(palette) - 1e-6, rows)[:, None] + 1.1 * bend
@@ -143,8 +143,10 @@ def sky(
     sun_radius_deg: float,
     seed: int,
 ) -> Image:
-    """An outside (width / 2, width, 3) in the scene format's equirect convention: a clear sky
-    with thin clouds and a sun, over wooded hills in haze."""
+    """Return an environment (width / 2, width, 3) in the scene format's equirect convention.
+
+    It shows a clear sky with thin clouds and a sun, over wooded hills in haze.
+    """
     direction = View(width, width // 2, projection="equirect").directions()
     height = direction[..., 1]
     up = np.clip(height, 0, 1)[..., None]

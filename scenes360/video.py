@@ -1,9 +1,8 @@
-"""Clips of our scenes as files: colour as 10-bit HEVC that keeps radiance, depth without loss.
+"""Clips of the scenes as files: colour as 10-bit HEVC that keeps radiance, depth without loss.
 
-Colour is stored as BT.2100 stores it for displays: the PQ curve of SMPTE ST 2084 over luminance,
-where radiance 1 stands for the reference white of 203 cd/m² (ITU-R BT.2408); so lamps and windows
-are not clipped, up to a radiance of 49. Primaries and matrix are those of Rec.709, in which our
-colours are.
+Colour is stored as in BT.2100: the PQ curve of SMPTE ST 2084 over luminance, where radiance 1
+stands for the reference white of 203 cd/m² (ITU-R BT.2408). So lamps and windows are not clipped,
+up to a radiance of 49. Primaries and matrix are Rec.709's, like the scenes' colours.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from iprt.files.atomic import replacing
 from iprt.output.encode import frame_rate, mux_in_order
 
 WHITE_NITS = 203.0
-"""Luminance in cd/m² that radiance 1 stands for."""
+"""Luminance in cd/m² of radiance 1."""
 PQ_NITS = 10_000.0
 M1, M2 = 2610 / 16384, 2523 / 4096 * 128
 C1, C2, C3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
@@ -30,13 +29,13 @@ Image = NDArray[np.float32]
 
 
 def pq_encode(radiance: Image) -> NDArray[np.float64]:
-    """Values in [0, 1] of linear radiance, by the inverse EOTF of SMPTE ST 2084."""
+    """Return values in [0, 1] of linear radiance, by the inverse EOTF of SMPTE ST 2084."""
     share = np.clip(radiance.astype(np.float64) * (WHITE_NITS / PQ_NITS), 0.0, 1.0) ** M1
     return np.asarray(((C1 + C2 * share) / (1.0 + C3 * share)) ** M2)
 
 
 def ycbcr_10_bit(encoded: NDArray[np.float64]) -> NDArray[np.uint16]:
-    """Planes (3, H, W) of limited-range Y'CbCr by Rec.709's matrix, of R'G'B' (H, W, 3)."""
+    """Return planes (3, H, W) of limited-range Y'CbCr by Rec.709's matrix, of R'G'B' (H, W, 3)."""
     red, green, blue = np.moveaxis(encoded, -1, 0)
     kr, kg, kb = LUMA
     luma = kr * red + kg * green + kb * blue
@@ -49,7 +48,7 @@ def ycbcr_10_bit(encoded: NDArray[np.float64]) -> NDArray[np.uint16]:
 
 
 def write_color(path: Path, frames: Iterable[Image], *, fps: float, crf: int) -> None:
-    """Write linear radiance (H, W, 3) as HEVC, 10 bits, full chroma; smaller `crf`: truer."""
+    """Write linear radiance (H, W, 3) as 10-bit HEVC with full chroma, at quality `crf`."""
     tags = "colorprim=bt709:transfer=smpte2084:colormatrix=bt709:range=limited"
     options = {"preset": "slow", "crf": str(crf), "x265-params": f"{tags}:log-level=none"}
     planes = (ycbcr_10_bit(pq_encode(frame)) for frame in frames)

@@ -1,41 +1,41 @@
-// One level of the edge-avoiding à-trous filter (IPRT "Filtering": 65x65 joint bilateral in five
-// levels; Dammertz et al. 2010; variance guidance after Schied et al. 2017, SVGF Eqs. 2-5).
+// One level of the edge-avoiding à-trous filter (IPRT "Filtering": 65x65 joint bilateral in five levels;
+// Dammertz et al. 2010; variance guidance after Schied et al. 2017, SVGF Eqs. 2-5).
 //
-// All planes of a signal share one set of weights, so that E_R and E_RV are averaged over the
-// same pixels before they are divided, and equal inputs give equal bits. The weight of a tap q is
+// All planes of a signal share one set of weights. E_R and E_RV are thus averaged over the same pixels
+// before they are divided, and equal inputs give equal bits. The weight of a tap q is
 //   h(q) * falloff(k_n (1 - n_p . n_q) + k_d |n_p . (x_q - x_p)| / |x_p|
-//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + NOISE_FLOOR^2)), 0 where ids differ,
-// where h is the B3 spline or, of 3x3 taps, that of ReLAX, relative to the centre's, g the scalar that
-// the picture shows (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the
-// signal on virtual ones) and v its variance. Both variances enter, so that a pixel which missed a rare
-// event still takes part in what its noisy neighbours found. On real surfaces 1 - n_p . n_q is reduced by
-// what it is for the adjacent pixel most like p (least_turn): bevelled edges a few pixels wide would have
-// no pixels to be averaged with.
+//                   + (g_p - g_q)^2 / (k_v^2 (v_p + v_q) + NOISE_FLOOR^2)), 0 where ids differ.
+// h is the B3 spline or, for 3x3 taps, ReLAX's kernel, relative to the centre. g is the displayed scalar
+// (luminance of E_R - E_RV or of blocked - bounced light on real surfaces, of the signal on virtual ones),
+// and v its variance. Both variances enter, so that a pixel that missed a rare event still uses its noisy
+// neighbours. On real surfaces, 1 - n_p . n_q is reduced by its value for the adjacent pixel most like p
+// (least_turn): bevelled edges a few pixels wide would have no pixels to average with.
 //
 //   in    guide (7 planes, guide.h), signal (filter/signal.h), variance (1) of g, roughness (1, GGX
 //         alpha; where specular), borders wrapped in equirect views
 //   out   signal, variance: pixels without a surface are copied
 //
 // Between levels, signals and variances are planes of stored.h. With -DHALF_PLANES, the first level is
-// built with -DFIRST and the last one with -DLAST: what comes in and what goes out are planes of float.
+// built with -DFIRST and the last one with -DLAST: their input and output, respectively, are planes of
+// float.
 //
-// There are two kernels of each step: of real surfaces' signals (6 planes), one at a time, and of batches of
-// reflected ones (3), of which the first `specular` of a batch are specular radiance. Build with -DCOMMON as in filter/signal.h,
-// and -DGUIDED, without which luminance does not count (IPRT's joint bilateral filter). Work groups of
-// (n, 1) vectorize best on CPUs.
+// Each step has two kernels: one for a single signal of real surfaces (6 planes), and one for batches of
+// reflected signals (3), of which the first `specular` are specular radiance. Build with -DCOMMON as in
+// filter/signal.h, and with -DGUIDED for variance guidance. Without it luminance does not count (IPRT's
+// joint bilateral filter). Work groups of (n, 1) vectorize best on CPUs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/stored.h"
 #include "filter/signal.h"
 
-#define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, which is not filtered
+#define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, not filtered
 #define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
-// Differences up to this fraction of a pixel's luminance, or of the light that a real surface receives,
-// count as noise always: a little more than what half precision rounds by.
+// Relative differences of luminance, or fractions of the light on a real surface, that always count as
+// noise: a little more than the rounding error of half precision.
 #define NOISE_FLOOR 0.002f
-#define MOST_TURN 0.3f         // 1 - cosine between normals that may still be of one surface
+#define MOST_TURN 0.3f         // 1 - cosine between normals within one surface
 
-// Taps in a row: those of ReLAX where a variance guides signals of real surfaces, else a B3 spline's.
+// Taps in a row: ReLAX's where a variance guides signals of real surfaces, else the B3 spline's.
 #define RELAX_TAPS 3
 #define SPLINE_TAPS 5
 #ifdef GUIDED
@@ -61,10 +61,10 @@
     store_stored(plane, p, x, width, seam, value)
 #endif
 
-// The columns of each row between which objects do anything, for all that is known.
+// Finds the columns of each row between which objects may have an effect.
 __kernel void find_extent(
     __global const float *restrict signal,   // 6 planes
-    __global const float *restrict variance, // of the guide scalar's mean
+    __global const float *restrict variance, // of the mean of the guide scalar
     __global int *restrict extent,           // out: per row first column and end; (width, 0): none
     int width,
     int height)
@@ -86,13 +86,13 @@ __kernel void find_extent(
     extent[2 * y + 1] = end;
 }
 
-// The columns that the levels may change: those within their reach of active ones; and those that
-// they changed in the previous picture, which go back to 0 unless they are still within reach.
+// Finds the columns that the levels may change: within reach of active ones. Columns changed in the
+// previous picture are included, because they return to 0 unless still within reach.
 __kernel void grow_extent(
-    __global const int *restrict found,    // per row first column and end, of find_extent
+    __global const int *restrict found,    // per row first column and end, from find_extent
     __global const int *restrict previous, // `grown` of the previous picture
     __global int *restrict grown,          // out: per row
-    __global int *restrict extent,         // out: per row, what to filter: spans of filter_level
+    __global int *restrict extent,         // out: per row, columns to filter: spans of filter_level
     int reach,                             // of all levels together
     int width,
     int height,
@@ -117,7 +117,7 @@ __kernel void grow_extent(
     extent[2 * y + 1] = before ? max(end, previous[2 * y + 1]) : end;
 }
 
-// Weight of a tap in a row over that of the middle one.
+// Return the weight of a tap in a row over the middle one's.
 static inline ALWAYS_INLINE float tap_weight(int taps, int d)
 {
     if (taps == RELAX_TAPS)
@@ -125,8 +125,8 @@ static inline ALWAYS_INLINE float tap_weight(int taps, int d)
     return d == 0 ? 1.0f : abs(d) == 1 ? 0.25f / 0.375f : 0.0625f / 0.375f;
 }
 
-// Of each signal: guide, 7 planes; the signal's planes and variance, of the guide scalar's mean, as they
-// are and as they become. Where there are surfaces, spans: the rest is 0.
+// Per signal: guide, 7 planes; the signal's planes and the variance of the mean of its guide scalar, in and
+// out. Spans: columns with surfaces; the rest is 0.
 #define FILTER_BUFFERS(EACH)                                                                       \
     EACH(PLANES_IN, guide), EACH(SIGNAL_IN, signal), EACH(STORED_IN, variance),                    \
         EACH(SIGNAL_OUT, signal_out), EACH(STORED_OUT, variance_out), SPAN_PARAMETERS
@@ -147,8 +147,8 @@ static inline ALWAYS_INLINE float tap_weight(int taps, int d)
 #define FILTER_ARGUMENTS                                                                           \
     step, normal_sharpness, plane_sharpness, variance_scale, UNIT_ARGUMENT width, height, seam
 
-// `planes` and `taps` are constants. `alpha`: GGX roughness of `specular` signals, whose mirrors are copied;
-// `turned`: of smooth_real.
+// Filter one pixel. `planes` and `taps` are constants. `alpha`: GGX roughness of `specular` signals, whose
+// mirrors are copied; `turned`: from smooth_real.
 static inline ALWAYS_INLINE void filter_pixel(
     int planes, int taps, int specular, float alpha, float lobe_fraction, float turned,
     PLANES_IN guide, SIGNAL_IN signal, STORED_IN variance, SIGNAL_OUT signal_out,
@@ -181,7 +181,7 @@ static inline ALWAYS_INLINE void filter_pixel(
     float tolerance
         = relative ? NOISE_FLOOR : NOISE_FLOOR * luminance((float3)(centre[0], centre[1], centre[2]));
     tolerance = variance_scale * own + tolerance * tolerance + 1e-30f;
-    // No tap matches -2, so that a pixel without a surface keeps what it has.
+    // No tap matches -2, so that a pixel without a surface is unchanged.
     float same = id > 0.0f ? id : -2.0f, lobe = 0.0f;
     if (planes == REFLECTED_PLANES) {
         // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
@@ -230,7 +230,7 @@ static inline ALWAYS_INLINE void filter_pixel(
 
 __kernel void filter_real(
     FILTER_BUFFERS(SINGLE),
-    SINGLE(STORED_IN, turned), // of smooth_real
+    SINGLE(STORED_IN, turned), // from smooth_real
     FILTER_SCALARS)
 {
     SPAN_ITEM;
@@ -245,9 +245,9 @@ __kernel void filter_real(
 
 __kernel void filter_reflected(
     FILTER_BUFFERS(BATCHED),
-    BATCHED(STORED_IN, widened), // GGX alpha, of smooth_reflected; < 1e-4: copied
-    int specular,                // how many signals are
-    float lobe_fraction,         // of the lobe's half width that taps may span
+    BATCHED(STORED_IN, widened), // GGX alpha, from smooth_reflected; < 1e-4: copied
+    int specular,                // number of specular signals
+    float lobe_fraction,         // fraction of the lobe's half width that taps may span
     FILTER_SCALARS)
 {
     SPAN_ITEM;
@@ -256,9 +256,9 @@ __kernel void filter_reflected(
                  FILTER_ENTRY(OF_BATCH), x, y, FILTER_ARGUMENTS);
 }
 
-// GGX alpha of the lobe of a whole pixel: the normals within it turn its reflections too, by twice
-// their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where
-// surfaces bend within a pixel, one normal stands for many, and neighbours show what it misses.
+// Return the GGX alpha of a whole pixel's lobe. The normals within a pixel turn its reflections by twice
+// their angle, as alpha does (Kaplanyan et al. 2016; Tokuyoshi and Kaplanyan 2019, Eq. 1). Where surfaces
+// bend within a pixel, one normal stands for many, and the neighbours' normals give their spread.
 static inline float widened_alpha(
     __global const float *restrict guide, float alpha, int size, int stride, int p)
 {
@@ -274,7 +274,7 @@ static inline float widened_alpha(
     return alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
 }
 
-// 1 - cosine of the normal with the most like it of the eight neighbours'; 0 where none is like it.
+// Return the least 1 - cosine between the normals of p and its eight neighbours; 0 if none is similar.
 static inline float least_turn(__global const float *restrict guide, int size, int stride, int p)
 {
     float least = MOST_TURN;
@@ -292,8 +292,8 @@ static inline float least_turn(__global const float *restrict guide, int size, i
     return least < MOST_TURN ? least : 0.0f;
 }
 
-// 3x3 binomial mean of the variance over pixels of one id: single estimates are too noisy to steer the
-// weights (Schied et al. 2017, section 4.4).
+// Return the 3x3 binomial mean of the variance over pixels of one id: single estimates are too noisy to
+// guide the weights (Schied et al. 2017, section 4.4).
 static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int stride, int p)
 {
     float sum = 0.0f, weights = 0.0f;
@@ -311,12 +311,12 @@ static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int
     return sum / weights;
 }
 
-// What the levels are given. Of each signal: guide, 7 planes; variance, 1 plane. Out: smooth, 1 plane.
+// Prepares the levels' inputs. Per signal: guide, 7 planes; variance, 1 plane. Out: smooth, 1 plane.
 #define SMOOTH_BUFFERS(EACH)                                                                       \
     EACH(PLANES_IN, guide), EACH(PLANES_IN, variance), EACH(STORED_OUT, smooth), SPAN_PARAMETERS
 #ifdef HALF_PLANES
 #define SMOOTH_SCALARS float unit, int width, int height, int seam
-#define IN_UNITS(variance) ((variance) * unit * unit) // the square alone may be beyond all floats
+#define IN_UNITS(variance) ((variance) * unit * unit) // unit squared alone may overflow
 #else
 #define SMOOTH_SCALARS int width, int height, int seam
 #define IN_UNITS(variance) (variance)
@@ -342,7 +342,7 @@ __kernel void smooth_reflected(
     SMOOTH_BUFFERS(BATCHED),
     BATCHED(PLANES_IN, roughness), // GGX alpha
     BATCHED(STORED_OUT, widened),  // out: 1 plane; mirrors stay mirrors
-    int specular,                  // how many signals are
+    int specular,                  // number of specular signals
     SMOOTH_SCALARS)
 {
     SMOOTH(OF_BATCH);

@@ -1,5 +1,5 @@
-// Sparse tracing mask (IPRT Eqs. 3 and 4): how densely each pixel is traced, and which pixels get
-// a ray in this frame.
+// Sparse tracing mask (IPRT Eqs. 3 and 4): the tracing density of each pixel, and the pixels that get a ray
+// in this frame.
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
@@ -12,15 +12,15 @@
 //                     length of the history
 //   list_traced       level                                       list of y * width + x, its length
 //
-// list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and rays that
-// are neighbours in the list are neighbours in the picture. Its order differs between runs.
+// list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and neighbouring rays in
+// the list are neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
 #include "filter/surface.h"
 #include "trace/rays.h"
 
 #define CHUNK 64
 
-// Pixel of the last picture that this pixel's surface was in; -1: none.
+// Return the pixel of the last picture that showed this pixel's surface; -1: none.
 static inline int pixel_before(
     __global const float *restrict motion, int p, int width, int height, int seam)
 {
@@ -31,15 +31,17 @@ static inline int pixel_before(
     return column >= 0 && column < width ? plane_index(column, (int)my, width) : -1;
 }
 
-// Square of how much the pixels around p differ from it (Eq. 3), from 0 to 1: by their normals or, with
-// `sigma` per unit, their positions. Another surface, or none, counts as 1; outside the picture as 0.
+// Return the square of how much the pixels around p differ from it (Eq. 3), from 0 to 1: by their normals
+// or, with `sigma` per unit, their positions. A different or missing surface counts as 1, a pixel outside
+// the picture as 0.
 static inline float unlikeness(
     __global const float *restrict guide, float sigma, int size, int stride, int p)
 {
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[GUIDE_ID * size + p], turn = 0.0f, apart = 0.0f;
-    // Most pixels skip this, so that nothing is vectorized: loops run as fast, and compile in a tenth of the time.
+    // Most pixels skip this, so loops are not unrolled: they are as fast and compile in a tenth of the
+    // time.
     #pragma unroll 1
     for (int dy = -2; dy <= 2; dy++) {
         #pragma unroll 1
@@ -85,15 +87,15 @@ __kernel void choose_level(
     BATCHED(PLANES_IN, guide),                   // 7 planes
     BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
     BATCHED(PLANES_IN, touched),                 // 1 plane, border wrapped
-    BATCHED(PLANES_IN, length),                  // 1 plane, what histories were worth before
-    BATCHED(const int, keep),                    // where that is long, a quarter of the rays do
+    BATCHED(PLANES_IN, length),                  // 1 plane, of the previous histories
+    BATCHED(const int, keep),                    // where histories are long, a quarter of the rays
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(__global uchar *restrict, level),    // out: 1 plane
     BATCHED(__global int *restrict, count),      // out: 0
     BATCHED(float, sigma_position),              // sigma_p, per unit of the positions
     BATCHED(float, low),                         // delta_1
     BATCHED(float, high),                        // delta_2; 0 traces every pixel
-    BATCHED(float, faint_frames),                // touched for no longer: one ray for 4 pixels
+    BATCHED(float, faint_frames),                // touched for at most as long: one ray for 4 pixels
     __global const int *restrict origin,         // x y of the tracing grid in this frame
     int width,
     int height,
@@ -117,7 +119,7 @@ __kernel void choose_level(
     #pragma unroll
     for (int i = 0; i < 9; i++)
         active = fmax(active, touched[p + i % 3 - 1 + (i / 3 - 1) * stride]);
-    // Where influence is graded, edges are worth rays only where objects change something.
+    // With graded influence, edges get extra rays only where objects have an effect.
     float squared = active > faint_frames || touched[p] < 0.0f ? 1.0f : 0.0f;
     if (id > 0.0f && high > 0.0f && squared == 0.0f && (active > 0.0f || faint_frames == 0.0f))
         squared = unlikeness(guide, OF_BATCH(sigma_position), size, stride, p);

@@ -1,36 +1,35 @@
-// What pixels lack is taken from neighbours of the same surface: those that got no ray (interpolate), and
-// those whose history is worth few samples (fix_history).
+// Reconstruction from neighbours of the same surface: of pixels without a ray (interpolate), and of pixels
+// with a short history (fix_history).
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 // interpolate: IPRT Algorithm 2, with joint bilateral weights in place of weights that grow with distance.
 //
-//   in      guide (7 planes, guide.h), level (1 plane of uchar, 255 = nothing here)
+//   in      guide (7 planes, guide.h), level (1 plane of uchar, 255 = no surface)
 //   in out  signal (filter/signal.h): valid at traced pixels, afterwards at all with a
-//           surface; 0 where there is none. Only untraced pixels change and only traced ones
-//           are read, so it is done in place. All planes share one set of weights.
+//           surface; 0 where there is none. It runs in place: only untraced pixels change,
+//           and only traced ones are read. All planes share one set of weights.
 //
-// fix_history: pixels whose history is worth few samples take part of what neighbours of the same
-// surface know, over a wide and sparse window, before the à-trous filter with its narrow first
-// levels sees them (after NVIDIA's ReLAX). A lone sample of a rare event then no longer passes for
-// the mean.
+// fix_history: a pixel with a short history is blended with neighbours of the same surface, over a wide and
+// sparse window, before the à-trous filter with its narrow first levels (after NVIDIA's ReLAX). A lone
+// sample of a rare event is then no longer taken for the mean.
 //
 //   in    guide (7 planes, guide.h), signal (filter/signal.h) and the variance of its scalar g, length
-//         (1 plane: how many samples the mean is worth), level of tracing
-//   out   signal, variance: those of the other pixels are copied
+//         (1 plane: effective number of samples of the mean), level of tracing
+//   out   signal, variance: the other pixels' are copied
 //
-// A neighbour weighs as much as its history is worth, times the falloff of the à-trous filter with
-// normal and plane. Taps outside the picture are left out, across the seam they wrap.
+// A neighbour's weight is the length of its history times the falloff of the à-trous filter with normal and
+// plane. Taps outside the picture are left out; across the seam they wrap.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/signal.h"
 
-#define SEARCH 3   // from any pixel, the coarsest grid (spacing 4) has a point this near
+#define SEARCH 3   // the coarsest grid (spacing 4) has a point within this distance of any pixel
 #define TAPS 5         // in a row
 #define SPARSEST 2     // level of one ray for 16 pixels
-#define SPARSE 0.1667f // a ray each in four frames of 16 has met no object: there is nothing to fix
+#define SPARSE 0.1667f // a ray each in four frames of 16 has met no object: nothing to fix
 
-// Level of the pixel, LEVEL_NONE outside the picture.
+// Return the level of the pixel, LEVEL_NONE outside the picture.
 static inline int level_at(
     __global const uchar *restrict level, int x, int y, int width, int height, int seam)
 {
@@ -39,7 +38,7 @@ static inline int level_at(
     return inside ? level[plane_index(x, y, width)] : LEVEL_NONE;
 }
 
-// Plane index of the pixel if it got a ray in this frame, else -1.
+// Return the plane index of the pixel if it got a ray in this frame, else -1.
 static inline int traced_at(
     __global const uchar *restrict level, int x, int y, int2 offset, int width, int height,
     int seam)
@@ -82,7 +81,7 @@ __kernel void interpolate(
     if (own != LEVEL_NONE) {
         int spacing = level_spacing(own);
         int left = x - ((x - offset.x) & (spacing - 1)), top = y - ((y - offset.y) & (spacing - 1));
-        // A corner of the level-1 grid that lies in a level-2 area may have no ray.
+        // A corner of the level-1 grid in a level-2 area may have no ray.
         for (int i = 0; i < 4 && spacing == 2; i++) {
             int cx = left + 2 * (i & 1), cy = top + 2 * (i >> 1);
             if (level_at(level, cx, cy, width, height, seam) == 2
@@ -112,7 +111,7 @@ __kernel void interpolate(
             weights += w;
         }
         if (weights < 1e-3f) {
-            // No corner resembles this pixel: the nearest ray of its surface, else the nearest.
+            // No corner is similar to this pixel: take the nearest ray of its surface, else the nearest.
             int nearest = -1, distance = 1 << 20;
             for (int dy = -SEARCH; dy <= SEARCH; dy++)
                 for (int dx = -SEARCH; dx <= SEARCH; dx++) {
@@ -142,8 +141,8 @@ __kernel void fix_history(
     __global const uchar *restrict level,    // of tracing, 1 plane (mask.cl)
     __global float *restrict signal_out,     // its planes
     __global float *restrict variance_out,   // 1 plane
-    float stride,                            // pixels between taps where there is no history
-    float enough,                            // histories of so many samples are left alone
+    float stride,                            // pixels between taps without any history
+    float enough,                            // longer histories are unchanged
     float normal_sharpness,                  // k_n of atrous.cl
     float plane_sharpness,                   // k_d
     int width,
@@ -162,7 +161,7 @@ __kernel void fix_history(
     float centre[REAL_PLANES], sum[REAL_PLANES];
     EACH_PLANE(c, planes) {
         centre[c] = signal[c * size + p];
-        sum[c] = 0.0f; // of differences to the centre: equal neighbours leave its bits
+        sum[c] = 0.0f; // of differences to the centre: equal neighbours preserve its bits
     }
     float weights = own, variances = own * own * variance[p];
     int step = max((int)(stride / (1.0f + own) + 0.5f), 1);

@@ -1,48 +1,47 @@
-// Temporal accumulation with motion vectors, and the variance of its result (moments after Schied
-// et al. 2017, SVGF section 4.2; two histories, after NVIDIA's ReLAX; IPRT "Filtering").
+// Temporal accumulation with motion vectors, and the variance of its result (moments after Schied et al.
+// 2017, SVGF section 4.2; two histories, after NVIDIA's ReLAX; IPRT "Filtering").
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top.
 //
 //   kernel             in                                        out
 //   accumulate         guide of this and the previous picture,   history at this picture's pixels
 //                      motion (2 planes, previous position in    with the samples added: signal,
-//                      pixels; -1e9 = nowhere), history,         length (how many samples it is
-//                      samples, level; with -DCAMERA_MOTION      worth), spread (variance of single
-//                      camera.h, between the axes of the two     samples of g); scalar g of it
+//                      pixels; -1e9 = nowhere), history,         length (effective number of
+//                      samples, level; with -DCAMERA_MOTION      samples), spread (variance of
+//                      camera.h, between the axes of the two     single samples of g); its scalar g
 //                      guides; with -DPUBLISHED the history is
-//                      first held near the samples
+//                      first clamped to the samples
 //   follow             the same of a fast history                 the same
 //   fetch              guides, motion, history                   history at this picture's pixels,
 //                                                                without the samples; its g with the
 //                                                                fast history
-//   correct_real,      guide, both histories, g, samples, level  history that agrees with the fast
-//   correct_reflected                                            one, and is near to it, with the
-//                                                                samples added; g of it
+//   correct_real,      guide, both histories, g, samples, level  history corrected by and clamped to
+//   correct_reflected                                            the fast one, with the samples
+//                                                                added; its g
 //   estimate_variance  guide, g, spread, length                  variance of g's mean
 //
-// g is the scalar that the picture shows (filter/signal.h): the luminance of the first three planes less
-// the last three of real surfaces, else the signal's. Without correction and fading, and motion that stays on the pixel,
-// the accumulated signal is the plain mean of the samples. A sample that is not finite is dropped.
-// Where all samples are 0, or the first three planes equal the last three, so is the result, bit
-// for bit.
+// g is the displayed scalar (filter/signal.h): for real surfaces the luminance of the first three planes
+// minus the last three, else the signal's. Without correction, fading and motion, the accumulated signal is
+// the plain mean of the samples. Non-finite samples are dropped. Where all samples are 0, the result is 0.
+// Where their first three planes equal the last three, so do the result's, bit for bit.
 #include "filter/history.h"
 
-#define SPATIAL_TAPS 4        // a side: every other pixel of a 7x7 neighbourhood
-#define SHORT_HISTORY 4.0f    // below, samples of one pixel do not determine their variance
-#define UNSURE 8.0f           // few samples of rare events have too small a variance: 1 + 8 / n
+#define SPATIAL_TAPS 4        // along a side: every other pixel of a 7x7 neighbourhood
+#define SHORT_HISTORY 4.0f    // fewer samples of one pixel do not determine their variance
+#define UNSURE 8.0f           // few samples of rare events underestimate the variance: 1 + 8 / n
 
 __kernel void accumulate(
     FETCH_BATCHED,
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_IN, samples),                 // its planes; -DPUBLISHED: border too
-    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
+    BATCHED(__global const uchar *restrict, level), // 1 plane: tracing density of this picture
     BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
     BATCHED(PLANES_OUT, length),                 // out: 1 plane
 #ifdef PUBLISHED
     float clamp_sigma,                             // half width of the box in deviations
 #endif
     float fading,                                  // least share of the new sample, 0: plain mean
-    int rays,                                      // of a sample, before they become fewer (rays.h)
+    int rays,                                      // per sample, for short histories (rays.h)
     int width,
     int height,
     int seam,
@@ -68,11 +67,11 @@ __kernel void follow(
     FETCH_BATCHED,                               // of the fast history
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_IN, samples),                 // its planes
-    BATCHED(__global const uchar *restrict, level), // 1 plane: how densely this picture was traced
+    BATCHED(__global const uchar *restrict, level), // 1 plane: tracing density of this picture
     BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
     BATCHED(PLANES_OUT, length),                 // out: 1 plane
-    float limit,                                   // samples that the history is worth at most
-    int fresh,                                     // it begins with this picture
+    float limit,                                   // most samples of the history
+    int fresh,                                     // the history starts with this picture
     int width,
     int height,
     int seam,
@@ -95,7 +94,7 @@ __kernel void fetch(
     SPAN_PARAMETERS,                             // where there are surfaces
     BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
     BATCHED(PLANES_OUT, length),                 // out: 1 plane
-    BATCHED(PLANES_OUT, fast_signal),            // out: g, in the place of the fast history's own
+    BATCHED(PLANES_OUT, fast_signal),            // out: g, replacing the fast history's own
     int width,
     int height,
     int seam,
@@ -108,9 +107,9 @@ __kernel void fetch(
     store_scalar(planes, history.signal, OF_BATCH(fast_signal), size, p, x, width, seam);
 }
 
-// What both kinds of signals are corrected by: guide, 7 planes; spans, where there are surfaces; the fast
-// history, with g of the slow one, borders wrapped; samples, the signal's planes; level, how densely this
-// picture was traced. In and out: the slow history.
+// Inputs of the correction of either kind of signal: guide, 7 planes; spans, where there are surfaces; the
+// fast history, with g of the slow one, borders wrapped; samples, the signal's planes; level, the tracing
+// density of this picture. In and out: the slow history.
 #define CORRECT_BUFFERS(EACH)                                                                      \
     EACH(PLANES_IN, guide), SPAN_PARAMETERS, EACH(PLANES_IN, fast_signal),                         \
         EACH(PLANES_IN, fast_length), EACH(PLANES_IN, samples),                                    \
@@ -138,7 +137,7 @@ static inline ALWAYS_INLINE void correct_pixel(
         const float share = stale_share(planes, guide, fast_signal, fast_length, length[p], spread,
                                         antilag_sigma, size, p, width);
         const Box box = nearby_box(planes, guide, fast_signal, clamp_sigma, size, p, width);
-        history = load_history(planes, signal, length, size, p); // now: it takes registers
+        history = load_history(planes, signal, length, size, p); // loaded late: it takes registers
         correct_history(planes, &history, fast_signal, fast_length, share, size, p);
         clamp_history(planes, &history, &box);
     } else {
@@ -148,7 +147,7 @@ static inline ALWAYS_INLINE void correct_pixel(
     store_history(planes, &history, signal, length, size, p, x, width, seam);
 }
 
-// A kernel for each kind: PoCL vectorizes them, but not loops over planes that are known at run time.
+// One kernel per kind: PoCL does not vectorize loops over a number of planes known only at run time.
 __kernel void correct_real(CORRECT_BUFFERS(SINGLE), CORRECT_SCALARS)
 {
     SPAN_ITEM;
@@ -183,7 +182,7 @@ __kernel void estimate_variance(
     PLANES_IN spread = OF_BATCH(signal) + (planes + SPREAD_PLANE) * size;
     PLANES_IN scalar = OF_BATCH(signal) + (planes + SCALAR_PLANE) * size;
     float samples = length[p], result = 0.0f;
-    if (samples >= SHORT_HISTORY - 0.5f) { // the mean of four lengths of 4 may round down
+    if (samples >= SHORT_HISTORY - 0.5f) { // the mean of four lengths of 4 may be rounded down
         result = (1.0f + UNSURE / samples) * spread[p] / (samples - 1.0f);
     } else if (ids[p] > 0.0f) {
         float id = ids[p], centre = scalar[p], count = 1.0f, sum = 0.0f, square = 0.0f;
@@ -196,7 +195,8 @@ __kernel void estimate_variance(
             sum += d;
             square += d * d;
         }
-        // Variance of the means around, as after SHORT_HISTORY samples, made that of fewer.
+        // Variance of the surrounding means as after SHORT_HISTORY samples, scaled up to a mean of fewer
+        // samples.
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }

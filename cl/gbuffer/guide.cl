@@ -1,33 +1,33 @@
-// Guide: gathers what the image-space passes compare pixels by into the seven planes of guide.h.
+// Gathers the guide (guide.h), seven planes of features by which image-space passes compare pixels.
 //
-// Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top. World: +Y up, metres,
-// origin at the capture centre.
+// Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top. World: +Y up, metres, origin at the
+// capture centre.
 //
 //   kernel        in                                           out
-//   find_spans    depth (1, m, 0 = nothing), id (1, 0 =        spans: columns where there are surfaces
+//   find_spans    depth (1, m, 0 = no surface), id (1, 0 =     spans: columns where there are surfaces
 //                 nothing to trace), past
 //   build_guide   normal (3), depth, id, spans                 guide (7); id 0 without depth
 //
-// No work-group contract.
+// Work groups may have any size.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 
-// The columns of each row between which a layer has surfaces in this picture, or had in the two before:
-// passes that work on these alone have written 0 to all others, also where buffers take turns.
+// Finds the columns of each row between which a layer has surfaces in this picture or had some in the two
+// before. Passes that work on these columns alone have written 0 to all others, also with double buffers.
 __kernel void find_spans(
-    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
+    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = no surface
     BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
     BATCHED(const int, layer),
-    const int layers,                            // of the batch
+    const int layers,                            // layers of the batch
     __global int *restrict past,                 // in, out: per layer and row first column and end in
-                                                 // the last picture, and in that before
+                                                 // the last picture, and in the one before
     __global int *restrict spans,                // out: per layer and row first column and end
     int width,
     int height)
 {
     int y = get_global_id(0), entry = get_global_id(1);
-    if (y >= height || entry >= layers) // work groups may reach beyond both
+    if (y >= height || entry >= layers) // work groups may extend beyond both
         return;
     PLANES_IN depth = OF_BATCH(depth);
     PLANES_IN id = OF_BATCH(id);
@@ -49,7 +49,7 @@ __kernel void find_spans(
 __kernel void build_guide(
     __global const float *restrict view,            // projection and rotation, view.h
     BATCHED(PLANES_IN, normal),                  // world-space unit normals, 3 planes
-    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = nothing here
+    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = no surface
     BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
     SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
     BATCHED(PLANES_OUT, guide),                  // out: 7 planes

@@ -1,26 +1,26 @@
 // Differential rendering (IPRT Eq. 2, with the radiance of glossy objects added):
 //   L = (1 - M) (k_V E_diffuse + L_specular) + M L_cam E_RV / E_R,  M = 1 - coverage.
 //
-// With gloss the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only what surfaces
-// radiate to all sides follows the irradiance, and what they reflect towards the camera changes apart.
+// With gloss the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only diffuse radiance scales
+// with the irradiance, and specular radiance towards the camera changes separately.
 //
-// With a colour map objects and what they change are in the colours of a reference frame, which a map
-// takes to those of the frame: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
+// With a colour map, objects and their changes are in the colours of a reference frame, which the map
+// converts to the frame's: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
-// A pixel that blends texels of several planes follows the ratio of each by its share.
-// Where a pixel shows two real surfaces, each follows its own ratio, and objects may hide one of them
-// alone: L = (1 - M) L_object + the sum over both of (1 - what objects hide of it) its part of L_cam.
+// A pixel that blends texels of several planes is scaled by the ratio of each, weighted by its share.
+// Where a pixel shows two real surfaces, each has its own ratio, and objects may hide only one of them:
+// L = (1 - M) L_object + the sum over both surfaces of (1 - hidden share) times their part of L_cam.
 //
 //   in   colour (3 planes, radiance of the real layer),
 //        other (float4 per pixel, share of a second surface in the radiance), other_pixel (a pixel
-//        that shows it; -1 or the pixel itself: there is none) and corner of real_layer.cl
-//        and each of these that there is, else 0
+//        that shows it; -1 or the pixel itself: none) and corner of real_layer.cl
+//        and each of the following that is present, else 0
 //        ratio (float4 per pixel, no border),
 //        base (3 planes, L_diffuse), with a ratio and gloss or a map,
 //        change (3 planes, radiance of either sign), with gloss,
 //        maps (lib/world/real/color_map.h),
 //        coverage (1 plane, [0, 1]) and sides (float2 per pixel) of unpack.cl, with objects,
-//        albedo (3 planes), diffuse (3 planes: what albedo is multiplied by),
+//        albedo (3 planes), diffuse (3 planes: to multiply by the albedo),
 //        specular (3 planes, radiance)
 //   out  picture (height x width x 4, row 0 the top): linear rgb, a = coverage
 //
@@ -53,7 +53,7 @@ __kernel void composite(
     int size = plane_size(width, height), p = plane_index(x, y, width), i = y * width + x;
     float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
     const float a = coverage ? coverage[p] : 0.0f;
-    float3 left = (float3)(1.0f - a); // of the real layer's radiance
+    float3 left = (float3)(1.0f - a); // weight of the real layer's radiance
     const int second = other_pixel[i];
     const int is_edge = second >= 0 && second != i;
     float3 of_second = is_edge ? other[i].xyz : (float3)(0.0f);
@@ -99,5 +99,5 @@ __kernel void composite(
         object.w = 1.0f;
         background = a * object + (float4)(left, 1.0f) * background;
     }
-    picture[i] = background; // without an object, pixels keep their bits whatever lies there
+    picture[i] = background; // pixels without an object keep their bits, whatever the other planes hold
 }

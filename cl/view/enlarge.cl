@@ -1,22 +1,22 @@
-// Light that was computed for blocks of pixels, for each pixel of the view (joint bilateral
-// upsampling): blended between the four nearest blocks, as far as their surface continues the pixel's.
+// Joint bilateral upsampling of light computed per block of pixels: blended between the four nearest
+// blocks, weighted by how well their surface continues the pixel's.
 //
 //   in   normal (3 planes), depth, id (1 plane each; 0: nothing to light) of a layer of the view, and
 //        the same of the blocks; block_light: 3 planes, or with -DRATIO float4 per block, no border
-//   out  light: the same of the view; 0, with -DRATIO 1, where the id is 0, or blocks that differ have
-//        no surface
+//   out  light: the same of the view; 0, with -DRATIO 1, where the id is 0, or where the blocks differ
+//        and have no surface
 //
-// With -DWIDE a work item takes all pixels between the centres of the same four blocks, tile by tile,
-// so that a processor looks at these blocks once; else it takes a pixel, which is a tile of its own.
+// With -DWIDE a work item takes all pixels between the centres of the same four blocks, tile by tile, so
+// that these blocks are examined once. Otherwise it takes one pixel, a tile of its own.
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
 #include "maths/lanes.h"
 
-// Where no block's surface continues the pixel's, one of the same id serves, or else any surface.
+// Weights of blocks with the same id, and of any block, where no block's surface continues the pixel's.
 #define SAME_ID 1e-4f
 #define ANY 1e-8f
-// Ratios that differ by less, and lights that differ by less of their size, are blended without a
-// look at the surfaces.
+// Ratios with a smaller difference, and lights with a smaller relative difference, are blended without
+// comparing surfaces.
 #define ALIKE 0.004f
 
 #ifdef RATIO
@@ -25,7 +25,7 @@
 #define LIGHT float
 #endif
 
-// A tile's sides in pixels, which are the elements of vectors, row by row; and their columns and rows.
+// Shape of a tile in pixels, the elements of vectors, row by row; and their columns and rows.
 #ifdef WIDE
 #define TILE 4
 #define COLUMNS (float16)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3)
@@ -38,7 +38,7 @@
 #define ANY_OF(CHOSEN) (CHOSEN)
 #endif
 
-// Reads the tile of a plane whose first pixel is p.
+// Return the tile of a plane whose first pixel is p.
 static inline floats load_tile(__global const float *restrict plane, int p, int stride)
 {
 #ifdef WIDE
@@ -66,15 +66,15 @@ static inline void store_tile(
             plane[p + j * stride + i] = lane(&values, j * TILE + i);
 }
 
-// Column and row of a block around an image point: to the right of the `corner` for odd i, below it
-// from 2 on.
+// Return the column and row of a block around an image point: right of `corner` for odd i, below it from
+// i = 2 on.
 static inline int2 block_at(int2 corner, int i, int width, int height, int seam)
 {
     const int column = corner.x + (i & 1), row = clamp(corner.y + (i >> 1), 0, height - 1);
     return (int2)(clamp(wrap_column(column, width, seam), 0, width - 1), row);
 }
 
-// Light of a block, less what leaves the pixel as it is.
+// Return a block's light minus the value that leaves the pixel unchanged.
 static inline float3 light_of(__global const LIGHT *restrict light, int2 block, int width, int height)
 {
 #ifdef RATIO
@@ -84,7 +84,7 @@ static inline float3 light_of(__global const LIGHT *restrict light, int2 block, 
 #endif
 }
 
-// Whether the blocks are so unlike that it matters which of them a pixel takes.
+// Return whether the blocks differ enough that a pixel must choose between them.
 static inline int blocks_differ(
     __global const LIGHT *restrict light, int2 corner, int width, int height, int seam)
 {
@@ -104,17 +104,17 @@ static inline int blocks_differ(
     return fmax(apart.x, fmax(apart.y, apart.z)) > limit;
 }
 
-// The surfaces that a tile shows: points x with dot(normal, x) = plane, and how quickly likeness falls.
+// The surfaces of a tile: points x with dot(normal, x) = plane, and the falloff of likeness.
 typedef struct {
     floats x, y, z;             // normal, world
-    floats right, up, back;     // the same in the axes of the view
+    floats right, up, back;     // the same in view space
     floats plane;
     floats id;
     floats plane_sharpness;     // per metre
     float normal_sharpness;
 } Surfaces;
 
-// Unit directions through the image points (x, y), in the axes of the view: view_local_direction.
+// Compute the unit directions through the image points (x, y), in view space: view_local_direction.
 static inline void local_directions(
     __global const float *restrict view, floats x, floats y, floats *right, floats *up, floats *back)
 {
@@ -133,7 +133,7 @@ static inline void local_directions(
     *back = -view[9] * inverse;
 }
 
-// How far the surface of a block continues those of a tile.
+// Return how well a block's surface continues the surfaces of a tile.
 static inline floats likeness(
     const Surfaces own, __global const float *restrict view, __global const float *restrict normal,
     __global const float *restrict depth, __global const float *restrict id, int2 block, int width,
@@ -155,14 +155,14 @@ static inline floats likeness(
     return either(own.id == id[q], like + SAME_ID, (floats)(other));
 }
 
-// First column (or row) whose centre lies between the centres of a block and the next.
+// Return the first column (or row) whose centre lies between the centres of a block and the next.
 static inline int first_pixel(int block, float scale, float offset)
 {
-    // Those on a block's centre belong to what begins there, whatever rounding does.
+    // Pixels on a block's centre belong to the interval that starts there, despite rounding.
     return (int)ceil((block + 0.5f - offset) / scale - 0.5f - 1e-3f);
 }
 
-// How far pixels are from the centres of a block to those of the next.
+// Return the fraction of the way from a block's centre to the next one's.
 static inline floats way(floats pixel, float scale, float offset, int block)
 {
     return clamp((pixel + 0.5f) * scale + (offset - 0.5f - block), 0.0f, 1.0f);
@@ -214,7 +214,7 @@ __kernel void enlarge(
         own.id = load_tile(id, p, stride);
         const ints lit = own.id > 0.0f;
         if (ANY_OF(lit)) {
-            // Where the blocks agree, as most do in most views, there is nothing to choose.
+            // The blocks agree in most of most views: nothing to choose.
             const int choose
                 = blocks_differ(block_light, corner, block_width, block_height, seam);
             if (choose) {

@@ -1,39 +1,39 @@
-// The real layer of a view: what the camera shows without objects.
+// The real layer of a view: the camera's picture without objects.
 //
-//   kernel             what it fills
-//   resample_panorama  all planes, from the panorama; resample_glossy: the same where real surfaces reflect
-//   sharpen_edges      depth edges, which are then as sharp as the view is fine (world/real/edges.h);
-//                      and parts of uneven pixels; sharpen_glossy: the same where real surfaces reflect
-//   diffuse_part       what surfaces radiate to all sides, in the colours that rays find
+//   kernel             output
+//   resample_panorama  all planes, from the panorama; resample_glossy: the same with glossy real surfaces
+//   sharpen_edges      depth edges at the resolution of the view (world/real/edges.h), and shares of
+//                      uneven pixels; sharpen_glossy: the same with glossy real surfaces
+//   diffuse_part       diffuse radiance of real surfaces, in the colours that rays find
 //
 // in   view       [16]       lib/gbuffer/view.h
 //      previous   [16]       view of the previous picture
 //      panorama   lib/world/real/real.h surface, range; three floats a texel of color and highlight;
-//                 -D CLIPPED: what of it was clipped (lib/world/real/panorama.h)
+//                 -D CLIPPED: its clipped texels (lib/world/real/panorama.h)
 // out  color      3 planes   linear radiance, L_cam of IPRT Eq. 2 (reconstruct.h); the panorama's own bits
 //                            in an equirect view of its size
 //      normal     3 planes   world, facing the capture centre
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
-//      motion     2 planes   where the point was in the previous picture, pixels; -1e9: nowhere
-//      other_pixel [H*W]     -1, but in views about as fine as the panorama, or finer: UNEVEN where the four
-//                            texels around show several planes; of resample_*: the pixel itself where one of
-//                            them is at a gap; of sharpen_*, which goes on there: a pixel (y * width + x) that
-//                            shows the other side; the pixel itself: the view shows none; UNEVEN: there is no
-//                            edge
-// and of sharpen_*, where other_pixel is not -1
-//      other      [H*W]      xyz: share of the other side in the radiance, w: in the area, each in [0, 1]; where
+//      motion     2 planes   image point in the previous picture, pixels; -1e9: nowhere
+//      other_pixel [H*W]     -1 in most pixels. In views about as fine as the panorama, or finer: UNEVEN
+//                            where the four texels around show several planes. resample_*: the pixel
+//                            itself where one of them is at a gap. sharpen_*, which processes those: a
+//                            pixel (y * width + x) that shows the other side; the pixel itself: the view
+//                            shows none; UNEVEN: no edge
+// and from sharpen_*, where other_pixel is not -1
+//      other      [H*W]      xyz: share of the other side in the radiance, w: in the area, in [0, 1]; where
 //                            UNEVEN, shares of the four texels (lib/world/real/uneven.h)
 //      corner     [H*W]      where UNEVEN: four pixels that show these texels
-// and of *_glossy, from the panorama's gloss, highlight and the table of real materials
+// and from *_glossy, from the panorama's gloss, highlight and the table of real materials
 // (lib/world/brdf.h)
 //      gloss      1 plane    0: diffuse, else 1 + index of the real material
-//      roughness  1 plane    GGX alpha of that
-//      highlight  3 planes   specular part of what the camera saw; infinite where all of it is
+//      roughness  1 plane    its GGX alpha
+//      highlight  3 planes   specular part of the captured radiance; infinite where all of it is
 //
-// Where a gap is near, pixels show one side or, on the edge, both by coverage; depth, normal, id and motion
-// are those of the side that covers more. With -D CAMERA_MOTION, `camera` (lib/gbuffer/camera.h) tells where
-// surfaces were; else they stayed.
+// Near a gap, pixels show one side or, on the edge, both by coverage; depth, normal, id and motion belong
+// to the side that covers more. With -D CAMERA_MOTION, `camera` (lib/gbuffer/camera.h) gives the motion of
+// static surfaces; else they stay in place.
 #include "gbuffer/camera.h"
 #include "gbuffer/planes.h"
 #include "world/brdf.h"
@@ -41,7 +41,7 @@
 #include "world/real/edges.h"
 #include "world/real/uneven.h"
 
-#define BEYOND 0.1f // of a texel's depth, up to which its plane goes on into its neighbours
+#define BEYOND 0.1f // share of a texel's depth within which its plane extends to neighbours
 
 #ifdef CLIPPED
 #define CLIPPED_PARAMETERS                                                                         \
@@ -78,8 +78,8 @@
     if (x >= width || y >= height)                                                                 \
         return
 
-// What a pixel shows of a texel's plane in direction v, which may leave the texel's depths by a share `slack` of
-// them. Scalars only: PoCL vectorizes resampling.
+// Write the surface that a pixel shows of a texel's plane in direction v. The plane may leave the texel's
+// depths by a share `slack`. Scalars only: PoCL vectorizes resampling.
 static inline ALWAYS_INLINE void show_surface(
     int texel, float3 v, float slack, __global const float *restrict previous,
     __global const float4 *restrict panorama_surface, __global const float2 *restrict panorama_range,
@@ -111,7 +111,7 @@ static inline ALWAYS_INLINE void show_surface(
     motion[size + pixel] = before.y;
 }
 
-// What a pixel shows of a texel's gloss: `index` of the real material + 1, and the highlight's radiance.
+// Write a pixel's gloss: `index` of the real material + 1, and the highlight's radiance.
 static inline ALWAYS_INLINE void show_gloss(
     int index, float3 specular, __global const float4 *restrict real_materials, int pixel, int size,
     __global float *restrict gloss, __global float *restrict roughness,
@@ -184,16 +184,16 @@ __kernel void resample_glossy(REAL_LAYER_PARAMETERS, GLOSS_PARAMETERS)
 }
 
 typedef struct {
-    int is;         // the pixel is at an edge, and shows
-    int texel;      // the surface of this one
+    int is;         // whether the pixel is at an edge
+    int texel;      // whose surface it shows
     float share;    // of the first side in it
-    float mixtures; // how far texels are mixtures of both sides
+    float mixtures; // how well mixtures of both sides explain the texels
     int2 whole;
     Footprint inside;
     Window window;
 } Edge;
 
-// Sharpens a pixel; window.red, green and blue are the colours of its window.
+// Sharpen a pixel; window.red, green and blue are the colours of its window.
 static inline ALWAYS_INLINE Edge sharpen(
     int x, int y, REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner)
 {
@@ -279,7 +279,7 @@ __kernel void sharpen_glossy(
                gloss, roughness, highlight);
 }
 
-// The bits of `colour` where there is neither map nor highlight; >= 0.
+// Writes the bits of `colour` without map and highlight; >= 0.
 __kernel void diffuse_part(
     __global const float *restrict colour,    // 3 planes, radiance of the real layer
     __global const float4 *restrict maps,     // lib/world/real/color_map.h; 0: none

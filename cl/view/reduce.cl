@@ -1,19 +1,18 @@
-// The objects' visible layer with a pixel for each block of pixels of the view: that of the covered
-// pixel nearest to the block's centre. No object is lost, however thin it is.
+// The visible object layer with one pixel per block of pixels of the view: the covered pixel nearest to the
+// block's centre, so that no object is lost, however thin.
 //
-// Planes are those of world/objects/unpack.cl; full_*: of the view, the others: of the blocks. The
-// distance is that of the pixel's tangent plane along the ray through the block's centre. Motion is
-// in pixels of each.
+// Planes are as in world/objects/unpack.cl; full_*: of the view, the others: of the blocks. The distance is
+// along the ray through the block's centre, to the pixel's tangent plane. Motion is in pixels of each.
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"
 
-// Relative change of distance at most: a plane that is seen edge-on has one of any size.
+// Largest relative change of distance: unbounded for a plane seen edge-on.
 #define PLANE_RANGE 0.03f
 
-// First column (or row) whose centre lies in the block, or in one after it.
+// Return the first column (or row) whose centre lies in the block or beyond.
 static inline int first_pixel(int block, float scale, float offset)
 {
-    // Centres on the border belong to the block that begins there, whatever rounding does.
+    // Centres on the border belong to the block that starts there, despite rounding.
     return (int)ceil((block - offset) / scale - 0.5f - 1e-3f);
 }
 
@@ -80,7 +79,7 @@ __kernel void reduce_objects(
     roughness[p] = full_roughness[chosen];
     store_planes(albedo, size, p, load_planes(full_albedo, full_size, chosen));
     coverage[p] = full_coverage[chosen];
-    // The block's centre moved as the pixel did.
+    // The block's centre moved with the pixel.
     const float2 before = (float2)(full_motion[chosen], full_motion[full_size + chosen]);
     const int known = before.x > -1e8f;
     const float2 moved = (before - (float2)(chosen_x + 0.5f, chosen_y + 0.5f)) * to_block.xy;

@@ -1,0 +1,1 @@
+"""Filtering of sparse, noisy signals: tracing mask, interpolation, accumulation, à-trous."""

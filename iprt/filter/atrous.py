@@ -23,14 +23,15 @@ SPLINE_TAPS = constant("filter/atrous.cl", "SPLINE_TAPS")
 
 
 class Atrous:
-    """Filters a batch of accumulated signals.
+    """Spatial filter of a batch of accumulated signals.
 
     Attributes
     ----------
     spans : dict
-        `SPAN_PARAMETERS` of where filtered signals are, or were in the last picture, not 0.
+        `SPAN_PARAMETERS` of the columns where filtered signals are not 0, or were not in the last
+        picture.
     variances : list of 1 plane
-        Variance of what the picture shows of each filtered signal, as `STORED_IN` of
+        Variance of each filtered signal's displayed scalar, as `STORED_IN` of
         `cl/lib/gbuffer/stored.h`; none where `levels` is 0 or without `guided`.
     """
 
@@ -42,7 +43,7 @@ class Atrous:
         *,
         guided: bool = True,
     ) -> None:
-        """Without `guided`, luminance does not count: IPRT's joint bilateral filter."""
+        """Create the kernels; without `guided`, of IPRT's joint bilateral filter."""
         self.settings = settings
         self._signals = signals
         self._device = device
@@ -52,7 +53,7 @@ class Atrous:
         self._real = first.kind in ("ratio", "delta")
         assert not self._real or len(signals) == 1
         defines = signal_defines(signals) | {"GUIDED": guided}
-        # What the difference of E_R and E_RV tells would be lost in their rounding.
+        # Rounding to half precision would lose the difference of E_R and E_RV.
         self._half = device.half_planes and first.kind != "ratio"
         defines["HALF_PLANES"] = self._half
         self._stored = np.float16 if self._half else np.float32
@@ -89,7 +90,7 @@ class Atrous:
 
     @property
     def _kind(self) -> str:
-        """Which of the kernels are those of these signals."""
+        """Suffix of the kernels for this kind of signal."""
         return "real" if self._real else "reflected"
 
     def _planes(
@@ -100,7 +101,7 @@ class Atrous:
         *,
         signals: int | None = None,
     ) -> list[cla.Array]:
-        """Planes of each signal, or of the first `signals`."""
+        """Return new planes of each signal, or of the first `signals`."""
         shape = self._layout.shape(channels)
         return [
             self._device.zeros(f"{signal.name} {label}", shape, dtype)
@@ -112,7 +113,7 @@ class Atrous:
         if self._real:
             return batched(turned=self._planes("least turn", 1, self._stored))
         widened = self._planes("widened roughness", 1, self._stored, signals=self._specular)
-        # Those that have no lobe are given another plane, which is not used.
+        # Signals without a lobe are bound to another plane, which is not used.
         lacking = len(self._signals) - self._specular
         widened += (widened or self._scratch[0][1])[:1] * lacking
         return {
@@ -122,7 +123,7 @@ class Atrous:
         }
 
     def _level(self, level: int, defines: Mapping[str, Define]) -> Kernel:
-        """The kernel of a level: the first reads signals, later ones what the one before wrote."""
+        """Return a level's kernel: the first reads signals, others the previous level's."""
         settings = self.settings
         signal, variance = self._scratch[(level - 1) % 2]
         signal_out, variance_out = self._scratch[level % 2]
@@ -157,7 +158,7 @@ class Atrous:
         ----------
         signals : the signal's planes each
         variances : 1 plane each
-            Variance of the mean of the scalar that the picture shows. None where not `guided`.
+            Variance of the mean of the displayed scalar. None where not `guided`.
         roughness : 1 plane or None each
             GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
         radiance : float
@@ -181,12 +182,12 @@ class Atrous:
 
 
 class Extent:
-    """Which columns of each row the filter may change: the rest is 0 before and after.
+    """Columns of each row that the filter may change; the rest is 0 before and after.
 
     Attributes
     ----------
     used : (rows, 2) int32
-        First column and end of what `filter_real` has to write.
+        First column and end that `filter_real` has to write.
     """
 
     def __init__(
@@ -198,7 +199,7 @@ class Extent:
         name: str,
         reach: int,
     ) -> None:
-        """`reach`: pixels, of all levels together."""
+        """Create the kernels; `reach` is in pixels, of all levels together."""
         self._layout = layout
         rows = layout.height
 
@@ -216,7 +217,7 @@ class Extent:
         )
 
     def run(self, signal: cla.Array, variance: cla.Array) -> None:
-        """Fill `used`."""
+        """Find the columns and fill `used`."""
         rows = (self._layout.height,)
         self._now, self._before = self._before, self._now
         self._find(rows, signal=signal, variance=variance)

@@ -1,4 +1,4 @@
-"""Pixels with a short history borrow from far neighbours (after NVIDIA's ReLAX)."""
+"""Reconstruction of pixels with a short history from distant neighbours (after NVIDIA's ReLAX)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
-"""Pixels between taps where there is no history, at most; and as a fraction of the rows."""
+"""Most pixels between taps without any history, and the same as a fraction of the rows."""
 
 
 class HistoryFix:
-    """Mixes accumulated pixels that are worth few samples with those around them."""
+    """Blend of accumulated pixels that have few samples with their surroundings."""
 
     def __init__(
         self,
@@ -24,7 +24,7 @@ class HistoryFix:
         settings: AtrousSettings,
         enough: float,
     ) -> None:
-        """Histories of `enough` samples are left alone; `settings` tell which surfaces are one."""
+        """Create the kernel, which leaves histories of at least `enough` samples unchanged."""
         self._device = device
         self._guide = guide = signal.guide
         layout = guide.layout
@@ -45,7 +45,7 @@ class HistoryFix:
         )
 
     def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
-        """The same signal, in buffers of this object; `level` is `Mask.level`."""
+        """Return the same signal, in buffers of this object; `level` is `Mask.level`."""
         with self._device.profile.section("history fix"):
             self._fix(
                 self._guide.layout.size,

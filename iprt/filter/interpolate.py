@@ -14,7 +14,7 @@ from iprt.settings.filter import InterpolateSettings
 
 
 class Interpolate:
-    """Fills the pixels that got no ray from traced ones of their surface, in place."""
+    """Interpolation, in place, of pixels without a ray from traced ones of their surface."""
 
     def __init__(
         self, device: ComputeDevice, signals: Sequence[Signal], settings: InterpolateSettings
@@ -47,7 +47,7 @@ class Interpolate:
         samples : the signal's planes each
             Hold values at traced pixels; afterwards at every pixel with a surface, else 0.
         grid : (2,) int32
-            What `Masks.run` was given.
+            As for `Masks.run`.
         """
         layout = self._guides[0].layout
         with self._device.profile.section("interpolate"):

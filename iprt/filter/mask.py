@@ -18,11 +18,11 @@ LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 """Level of a pixel of level 0 that waits for its turn."""
 
 LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
-"""Level of a pixel where there is nothing to trace."""
+"""Level of a pixel with nothing to trace."""
 
 STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
-"""Frames, that of tracing among them, for which a strong influence of an object is remembered, if
-pixels that objects change little are told apart."""
+"""Frames, including the traced one, for which a strong influence of an object is remembered, if
+weakly affected pixels are distinguished."""
 
 SAME_PLANE, SAME_NORMAL = 0.02, 0.9
 """Distance from a pixel's tangent plane over its depth, and cosine between normals, up to which the
@@ -35,16 +35,20 @@ _CHUNK = constant("filter/mask.cl", "CHUNK")
 
 
 def grid_offset(frame: int) -> tuple[int, int]:
-    """Origin (x, y) of the tracing grid in a frame: within 16 frames each pixel is on the grid.
+    """Return the origin (x, y) of the tracing grid in a frame.
 
-    The first four offsets are the first spread over the 4 x 4 cell, as in an ordered dither.
+    Within 16 frames each pixel is on the grid. The first four offsets are spread over the 4 x 4
+    cell, as in an ordered dither.
     """
     bit = [frame >> i & 1 for i in range(4)]
     return 2 * bit[0] + bit[2], 2 * (bit[0] ^ bit[1]) + (bit[2] ^ bit[3])
 
 
 def tracing_grids(device: ComputeDevice) -> list[cla.Array]:
-    """(2,) int32 each: `grid_offset` of 16 frames. Buffers cost less to bind than numbers."""
+    """Return `grid_offset` of 16 frames as (2,) int32 each.
+
+    Buffers cost less to bind than numbers.
+    """
     return [
         device.upload(f"tracing grid {i}", np.array(grid_offset(i), np.int32)) for i in range(16)
     ]
@@ -63,7 +67,7 @@ class Mask:
     level : 1 padded plane uint8
         0, 1, 2: one ray per 1, 4, 16 pixels; `LEVEL_WAITING`, `LEVEL_NONE`.
     traced : (H * W,) int32
-        y * W + x of the pixels that get a ray; the first `count` entries hold.
+        y * W + x of the pixels that get a ray; the first `count` entries are valid.
     count : (1,) int32
     low, high, faint_frames : float
         Thresholds of `cl/filter/mask.cl`.
@@ -78,11 +82,14 @@ class Mask:
         name: str,
         graded: bool = False,
     ) -> None:
-        """`graded`: pixels touched for up to `TOUCHED_FRAMES` get one ray for four of them only."""
+        """Create the buffers.
+
+        `graded`: pixels touched for up to `TOUCHED_FRAMES` get only one ray for four of them.
+        """
         self.settings = settings
         self.guide = guide
         layout = guide.layout
-        # Fewer than 4 pixels a side need not hold a point of the coarsest grid.
+        # A picture of fewer than 4 pixels a side may miss the coarsest grid.
         sparse = settings.sparse and min(layout.size) >= 4
         self.low, self.high = (LOW, HIGH) if sparse else (0.0, 0.0)
         self.faint_frames = TOUCHED_FRAMES - 1.0 if graded else 0.0
@@ -96,7 +103,7 @@ class Mask:
 
 
 class Masks:
-    """Chooses tracing levels of layers of a view, and lists the pixels that get a ray."""
+    """Tracing levels of the layers of a view, and the lists of pixels that get a ray."""
 
     def __init__(self, device: ComputeDevice, masks: Sequence[Mask]) -> None:
         self._device, self._masks = device, masks
@@ -145,12 +152,12 @@ class Masks:
         Parameters
         ----------
         grid : (2,) int32
-            Origin of the tracing grid, `FrameContext.grid`; give it to `Interpolate.run` too.
+            Origin of the tracing grid, `FrameContext.grid`, the same as for `Interpolate.run`.
         motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         histories : 1 plane or None each, optional
-            `Temporal.lengths` after the last picture, where pixels with a long history need fewer
-            rays: those of sparse masks.
+            `Temporal.lengths` after the last picture. With them, pixels of sparse masks with a long
+            history get fewer rays.
         metre : float
             Length of a metre in the units of the guide's positions.
         cut : bool

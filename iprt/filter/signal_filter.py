@@ -1,4 +1,4 @@
-"""From sparse samples of signals to pictures of them, without noise."""
+"""From sparse samples of signals to noise-free pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Samples:
         Hold values where `mask` had rays traced.
     mask : Mask
     motion : 2 planes
-        Previous position of what each pixel shows, in pixels; -1e9 = nowhere.
+        Previous position of each pixel's surface, in pixels; -1e9 = nowhere.
     roughness : 1 plane or None
         GGX alpha, of specular signals.
     """
@@ -40,15 +40,14 @@ class Samples:
 
 
 class SignalFilter:
-    """Sparse samples of signals become clean pictures: interpolate, accumulate, filter.
+    """Filter chain for sparse samples of signals: interpolate, accumulate, filter.
 
     Attributes
     ----------
     spans, variances
-        Those of `Atrous`.
+        As in `Atrous`.
     accumulated : list of Accumulated
-        The signals before the spatial filter, after the first frame; of the published filter,
-        after it.
+        The signals before the spatial filter, after the first frame; with `published`, after it.
     """
 
     def __init__(
@@ -59,8 +58,9 @@ class SignalFilter:
         *,
         published: bool,
     ) -> None:
-        """`signals`: a batch. `published`: filter in space first, then accumulate a fixed share of
-        each frame.
+        """Create the stages for a batch of signals.
+
+        `published`: filter in space first, then accumulate a fixed share of each frame.
         """
         self._published = published
         self._interpolate = Interpolate(device, signals, settings.interpolate)
@@ -75,7 +75,7 @@ class SignalFilter:
         enough = settings.temporal.enough
         fixed = enough > 0.0 and settings.atrous.levels > 0 and not published
         self._fixes = [
-            # Reflections differ too much between far pixels.
+            # Reflections differ too much between distant pixels.
             HistoryFix(device, signal, settings.atrous, enough)
             if fixed and signal.kind != "specular"
             else None
@@ -88,23 +88,23 @@ class SignalFilter:
         return self._temporal.lengths
 
     def known(self, context: FrameContext) -> Sequence[cla.Array] | None:
-        """`histories`, where pixels with a long one need fewer rays in this frame.
+        """Return `histories`, if pixels with a long one may get fewer rays in this frame.
 
-        A mean that fades holds so many samples, whatever their age. All rays are needed for the
-        mean of all frames, while histories follow a change, and by the published method.
+        A fading mean holds a fixed number of samples, whatever their age. All rays are needed for
+        the mean of all frames, while histories follow a change, and by the published method.
         """
         settled = self._temporal.settled and not context.changed
         return self.histories if settled and context.fading > 0.0 and not self._published else None
 
     def start(self, context: FrameContext) -> None:
-        """Begin a frame, before its rays are sent: the history says how many; a cut ends it."""
+        """Begin a frame, before its rays are traced; a cut ends the histories."""
         if context.cut:
             self._temporal.reset()
 
     def run(
         self, frame: Sequence[Samples], context: FrameContext, *, radiance: float
     ) -> Sequence[cla.Array]:
-        """The filtered planes of each signal; `radiance` is the mean of the panorama."""
+        """Return the filtered planes of each signal; `radiance` is the mean of the panorama."""
         planes: Sequence[cla.Array] = [samples.planes for samples in frame]
         levels = [samples.mask.level for samples in frame]
         roughness = [samples.roughness for samples in frame]

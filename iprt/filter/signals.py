@@ -1,4 +1,4 @@
-"""Signals to be filtered, of one layer's pixels each."""
+"""Signals to filter, each of one layer's pixels."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ bounce / E_R rgb. For objects: irradiance or radiance."""
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal of a batch: one of real surfaces, or several reflected ones, specular ones first.
+    """Signal of a batch: one of real surfaces, or several reflected ones, specular ones first.
 
     Attributes
     ----------
     name : str
-        Tells buffers apart.
+        Prefix of its buffers.
     kind : Kind
     guide : Guide
-        What its pixels are compared by.
+        Features by which its pixels are compared.
     """
 
     name: str
@@ -38,17 +38,17 @@ class Signal:
 
 
 def signal_planes(kind: Kind) -> int:
-    """Number of planes of a signal."""
+    """Return the number of planes of a signal."""
     return REAL_PLANES if kind in ("ratio", "delta") else REFLECTED_PLANES
 
 
 def half_unit(kind: Kind, radiance: float) -> float:
-    """What a signal is multiplied by in planes of half precision, a power of two.
+    """Return the factor, a power of two, of a signal in planes of half precision.
 
     Parameters
     ----------
     kind : Kind
-        "ratio" is not stored so.
+        "ratio" is never stored in half precision.
     radiance : float
         Mean of the panorama, which becomes 1/8 to 1/4. A disc of the sun's size that sends all of
         its light stays below 65504, and precision is 11 bits down to a 2000th of the mean.
@@ -59,6 +59,6 @@ def half_unit(kind: Kind, radiance: float) -> float:
 
 
 def signal_defines(signals: Sequence[Signal]) -> dict[str, Define]:
-    """Build flags of kernels that work on a batch of signals."""
+    """Return the build flags of kernels for a batch of signals."""
     first = signals[0]
     return first.guide.defines(COMMON=first.kind == "ratio")

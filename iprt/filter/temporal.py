@@ -16,15 +16,15 @@ from iprt.gbuffer.guide import span_arguments
 from iprt.settings.filter import TemporalSettings
 
 HISTORY_PLANES = 2
-"""Planes of a history besides those of its signal: `cl/lib/filter/history.h`."""
+"""Planes of a history besides its signal's: `cl/lib/filter/history.h`."""
 
 FAST_LENGTH = 6.0
-"""Samples that the fast history is worth at most, as in ReLAX."""
+"""Most samples of the fast history, as in ReLAX."""
 
 FAST_FRAMES, FAST_LEAST = 6, 3
-"""Frames after which the fast history starts anew if changes go on, so that it holds nothing older,
-and frames that it then has to hold before the slow one is compared with it: what has left is gone
-after eight. A fading mean of six samples still shows a quarter of it then."""
+"""Frames after which the fast history restarts during continuing changes, so that it holds nothing
+older, and frames that it must hold before the slow one is compared with it. Old light is gone after
+eight. A fading mean of six samples still shows a quarter of it then."""
 
 IPRT_FADING = 0.1
 """Share of each frame in IPRT's temporal mean."""
@@ -35,16 +35,16 @@ SETTLE_FRAMES = 8
 
 @dataclass(frozen=True)
 class Accumulated:
-    """A signal after temporal accumulation; the buffers change with the next-but-one picture.
+    """Signal after temporal accumulation; the buffers are reused in the next-but-one picture.
 
     Attributes
     ----------
-    signal : the signal's planes, float32, and those of `cl/lib/filter/history.h`
+    signal : the signal's planes, float32, and the additional ones of `cl/lib/filter/history.h`
     length : 1 plane float32
-        Number of samples that the mean is worth; 0 where it holds none.
+        Effective number of samples of the mean; 0 without any.
     variance : 1 plane float32
-        Variance of the mean of the scalar that the picture shows: luminance of E_R - E_RV on real
-        surfaces, of the signal on virtual ones.
+        Variance of the mean of the displayed scalar: luminance of E_R - E_RV on real surfaces, of
+        the signal on virtual ones.
     """
 
     signal: cla.Array
@@ -66,7 +66,7 @@ class _History:
         self._named: dict[str, dict[str, cla.Array]] = {}
 
     def arguments(self, pattern: str) -> dict[str, cla.Array]:
-        """The buffers by names of parameters: `pattern` with "signal" and "length"."""
+        """Return the buffers by parameter names: `pattern` with "signal" and "length"."""
         named = self._named.get(pattern)
         if named is None:
             buffers = {"signal": self.signals, "length": self.lengths}
@@ -76,11 +76,11 @@ class _History:
 
 
 class Temporal:
-    """Accumulates a batch of signals over pictures.
+    """Accumulator of a batch of signals over pictures.
 
     A slow history holds the mean. From the first picture after a change to the last but
-    `SETTLE_FRAMES`, a fast history of `FAST_LENGTH` samples is kept beside it, and the slow one
-    corrected by it. In other pictures every old sample is as true as a new one.
+    `SETTLE_FRAMES`, a fast history of `FAST_LENGTH` samples is kept beside it and corrects it. In
+    other pictures every old sample is as valid as a new one.
     """
 
     def __init__(
@@ -92,17 +92,18 @@ class Temporal:
         rays: int = 1,
         published: bool = False,
     ) -> None:
-        """`rays` are those of a sample, of which pixels with a long history send fewer.
+        """Create histories and kernels.
 
-        `published`: the mean is IPRT's, a fixed share of each frame, the rest clamped.
+        `rays` is the number per sample; pixels with a long history use fewer. `published`: IPRT's
+        mean, a fixed share of each frame, with the history clamped.
         """
         self.settings = settings
         self._published = published
         self._signals = signals
         self._device = device
         self._unsettled = 0
-        # Frames that the fast history holds; whether the scene changed in between, and whether it
-        # did so before.
+        # Frames in the fast history; whether the scene changed meanwhile, and whether it changed
+        # before that.
         self._fast_frames, self._fast_stale, self._fast_again = 0, False, False
         guide = signals[0].guide
         channels = signal_planes(signals[0].kind)
@@ -113,7 +114,7 @@ class Temporal:
             return [device.zeros(f"{signal.name} {label}", shape) for signal in signals]
 
         def histories(label: str) -> list[_History]:
-            """Those of this picture and of the one before."""
+            """Return the histories of this picture and of the previous one."""
             return [
                 _History(
                     planes(f"{label} {i}", channels + HISTORY_PLANES),
@@ -158,16 +159,16 @@ class Temporal:
 
     @property
     def lengths(self) -> Sequence[cla.Array]:
-        """1 plane each: how many samples each pixel's mean was worth after the last picture."""
+        """Effective number of samples of each pixel's mean after the last picture, 1 plane each."""
         return self._now.lengths
 
     @property
     def settled(self) -> bool:
-        """The last change of the scene is so long ago that the slow history is trusted alone."""
+        """True if the last change is so old that the slow history is used alone."""
         return not self._unsettled
 
     def reset(self) -> None:
-        """Forget everything, as after a cut."""
+        """Drop all samples, as after a cut."""
         for history in [self._now] if self._published else [self._now, self._fast]:
             for length in history.lengths:
                 self._device.fill_zero(length)
@@ -190,9 +191,9 @@ class Temporal:
         motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         levels : 1 plane uint8 each
-            `Mask.level`: a sample of level l is worth 1 / 4**l.
+            `Mask.level`: a sample of level l counts as 1 / 4**l.
         fading : float
-            Least share of the new samples: 0 keeps the mean of all (for a still scene).
+            Least share of the new samples: 0 keeps the mean of all (for a static scene).
         changed : bool
             Objects or the video moved.
         """
@@ -225,7 +226,7 @@ class Temporal:
         ]
 
     def _unsettle(self, *, changed: bool) -> bool:
-        """Whether changes are so recent that the slow history is compared with the fast one."""
+        """Return whether a change is recent: the slow history is compared with the fast one."""
         before = self._unsettled
         self._unsettled = SETTLE_FRAMES if changed else max(before - 1, 0)
         if not self._unsettled:
@@ -238,14 +239,14 @@ class Temporal:
         return True
 
     def _follow_changes(self, fetched: Mapping[str, Any], added: Mapping[str, Any]) -> None:
-        """Bring both histories to this picture, and add its samples to the fast ones."""
+        """Reproject both histories to this picture, and add its samples to the fast ones."""
         self._fast, self._fast_before = self._fast_before, self._fast
         fast = self._fast_before.arguments("{}_before") | self._fast.arguments("{}")
         self._run(self._follow, fetched, added, fast, fresh=self._fast_frames == 1)
         self._run(self._fetch, fetched, added, batched(fast_signal=self._fast.signals))
 
     def _add_corrected(self, added: Mapping[str, Any]) -> None:
-        """Add the samples to the slow histories, once they agree with the fast ones."""
+        """Correct the slow histories by the fast ones, and add the samples."""
         self._run(
             self._correct,
             added,

@@ -1,0 +1,1 @@
+"""Features of a view per pixel, by which image-space passes compare pixels."""

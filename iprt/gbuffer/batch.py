@@ -18,12 +18,12 @@ Rect = tuple[int, int, int, int]
 
 @lru_cache(maxsize=256)
 def int4(rect: Rect) -> Any:
-    """A rectangle as kernels take it; of the same one, the same object."""
+    """Return a rectangle as a kernel argument, cached: equal rectangles give the same object."""
     return cltypes.make_int4(*rect)
 
 
 def batched(**values: Sequence[Any]) -> dict[str, Any]:
-    """`BATCHED` parameters of `cl/lib/gbuffer/batch.h`: one value of each for every entry."""
+    """Return `BATCHED` parameters of `cl/lib/gbuffer/batch.h` from one value per entry each."""
     given: dict[str, Any] = {}
     for name, entries in values.items():
         lacking = MOST_ENTRIES - len(entries)

@@ -1,4 +1,4 @@
-"""The state of the view frame that passes work on."""
+"""State of the current view frame, shared by all passes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from iprt.geometry.camera import View
 
 
 class ViewConstants:
-    """The constants of a view, and of that of the frame before, on the device.
+    """Constants of a view, and of the previous frame's view, on the device.
 
     Attributes
     ----------
@@ -26,17 +26,17 @@ class ViewConstants:
         self._held: tuple[View, View] | None = None
 
     def follow(self, view: View, previous: View) -> bool:
-        """Go on to the next frame; `previous` was the view of the last one, if there was any.
+        """Go on to the next frame; `previous` is the last one's view, if there was any.
 
         Returns
         -------
         bool
-            Either differs from what it was in the last frame.
+            Whether either differs from the last frame.
         """
         held, self._held = self._held, (view, previous)
         if held == self._held:
             return False
-        # What was the view in the frame before is on the device.
+        # The constants of the previous view are on the device already.
         self.current, self.previous = self.previous, self.current
         self._device.write(self.current, view.kernel_constants())
         if held is None:
@@ -46,7 +46,7 @@ class ViewConstants:
 
 @dataclass(frozen=True)
 class FrameContext:
-    """The view frame that is being rendered.
+    """Current view frame.
 
     Attributes
     ----------
@@ -55,19 +55,19 @@ class FrameContext:
     view : (16,) float32
         `View.kernel_constants()` on the device.
     previous : (16,) float32
-        The same of the frame before.
+        The same of the previous frame.
     view_changed : bool
-        The view, or that of the frame before, is not what it was then.
+        The view or the previous view differs from the last frame's.
     video_changed : bool
-        The panorama is not that of the frame before.
+        The panorama differs from the previous frame's.
     objects_changed : bool
-        Objects moved since the frame before.
+        Objects moved since the previous frame.
     fading : float
-        Least share of this frame in the temporal means; 0: what the mean of all gives it.
+        Least share of this frame in the temporal means; 0: an equal share for all frames.
     grids : 16 of (2,) int32
         Origins of the tracing grid, which recur after 16 frames.
     cut : bool
-        The video shows something else: nothing that was accumulated holds.
+        The video shows another scene: accumulated state is invalid.
     """
 
     index: int
@@ -82,10 +82,10 @@ class FrameContext:
 
     @property
     def grid(self) -> cla.Array:
-        """(2,) int32: the origin of the tracing grid in this frame."""
+        """Origin of the tracing grid in this frame, (2,) int32."""
         return self.grids[self.index % len(self.grids)]
 
     @property
     def changed(self) -> bool:
-        """The scene is not that of the frame before."""
+        """True if the scene differs from the previous frame's."""
         return self.index > 0 and (self.video_changed or self.objects_changed)

@@ -1,4 +1,4 @@
-"""The guide: what the image-space passes compare pixels by, of this picture and the one before."""
+"""Guide: features by which image-space passes compare pixels, of this and the previous picture."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 
 
 def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Define]:
-    """Build flags of every kernel that works on padded planes of a view."""
+    """Return the build flags of every kernel that works on padded planes of a view."""
     return {"VIEW_EQUIRECT": equirect, **others}
 
 
 class Spans:
-    """Where the layers of a view have surfaces: `Guides` finds it.
+    """Columns of the layers of a view that have surfaces. `Guides` fills it.
 
     Attributes
     ----------
@@ -45,14 +45,14 @@ class Spans:
         self._taken = 0
 
     def take(self) -> int:
-        """The index of one more layer."""
+        """Reserve one more layer and return its index."""
         self._taken += 1
         assert self._taken <= self.rows.shape[0]
         return self._taken - 1
 
 
 def span_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
-    """`SPAN_PARAMETERS` of `cl/lib/gbuffer/batch.h`."""
+    """Return `SPAN_PARAMETERS` of `cl/lib/gbuffer/batch.h`."""
     assert all(guide.spans is guides[0].spans for guide in guides)
     return {
         "spans": guides[0].spans.rows,
@@ -71,9 +71,9 @@ class Guide:
         Before the second picture, `previous` holds no surface.
     spans : Spans
     layer : int
-        Its own of these.
+        Index of its layer in `spans`.
     camera : (12,) float32 or None
-        `CameraMotion.rows`, from the axes of `current` to those of `previous`; None: they are one.
+        `CameraMotion.rows`, from the axes of `current` to the axes of `previous`; None: equal axes.
     """
 
     def __init__(
@@ -85,12 +85,15 @@ class Guide:
         camera: cla.Array | None = None,
         spans: Spans | None = None,
     ) -> None:
-        """`name` tells layers apart; layers whose passes share launches share `spans`."""
+        """Create the planes.
+
+        `name` prefixes their buffers. Layers whose passes share launches share `spans`.
+        """
         self.layout = layout
         self.camera = camera
         nothing = np.zeros(layout.shape(PLANES), np.float32)
         nothing[-1] = -1.0
-        # Equirect views have neighbours to the left and right of every row.
+        # In equirect views every row has neighbours to the left and right.
         columns = slice(None) if layout.equirect else slice(PAD, -PAD)
         layout.bordered(nothing)[-1, PAD:-PAD, columns] = 0.0
         self.current = device.upload(f"{name} guide", nothing)
@@ -100,22 +103,22 @@ class Guide:
         self._wide = device.wide
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of the layout, and `guide` of this picture."""
+        """Return the arguments of the layout, and `guide` of this picture."""
         return {**self.layout.arguments(), "guide": self.current}
 
     def defines(self, **others: Define) -> dict[str, Define]:
-        """Build flags of every kernel that works on planes of this layout."""
+        """Return the build flags of every kernel that works on planes of this layout."""
         narrow = self.layout.equirect and self.layout.width < PAD
         return {"VIEW_NARROW": narrow, "WIDE": self._wide, **others}
 
     @property
     def camera_define(self) -> dict[str, Define]:
-        """`-D` variant of kernels that compare `current` with `previous`."""
+        """Return the `-D` variant of kernels that compare `current` with `previous`."""
         return {"CAMERA_MOTION": self.camera is not None}
 
     @property
     def camera_argument(self) -> dict[str, Any]:
-        """`camera` of these kernels, where it moves."""
+        """Return the argument `camera` of these kernels, if the camera moves."""
         return {} if self.camera is None else {"camera": self.camera}
 
 
@@ -128,7 +131,7 @@ class Layer:
     normal : 3 planes
         World-space unit normals.
     depth : 1 plane
-        Radial metres, 0 = nothing here.
+        Radial metres, 0 = no surface.
     ids : 1 plane
         0 = nothing to trace; surfaces of different ids never mix.
     """
@@ -139,12 +142,12 @@ class Layer:
 
 
 class Guides:
-    """Gathers the layers of a view into their guides, and finds what they span."""
+    """Pass that gathers the layers of a view into their guides, and finds their spans."""
 
     def __init__(
         self, device: ComputeDevice, guides: Sequence[Guide], layers: Sequence[Layer]
     ) -> None:
-        """`layers`: one for each guide."""
+        """Create the kernels for one layer per guide."""
         self._device, self._guides = device, guides
         defines = guides[0].defines()
         size, spans = guides[0].layout.arguments(), span_arguments(guides)
@@ -160,7 +163,7 @@ class Guides:
         )
 
     def run(self, view: cla.Array) -> None:
-        """Make each `current` this picture's guide, and `previous` what `current` was.
+        """Fill each `current` with this picture's guide, after moving the last one to `previous`.
 
         Parameters
         ----------

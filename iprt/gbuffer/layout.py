@@ -1,4 +1,4 @@
-"""The layout of buffers that live on the view: padded planes, one per channel."""
+"""Layout of view-space buffers: padded planes, one per channel."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PlaneLayout:
     Attributes
     ----------
     equirect : bool
-        The view shows the whole panorama: its left and right are adjacent.
+        The view shows the whole panorama: its left and right edges are adjacent.
     """
 
     width: int
@@ -35,17 +35,18 @@ class PlaneLayout:
 
     @classmethod
     def of(cls, view: View) -> Self:
-        """The layout of a view's planes."""
+        """Return the layout of a view's planes."""
         return cls(view.width, view.height, view.projection == "equirect")
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height: kernels are enqueued over them."""
+        """Width and height, over which kernels are enqueued."""
         return self.width, self.height
 
     def arguments(self) -> dict[str, int]:
-        """`width` and `height` of kernels that work on these planes, and `seam`: columns of the
-        border that repeat the other side of the ±180° seam.
+        """Return `width` and `height` of kernels for these planes, and `seam`.
+
+        `seam` is the number of border columns that repeat the other side of the ±180° seam.
         """
         seam = PAD if self.equirect else 0
         return {"width": self.width, "height": self.height, "seam": seam}
@@ -65,12 +66,12 @@ class PlaneLayout:
         return self.bordered(planes)[:, PAD:-PAD, PAD:-PAD]
 
     def image(self, planes: NDArray[np.generic], channels: slice) -> NDArray[np.float32]:
-        """Return the image of some planes, (H, W) of one, else (H, W, C), without the border."""
+        """Return the image of some planes, (H, W) for one, else (H, W, C), without the border."""
         image = self.interior(planes)[channels].astype(np.float32)
         return np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
 
     def padded(self, image: NDArray[np.generic]) -> NDArray[np.generic]:
-        """Return planes of an image (channels, height, width), whose border is 0."""
+        """Return planes of an image (channels, height, width), with a border of 0."""
         planes = np.zeros(self.shape(len(image)), image.dtype)
         self.interior(planes)[:] = image
         return planes

@@ -1,1 +1,1 @@
-"""Writing what was rendered and measured: pictures, their metadata, tables of pass times."""
+"""Output of rendered and measured results: pictures, their metadata, tables of pass times."""

@@ -1,4 +1,4 @@
-"""Spatial audio metadata, by which players know that a film's sound comes from all around.
+"""Spatial audio metadata, which tells players that a film's sound is ambisonic.
 
 Google's "Spatial Audio RFC" (github.com/google/spatial-media, docs/): the box `SA3D` in the sample
 entry of the sound. FFmpeg does not write it, so it is copied from the source's file.
@@ -16,7 +16,7 @@ from iprt.output.boxes import box, boxes_in, child, handler_of, top_boxes
 
 KIND = b"SA3D"
 MAX_INDEX_BYTES = 2**28
-"""Largest file index that is searched; hours of video have some 2**24."""
+"""Largest file index that is searched; hours of video have some 2**24 bytes."""
 _FIELDS = {0: 28, 1: 44, 2: 64}
 """Bytes before the boxes in a sound sample entry, by version (QuickTime has more than MP4)."""
 

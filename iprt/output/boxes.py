@@ -1,8 +1,8 @@
-"""Boxes of MP4 and QuickTime files: the index moved to the front, with boxes of ours put into it.
+"""Boxes of MP4 and QuickTime files: moves the index to the front and adds boxes to it.
 
-A file is a row of boxes, some of which hold boxes: 32-bit size, four letters, contents (ISO/IEC
-14496-12, section 4). Players that stream want the index, `moov`, before the pictures, `mdat`;
-muxers learn it only at the end.
+A file is a sequence of boxes, some of which hold boxes: 32-bit size, four letters, contents
+(ISO/IEC 14496-12, section 4). Streaming players need the index, `moov`, before the pictures,
+`mdat`. Muxers know its contents only at the end.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ import numpy as np
 from iprt.errors import FormatError
 
 Additions = Mapping[bytes, Mapping[bytes, bytes]]
-"""Boxes to put at the end of each `trak`, and of the first entry of each `stsd`, by those names;
-these by the kind of track, `vide` or `soun`."""
+"""Boxes to append to each `trak`, and to the first entry of each `stsd`, by those names; these by
+the kind of track, `vide` or `soun`."""
 CONTAINERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
-"""Boxes that hold nothing but boxes, down to the tables that are changed here."""
+"""Boxes that hold only boxes, down to the tables that change here."""
 _LARGE = 2**32
 _COPY_BYTES = 2**22
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box and its place.
+    """Box and its position in bytes.
 
     Attributes
     ----------
     kind : bytes
         Four letters.
     start, body, end : int
-        Where its header begins, where its contents begin, and where they end, in bytes.
+        Start of its header, start of its contents, and their end.
     """
 
     kind: bytes
@@ -45,18 +45,18 @@ class Box:
 
 
 def box(kind: bytes, *contents: bytes) -> bytes:
-    """A box of these contents."""
+    """Return a box with these contents."""
     data = b"".join(contents)
     return struct.pack(">I4s", 8 + len(data), kind) + data
 
 
 def full_box(kind: bytes, *contents: bytes) -> bytes:
-    """A box whose contents follow a version and flags, all 0."""
+    """Return a box whose contents follow a version and flags, all 0."""
     return box(kind, bytes(4), *contents)
 
 
 def boxes_in(data: bytes, start: int = 0, end: int | None = None) -> Iterator[Box]:
-    """The boxes in `data[start:end]`, one level deep.
+    """Yield the boxes in `data[start:end]`, one level deep.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _header(data: bytes, start: int, end: int) -> Box:
     try:
         size, kind = struct.unpack_from(">I4s", data)
         body = start + 8
-        if size == 1:  # the size did not fit
+        if size == 1:  # 64-bit size
             (size,) = struct.unpack_from(">Q", data, 8)
             body = start + 16
         elif size == 0:
@@ -87,7 +87,7 @@ def _header(data: bytes, start: int, end: int) -> Box:
 
 
 def top_boxes(file: BinaryIO) -> list[Box]:
-    """The boxes of a whole file, of which no more than the headers are read."""
+    """Return the boxes of a whole file, reading only their headers."""
     end = file.seek(0, 2)
     found: list[Box] = []
     while (start := found[-1].end if found else 0) < end:
@@ -97,12 +97,12 @@ def top_boxes(file: BinaryIO) -> list[Box]:
 
 
 def index_first(source: Path, target: Path, additions: Additions) -> None:
-    """Copy a file whose index comes last to one whose index follows the file's type.
+    """Copy a file with its index last to one with the index after the file type box.
 
     Raises
     ------
     FormatError
-        The source is no such file.
+        The source is not such a file.
     OSError
         A file cannot be read or written.
     """
@@ -144,9 +144,9 @@ def _changed(
     wide: bool,
     own: Mapping[bytes, bytes] | None = None,
 ) -> bytes:
-    """The box `kind` with contents `data`, for samples that lie `moved` bytes further back.
+    """Return the box `kind` with contents `data`, for samples moved back by `moved` bytes.
 
-    `own` are the additions to the track that it is in.
+    `own` are the additions to the track that contains it.
     """
     if kind == b"trak":
         own = additions.get(handler_of(data))
@@ -170,17 +170,17 @@ def _changed(
 
 
 def child(data: bytes, kind: bytes) -> bytes:
-    """The contents of the first box of this kind in `data`, one level deep; empty: there is none.
+    """Return the contents of the first box of this kind in `data`, one level deep; empty: none.
 
     Raises
     ------
     FormatError
-        As of `boxes_in`.
+        As in `boxes_in`.
     """
     found = (data[each.body : each.end] for each in boxes_in(data) if each.kind == kind)
     return next(found, b"")
 
 
 def handler_of(track: bytes) -> bytes:
-    """The kind of a track: `vide`, `soun` and others."""
+    """Return the kind of a track: `vide`, `soun` and others."""
     return child(child(track, b"mdia"), b"hdlr")[8:12]

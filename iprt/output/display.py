@@ -1,4 +1,4 @@
-"""Linear radiance as a display shows it: exposure, clipping, and the sRGB curve."""
+"""Display-referred pictures of linear radiance: exposure, clipping, and the sRGB curve."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Image = NDArray[np.float64]
 
 
 def srgb_encode(linear: NDArray[Any]) -> Image:
-    """The sRGB transfer curve (IEC 61966-2-1) of linear values in [0, 1]."""
+    """Return the sRGB transfer curve (IEC 61966-2-1) of linear values in [0, 1]."""
     values = np.asarray(linear, np.float64)
     curved = 1.055 * np.power(np.maximum(values, 0.0031308), 1.0 / 2.4) - 0.055
     return np.where(values <= 0.0031308, 12.92 * values, curved)
 
 
 def display(radiance: NDArray[Any], exposure: float = 1.0) -> Image:
-    """Display-referred image of linear radiance: `srgb(clip(exposure * radiance, 0, 1))`.
+    """Return the display-referred image `srgb(clip(exposure * radiance, 0, 1))`.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def display(radiance: NDArray[Any], exposure: float = 1.0) -> Image:
 
 
 def require_radiance(radiance: NDArray[Any]) -> None:
-    """Check that it can be displayed.
+    """Raise an error unless radiance can be displayed.
 
     Raises
     ------

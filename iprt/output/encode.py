@@ -1,4 +1,4 @@
-"""Pictures to video: encoded in pieces that decode by themselves, joined without encoding again."""
+"""Video encoding: independent pieces, joined without re-encoding."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ CodecName = Literal["h264", "hevc"]
 FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
 """Suffix -> FFmpeg's name of the container."""
 RATES = (Fraction(1, 1000), Fraction(1000))
-"""Least and most frames a second that containers keep exactly enough."""
+"""Least and most frames a second that containers store accurately."""
 LARGEST_DIVISOR = 1001
-"""A frame rate, as a fraction, has no larger one: 30000/1001 is the NTSC's."""
+"""Largest denominator of a frame rate: 30000/1001 is NTSC."""
 
 
 @dataclass(frozen=True)
 class Codec:
-    """An encoder and its options.
+    """Encoder and its options.
 
     Attributes
     ----------
@@ -46,11 +46,10 @@ class Codec:
     bits : int
         Bits of a sample.
     options : mapping of str to str
-        Options of the encoder: constant quality without visible loss; headers that do not depend on
-        what is coded, and no references out of a piece, so that pieces can be joined.
+        Options of the encoder: constant quality without visible loss; headers independent of the
+        pictures, and no references out of a piece, so that pieces can be joined.
     tag : str or None
-        What the pictures' format is called in MP4 and QuickTime files, where players expect another
-        name than FFmpeg's own.
+        Format tag in MP4 and QuickTime files, where players expect another name than FFmpeg's.
     """
 
     encoder: str
@@ -78,7 +77,7 @@ CODECS: Mapping[CodecName, Codec] = {
 
 
 def require_codec(name: CodecName) -> None:
-    """Fail now if pictures cannot be coded so.
+    """Raise an error now if the codec is not available.
 
     Raises
     ------
@@ -97,7 +96,7 @@ def require_codec(name: CodecName) -> None:
 
 
 def frame_rate(fps: float, step: int = 1) -> Fraction:
-    """Frames a second of every `step`-th frame of a video.
+    """Return the rate of every `step`-th frame of a video, in frames a second.
 
     Raises
     ------
@@ -114,7 +113,7 @@ def frame_rate(fps: float, step: int = 1) -> Fraction:
 
 
 def require_even(width: int, height: int) -> None:
-    """Refuse sizes that planes of half the width and height cannot have.
+    """Raise an error for odd sizes: chroma planes have half the width and height.
 
     Raises
     ------
@@ -126,7 +125,7 @@ def require_even(width: int, height: int) -> None:
 
 
 def planes(color: NDArray[np.float32], exposure: float, codec: CodecName) -> NDArray[Any]:
-    """The encoder's input: `ycbcr420` of the displayed picture.
+    """Return the encoder's input: `ycbcr420` of the displayed picture.
 
     Parameters
     ----------
@@ -144,7 +143,7 @@ def planes(color: NDArray[np.float32], exposure: float, codec: CodecName) -> NDA
 def encode_piece(
     path: Path, pictures: Iterable[NDArray[Any]], *, codec: CodecName, rate: Fraction
 ) -> None:
-    """Write a piece of video, atomically: an MP4 file of its own, at least one picture long.
+    """Write a piece of video, atomically: an independent MP4 file of at least one picture.
 
     Parameters
     ----------
@@ -175,7 +174,7 @@ def encode_piece(
 
 
 def mux_in_order(container: Any, packets: list[Any]) -> None:
-    """Write packets whose presentation times are 0, 1, 2, ... with decoding times that fit them.
+    """Write packets with presentation times 0, 1, 2, ... and decoding times that fit them.
 
     x265 leaves the decoding time of the shortest films undefined.
     """
@@ -195,7 +194,7 @@ def _stream(container: Any, picture: NDArray[Any], name: CodecName, rate: Fracti
     context = stream.codec_context
     context.time_base = 1 / rate
     context.colorspace, context.color_range = Colorspace.ITU709, ColorRange.MPEG
-    # Values are coded as displays of computers expect them, which is not as BT.709 has it.
+    # Values use the transfer curve of computer displays, which differs from BT.709's.
     context.color_primaries, context.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
     if codec.tag is not None:
         context.codec_tag = codec.tag
@@ -211,14 +210,14 @@ def join_pieces(
     additions: Mapping[bytes, bytes] | None = None,
     sound: Sound | None = None,
 ) -> None:
-    """One file of pieces, without encoding pictures again; its index comes first.
+    """Join pieces into one file without re-encoding pictures; its index comes first.
 
     Sound that cannot be kept is left out, with a warning.
 
     Parameters
     ----------
     path : Path
-        Its suffix chooses the container. A second file beside it is needed meanwhile.
+        Its suffix chooses the container. A temporary second file is written beside it.
     pieces : sequence of (int, Path)
         Number of the first picture, and file, in order.
     comment : str
@@ -257,7 +256,10 @@ def _mux_with_sound(
     comment: str,
     sound: Sound | None,
 ) -> Sound | None:
-    """The sound that could be kept. A full disk is an error as ever, and loses none."""
+    """Write the file, and return the sound that could be kept.
+
+    A full disk is an error in any case, and does not drop the sound.
+    """
     import av
 
     if sound is None:
@@ -266,7 +268,7 @@ def _mux_with_sound(
     try:
         _mux(path, kind, pieces, rate, comment, sound)
     except (FormatError, av.error.ArgumentError, av.error.InvalidDataError) as error:
-        _mux(path, kind, pieces, rate, comment, None)  # where pictures are the fault, it fails too
+        _mux(path, kind, pieces, rate, comment, None)  # fails too if pictures are the cause
         reason = str(error)
         if not isinstance(error, FormatError):
             reason = f"{sound.path}: its sound cannot be kept ({error.strerror})"
@@ -290,7 +292,7 @@ def _mux(
         tracks = [_picture_packets(container, pieces, rate)]
         if sound is not None:
             tracks.append(sound_packets(container, kind, sound))
-        # The first packets of all are made, and with them the streams, before one is written.
+        # All first packets are produced, and with them the streams, before one is written.
         for packet in merge(*tracks, key=lambda packet: packet.dts * packet.time_base):
             container.mux(packet)
 
@@ -298,7 +300,7 @@ def _mux(
 def _picture_packets(
     container: Any, pieces: Sequence[tuple[int, Path]], rate: Fraction
 ) -> Iterator[Any]:
-    """Add a stream of pictures to a file that is being written, and make its packets, in order."""
+    """Add a stream of pictures to an open output file, and yield its packets in order."""
     import av
 
     decoded_at = -max(_decoded_ahead(piece) for _, piece in pieces)
@@ -316,7 +318,7 @@ def _picture_packets(
                 if packet.pts is None:  # the last one, which is empty
                     continue
                 frame = round(1 / rate / packet.time_base)
-                # Pieces differ in how much earlier than shown their pictures are decoded.
+                # Pieces differ in the delay between decoding and display.
                 packet.pts, packet.dts = packet.pts + first * frame, decoded_at * frame
                 decoded_at += 1
                 packet.stream = stream
@@ -324,7 +326,7 @@ def _picture_packets(
 
 
 def _decoded_ahead(piece: Path) -> int:
-    """Pictures by which a piece is decoded earlier than it is shown."""
+    """Return the number of pictures by which a piece is decoded before display."""
     import av
 
     with av.open(_address(piece)) as part:
@@ -333,7 +335,7 @@ def _decoded_ahead(piece: Path) -> int:
 
 
 def read_comment(path: Path) -> str | None:
-    """The comment that `join_pieces` wrote; None where there is no such file."""
+    """Return the comment that `join_pieces` wrote; None if there is no such file."""
     import av
 
     try:
@@ -344,13 +346,13 @@ def read_comment(path: Path) -> str | None:
 
 
 def _address(path: Path) -> str:
-    """The file's name for FFmpeg, which takes the start of `12:30/a.mp4` for a protocol."""
+    """Return the file's name for FFmpeg, which takes the start of `12:30/a.mp4` for a protocol."""
     return os.path.abspath(path)
 
 
 @contextmanager
 def _reported(path: Path) -> Iterator[None]:
-    """FFmpeg's errors as those of the system or of the package."""
+    """Convert FFmpeg's errors into errors of the system or of the package."""
     import av
 
     try:

@@ -1,4 +1,4 @@
-"""Where the frames of a video go, one at a time."""
+"""Destinations of the frames of a video, written one at a time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
 
 class FrameOutput(ABC):
-    """A video as files, of which some frames may be there already.
+    """Video as files, of which some frames may exist already.
 
     Parameters
     ----------
     frames : range
         Numbers of all frames.
     missing : iterable of int
-        Those that are still to be rendered, in order.
+        Numbers of frames still to render, in order.
     """
 
     def __init__(self, frames: range, missing: Iterable[int]) -> None:
@@ -27,15 +27,15 @@ class FrameOutput(ABC):
 
     @property
     def done(self) -> int:
-        """How many frames are there."""
+        """Number of finished frames."""
         return len(self.frames) - len(self._missing)
 
     def missing(self) -> Sequence[int]:
-        """Numbers of the frames that are still to be rendered, in order."""
+        """Numbers of the frames still to render, in order."""
         return tuple(self._missing)
 
     def write(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Keep a frame that the device of that name has rendered.
+        """Keep a frame rendered by the device of that name.
 
         Raises
         ------
@@ -47,11 +47,11 @@ class FrameOutput(ABC):
 
     @abstractmethod
     def _keep(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Write a frame so that nothing loses it."""
+        """Write a frame durably."""
 
     @abstractmethod
     def finish(self) -> None:
-        """All frames are there: make of them what was asked for.
+        """Complete the output, once all frames are written.
 
         Raises
         ------

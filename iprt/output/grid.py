@@ -1,4 +1,4 @@
-"""A table of texts, for people: in a terminal, as Markdown, or as HTML."""
+"""Tables of text: in a terminal, as Markdown, or as HTML."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from rich.table import Table
 from rich.text import Text
 
 WIDTH = 160
-"""Columns where the output is no terminal: rich would cut the numbers at 80."""
+"""Width where the output is not a terminal: rich would cut the numbers at 80."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table with a heading.
+    """Table with a heading.
 
     Attributes
     ----------
     rows : tuple of tuple of str
         One text per column each.
     notes : tuple of str
-        What stands below.
+        Lines below the table.
     words : int
-        Leading columns of words; all others hold numbers and stand to the right.
+        Number of leading columns of words; all others hold numbers and are right-aligned.
     """
 
     title: str
@@ -35,7 +35,7 @@ class Grid:
     words: int = 1
 
     def table(self) -> Table:
-        """For a terminal."""
+        """Return the table for a terminal."""
         table = Table(
             title=Text(self.title),
             title_justify="left",
@@ -52,7 +52,7 @@ class Grid:
         return table
 
     def markdown(self) -> str:
-        """For a page; the title stays away, as pages have headings of their own."""
+        """Return the table as Markdown, without the title: pages have headings of their own."""
         marks = ["---" if index < self.words else "---:" for index in range(len(self.columns))]
         lines = [_line(self.columns), _line(marks), *map(_line, self.rows)]
         return "\n".join([*lines, "", *self.notes]).rstrip() + "\n"
@@ -63,7 +63,7 @@ def _line(cells: tuple[str, ...] | list[str]) -> str:
 
 
 def print_grid(grid: Grid, *, markdown: bool = False) -> None:
-    """Print to stdout, as wide as it needs where that is no terminal."""
+    """Print to stdout, as wide as needed where that is not a terminal."""
     if markdown:
         print(grid.markdown(), end="")
         return

@@ -1,4 +1,4 @@
-"""Metadata of a picture, from which it can be made again."""
+"""Metadata of a picture, from which it can be reproduced."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def picture_metadata(
     device: str,
     noise: float | None = None,
 ) -> dict[str, str]:
-    """Header attributes of a rendered picture; `iprt:view` and `iprt:settings` are JSON.
+    """Return the header attributes of a rendered picture; `iprt:view` and `iprt:settings` are JSON.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def picture_metadata(
     frames : int
         Frames accumulated.
     noise : float or None
-        What was left then, as of `iprt.convergence`. None: it was not looked at.
+        Final noise, as in `iprt.convergence`. None: not measured.
     """
     return {
         "iprt:version": __version__,
@@ -61,19 +61,19 @@ def picture_metadata(
 
 
 def difference(there: Mapping[str, str], now: Mapping[str, str]) -> str | None:
-    """The first thing, in words, in which metadata differ as those of one video must not."""
+    """Return the first difference, in words, that excludes one video; None: there is none."""
     old, new = _flat(there), _flat(now)
     for key in [*new, *old]:
         if old.get(key) == new.get(key):
             continue
-        if key == "files":  # their values say nothing to people
+        if key == "files":  # hashes mean nothing to people
             return f"{NAMES[key]} have changed since"
         return f"{NAMES.get(key, key)} was {_shown(old, key)} then and is {_shown(new, key)} now"
     return None
 
 
 def _flat(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """Every value by its name: `view.yaw_deg`, `settings.trace.rays`."""
+    """Return every value by its name: `view.yaw_deg`, `settings.trace.rays`."""
     values: dict[str, Any] = {}
     for key, text in metadata.items():
         if not key.startswith("iprt:") or key in PLACES:
@@ -86,7 +86,7 @@ def _flat(metadata: Mapping[str, str]) -> dict[str, Any]:
 
 
 def dotted(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Values of nested mappings by dotted key."""
+    """Return the values of nested mappings by dotted key."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):

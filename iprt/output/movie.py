@@ -1,9 +1,9 @@
-"""A video file that grows: what is finished survives whatever ends the render.
+"""Video file written incrementally: finished frames survive any interruption of the render.
 
-Encoders keep pictures to themselves until they know those that follow, and files are of no use
-without their end. So a folder beside the file, `NAME.parts`, holds what there is: pieces of a few
-seconds, encoded so that they can be joined, and the pictures of the piece that is not full yet,
-exactly as the encoder will see them. When all are there, the pieces become the file.
+Encoders hold pictures back until they know the following ones, and files without their end are
+unusable. So a folder beside the file, `NAME.parts`, holds the finished parts: pieces of a few
+seconds, encoded so that they can be joined, and the pictures of the current piece, exactly as the
+encoder will see them. When all are complete, the pieces become the file.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from iprt.renderer import RenderedFrame
 
 PIECE_S = 2.0
-"""Seconds of video in a piece: players can start at each, and find a place no sooner."""
+"""Seconds of video per piece, which is also the distance of points that players can seek to."""
 SUFFIX = ".parts"
 DESCRIPTION = "job.json"
 
@@ -41,21 +41,21 @@ class Movie(FrameOutput):
     Parameters
     ----------
     frames : range
-        Numbers of the frames, all of which the file will hold.
+        Numbers of all frames of the file.
     description : mapping of str to str
-        What makes the video this one; kept in the file as its comment, in JSON.
+        Identity of the video; kept in the file as its comment, in JSON.
     codec : {"h264", "hevc"}
     rate : Fraction
         Frames a second.
     additions : mapping of bytes to bytes
         See `join_pieces`.
     sound : Sound or None
-        See `join_pieces`. Parts hold none of it, and go together with any.
+        See `join_pieces`. Parts contain no sound and fit any.
 
     Raises
     ------
     FormatError
-        A render of something else has left its parts.
+        Parts of a different render exist.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Movie(FrameOutput):
             self._missing.extend(self._absent())
 
     def _keep(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Keep a frame; with the last one of a piece, encode that."""
+        """Keep a frame; encode a piece when its last frame arrives."""
         position = self.frames.index(index)
         path = self._picture(position)
         with replacing(path) as temporary, temporary.open("wb") as file:
@@ -94,7 +94,7 @@ class Movie(FrameOutput):
         self._encode(position - position % self._length)
 
     def finish(self) -> None:
-        """Make the file, and remove the parts."""
+        """Write the file, and remove the parts."""
         if self.finished:
             return
         pieces = [(first, self._piece(first)) for first in self._firsts()]
@@ -118,7 +118,7 @@ class Movie(FrameOutput):
         self.finished = True
 
     def _open(self, description: Mapping[str, str]) -> None:
-        """Make the folder of parts, or take up one of the same video."""
+        """Create the folder of parts, or continue one of the same video."""
         file = self.parts / DESCRIPTION
         if self.parts.is_symlink():
             raise FormatError(f"{self.parts}: is a symbolic link; move it, or name another output")
@@ -141,7 +141,7 @@ class Movie(FrameOutput):
             self._encode(first)
 
     def _absent(self) -> Iterator[int]:
-        """Numbers of frames that no part holds."""
+        """Yield numbers of frames that no part holds."""
         for first in self._firsts():
             if not self._piece(first).exists():
                 for position in self._positions(first):
@@ -149,7 +149,7 @@ class Movie(FrameOutput):
                         yield self.frames[position]
 
     def _firsts(self) -> range:
-        """Where pieces start."""
+        """Return the first positions of pieces."""
         return range(0, len(self.frames), self._length)
 
     def _positions(self, first: int) -> range:
@@ -162,7 +162,7 @@ class Movie(FrameOutput):
         return self.parts / f"{position:07d}.npy"
 
     def _encode(self, first: int) -> None:
-        """Make a piece of its pictures, if these are complete, and remove them."""
+        """Encode a piece from its pictures, if these are complete, and remove them."""
         pictures = [self._picture(position) for position in self._positions(first)]
         there = [path for path in pictures if path.exists()]
         if not self._piece(first).exists():
@@ -175,7 +175,7 @@ class Movie(FrameOutput):
 
 
 def parts_of(path: Path) -> Path:
-    """The folder that holds the finished parts of a video file."""
+    """Return the folder that holds the finished parts of a video file."""
     return path.with_name(path.name + SUFFIX)
 
 
@@ -197,7 +197,7 @@ def _read(path: Path) -> dict[str, str]:
 
 
 def _same(comment: str | None, description: Mapping[str, str]) -> bool:
-    """Whether a file's comment is that of the same video."""
+    """Return whether a file's comment describes the same video."""
     try:
         found = json.loads(comment or "null")
     except ValueError:

@@ -1,4 +1,4 @@
-"""One entry for all picture formats: chosen by suffix, checked before any rendering starts."""
+"""Entry point for all picture formats: chosen by suffix, checked before rendering."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SUFFIXES = (".exr", ".png")
 
 
 def check_output(path: Path, *, aovs: Sequence[str] = ()) -> None:
-    """Fail now if a picture with the layers `aovs` could not be written to `path` later.
+    """Raise an error now if a picture with the layers `aovs` could not be written to `path` later.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def write_picture(
     Raises
     ------
     FormatError
-        As `check_output` and the format's writer.
+        As in `check_output` and the format's writer.
     """
     from iprt.output.exr import write_exr
     from iprt.output.png import write_png

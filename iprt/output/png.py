@@ -1,4 +1,4 @@
-"""PNG output: what a display shows of linear radiance."""
+"""PNG output: display-referred pictures of linear radiance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A video as numbered pictures, of which those that are there already are kept."""
+"""Video as numbered pictures; existing ones are kept."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ Metadata = Mapping[str, str]
 
 
 def is_pattern(path: Path) -> bool:
-    """Whether the file's name has a place for a number."""
+    """Return whether the file's name has a place for a number."""
     return FRAME_PATTERN.search(path.name) is not None
 
 
 def is_video(path: Path) -> bool:
-    """Whether more than one frame can go there: numbered pictures, or a video file."""
+    """Return whether a path can hold several frames: numbered pictures, or a video file."""
     return is_pattern(path) or path.suffix.lower() in FORMATS
 
 
 def numbered(pattern: Path, index: int) -> Path:
-    """The file of a frame.
+    """Return the file of a frame.
 
     Raises
     ------
@@ -49,21 +49,21 @@ def numbered(pattern: Path, index: int) -> Path:
 
 
 class PictureSequence(FrameOutput):
-    """Frames as files of their own. Its folder is to be locked.
+    """Frames as separate files. Their folder must be locked.
 
     Parameters
     ----------
     frames : range
         Numbers of the frames.
     describe : callable
-        Metadata of a frame, by its number.
+        Returns metadata of a frame, by its number.
     exposure : float
-        For formats that hold what a display shows.
+        For display-referred formats.
 
     Raises
     ------
     FormatError
-        A file is there that this render has not made.
+        A file exists that this render has not written.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class PictureSequence(FrameOutput):
         )
 
     def finish(self) -> None:
-        """Every frame stands by itself."""
+        """Do nothing: every frame is complete by itself."""
 
     def _is_there(self, index: int) -> bool:
         path = numbered(self.pattern, index)
@@ -111,7 +111,7 @@ class PictureSequence(FrameOutput):
 
 
 def read_metadata(path: Path) -> Metadata | None:
-    """Metadata of a rendered picture; None if it is not whole, or not ours."""
+    """Return the metadata of a rendered picture; None if it is incomplete or not ours."""
     read = _read_exr if path.suffix.lower() == ".exr" else _read_png
     try:
         found = {key: value for key, value in read(path).items() if key.startswith("iprt:")}
@@ -123,7 +123,7 @@ def read_metadata(path: Path) -> Metadata | None:
 def _read_exr(path: Path) -> dict[str, str]:
     from iprt.files.exr import exr_size
 
-    exr_size(path)  # complete
+    exr_size(path)  # raises an error for an incomplete file
     import OpenEXR
 
     header = OpenEXR.File(str(path), header_only=True).header()

@@ -30,7 +30,7 @@ COPIED = {
     "mov": ("aac", "ac3", "alac", "eac3", "mp3", "pcm"),
     "matroska": ("aac", "ac3", "alac", "dts", "eac3", "flac", "mp3", "opus", "pcm", "vorbis"),
 }
-"""FFmpeg's name of a container -> codecs that it and its players take; "pcm" is PCM of any kind."""
+"""FFmpeg's name of a container -> codecs that it and its players support; "pcm" is any PCM."""
 ENCODERS = {"mp4": "aac", "mov": "aac", "matroska": "flac"}
 """Container -> encoder for sound that is not copied."""
 BITS_A_SECOND = 128_000

@@ -1,4 +1,4 @@
-"""A small picture of the panorama with its directions, views and objects drawn in."""
+"""Thumbnail of the panorama with directions, views and objects drawn in."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _AXIS_COLOR, _VIEW_COLOR, _OBJECT_COLOR = (255, 255, 255), (255, 220, 60), (90, 
 
 
 def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
-    """Write a 1024 x 512 PNG: the panorama as displayed, axes, outlines of views, objects.
+    """Write a 1024 x 512 PNG: the displayed panorama, axes, outlines of views, objects.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def write_thumbnail(path: Path, scene: Scene, frame: Frame) -> None:
 
 
 def _border(view: View) -> NDArray[np.float64]:
-    """Directions (N, 3) around the picture's edge, from the top left corner and back to it."""
+    """Return directions (N, 3) around the picture's edge, closed at the top left corner."""
     t = np.linspace(0.0, 1.0, 65)
     square = [(t, 0 * t), (0 * t + 1, t), (t[::-1], 0 * t + 1), (0 * t, t[::-1])]
     pixels = np.concatenate([np.stack(side, axis=-1) for side in square])

@@ -1,4 +1,4 @@
-"""Linear radiance to what a display shows, in 8 bits: exactly and fast, by tables."""
+"""Conversion of linear radiance to displayed 8-bit levels, exact and fast, by tables."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from iprt.output.display import srgb_encode
 
 Curve = Literal["srgb", "filmic"]
-"""srgb: clipped at 1, as PNG files are written. filmic: bright parts are pressed together, by
-Narkowicz's fit of the ACES reference curve (Narkowicz, "ACES Filmic Tone Mapping Curve", 2015)."""
+"""srgb: clipped at 1, as in PNG files. filmic: highlights are compressed by Narkowicz's fit of the
+ACES reference curve (Narkowicz, "ACES Filmic Tone Mapping Curve", 2015)."""
 
 Bytes = NDArray[np.uint8]
 _CELL_BITS = 13
-"""Low bits of a float32 that choose no cell of the table: a cell is 2^-10 of its values wide, and
-levels of 8 bits are further apart than that, so that at most one begins inside."""
+"""Low bits of a float32 that a table index ignores. A cell spans 2^-10 of its values; 8-bit levels
+are further apart, so that at most one starts inside."""
 
 
 def _filmic(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
-    # From where it is above 1 on, squares of large values must not overflow.
+    # Cut where the curve is above 1: squares of large values would overflow.
     x = np.minimum(radiance, 1e3)
     return x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
 
@@ -34,13 +34,13 @@ _CURVES: Mapping[Curve, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = 
 
 
 def level(radiance: NDArray[Any], exposure: float, curve: Curve) -> NDArray[np.float64]:
-    """The level in [0, 255], not yet rounded, of linear radiance."""
+    """Return the unrounded level in [0, 255] of linear radiance."""
     exposed = np.maximum(exposure * np.asarray(radiance, np.float64), 0.0)
     return 255.0 * srgb_encode(np.clip(_CURVES[curve](exposed), 0.0, 1.0))
 
 
 def developed(radiance: NDArray[np.float32], exposure: float = 1.0, curve: Curve = "srgb") -> Bytes:
-    """The displayed picture: `rint(level(radiance, exposure, curve))`, to the bit.
+    """Return the displayed picture: `rint(level(radiance, exposure, curve))`, to the bit.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def developed(radiance: NDArray[np.float32], exposure: float = 1.0, curve: Curve
     (...) uint8
     """
     below, last = _table(float(exposure), curve)
-    # As integers, floats of one sign are in the same order, and negative ones are negative.
+    # As integers, floats of one sign have the same order, and negative ones are negative.
     bits = np.ascontiguousarray(radiance, np.float32).view(np.int32)
     bits = np.maximum(bits, 0)
     cell = bits >> _CELL_BITS
@@ -66,7 +66,7 @@ def developed(radiance: NDArray[np.float32], exposure: float = 1.0, curve: Curve
 
 @lru_cache(maxsize=8)
 def _table(exposure: float, curve: Curve) -> tuple[Bytes, NDArray[np.int32]]:
-    """For each cell of float32 values: the level at its beginning, and the last value of it."""
+    """Return, per cell of float32 values, the level at its start and that level's end."""
     first = _first_bits(exposure, curve)
     begins = np.arange(1 << (31 - _CELL_BITS), dtype=np.int64) << _CELL_BITS
     below = np.searchsorted(first, begins, side="right")
@@ -75,10 +75,10 @@ def _table(exposure: float, curve: Curve) -> tuple[Bytes, NDArray[np.int32]]:
 
 
 def _first_bits(exposure: float, curve: Curve) -> NDArray[np.int64]:
-    """(255,) the least float32 that is shown as level 1, 2, ... 255, as bits: by bisection."""
+    """Return the (255,) least float32 displayed as level 1, 2, ... 255, as bits, by bisection."""
     infinity = int(np.float32(np.inf).view(np.int32))
     wanted = np.arange(1, 256)
-    low = np.zeros(255, np.int64)  # never shown as wanted, but for an infinite exposure
+    low = np.zeros(255, np.int64)  # values never reached, except by an infinite exposure
     high = np.full(255, infinity, np.int64)
     while int((high - low).max()) > 1:
         middle = (low + high) // 2

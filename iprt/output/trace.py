@@ -1,4 +1,4 @@
-"""A timeline of a run, as a trace that Perfetto (ui.perfetto.dev) and Chrome's about:tracing show.
+"""Timeline of a run, as a trace for Perfetto (ui.perfetto.dev) and Chrome's about:tracing.
 
 After "Trace Event Format" (Google): complete events, which nest where one spans another.
 """
@@ -22,7 +22,9 @@ Event = dict[str, object]
 
 
 def trace_events(spans: Sequence[Span], device: str) -> list[Event]:
-    """Frames; the host's work on passes; passes and their kernels and transfers on the device.
+    """Return events of frames, of passes on the host, and of passes on the device.
+
+    Passes on the device contain their kernels and transfers.
 
     Parameters
     ----------
@@ -39,7 +41,7 @@ def trace_events(spans: Sequence[Span], device: str) -> list[Event]:
     host = [span for span in spans if span.key.kind in (Kind.HOST, Kind.ENQUEUE)]
     queue = _in_turn([span for span in spans if span.key.kind in (Kind.KERNEL, Kind.TRANSFER)])
     events += [_event(FRAMES, *frame, start) for frame in _frames(host, queue)]
-    # A section was recorded when it ended, after what it spans.
+    # A section is recorded when it ends, after the spans inside it.
     for span in sorted(host, key=lambda span: (span.start_ns, -span.end_ns)):
         events.append(_event(HOST, span.key.name, span.start_ns, span.end_ns, start, span))
     for (_, name), group in groupby(queue, key=lambda span: (span.frame, span.key.pass_name)):
@@ -64,7 +66,7 @@ def write_trace(path: Path, spans: Sequence[Span], device: str) -> None:
 
 
 def _in_turn(queue: Sequence[Span]) -> list[Span]:
-    """One after the other, as the queue runs them: clocks may say that they overlap a little."""
+    """Return spans in queue order without overlaps: clocks may report small ones."""
     turns: list[Span] = []
     over = 0
     for span in sorted(queue, key=lambda span: span.start_ns):
@@ -75,7 +77,7 @@ def _in_turn(queue: Sequence[Span]) -> list[Span]:
 
 
 def _frames(host: Sequence[Span], queue: Sequence[Span]) -> Iterator[tuple[str, int, int]]:
-    """Name, start and end: from the host's first work on a frame to the device's last."""
+    """Yield name, start and end: from the host's first work on a frame to the device's last."""
     over = 0
     ordered = sorted([*host, *queue], key=lambda span: span.frame)
     for number, group in groupby(ordered, key=lambda span: span.frame):
@@ -103,9 +105,9 @@ def _event(
 
 
 def _microseconds(ns: int) -> float:
-    """Microseconds that Perfetto, which cuts off, turns back into the same nanoseconds.
+    """Return microseconds that Perfetto, which truncates, converts back to the same nanoseconds.
 
-    Perfetto loses events of which one ends a nanosecond after what spans it.
+    Perfetto loses events that end a nanosecond after the event around them.
     """
     us = ns / 1e3
     return us if int(us * 1e3) == ns else math.nextafter(us, math.inf)

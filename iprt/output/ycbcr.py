@@ -1,6 +1,6 @@
-"""Displayed pictures as video codes them: Y'CbCr by ITU-R BT.709, limited range, 4:2:0.
+"""Video encoding of displayed pictures: Y'CbCr by ITU-R BT.709, limited range, 4:2:0.
 
-By hand, because FFmpeg's conversion brightens pictures by half a step.
+Done here, because FFmpeg's conversion brightens pictures by half a step.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ LUMA, CHROMA = (16.0, 219.0), (128.0, 224.0)
 
 
 def ycbcr420(shown: NDArray[np.floating], bits: int) -> NDArray[Any]:
-    """Planes of a picture.
+    """Return the planes of a picture.
 
-    Chroma lies where decoders look for it by default: at the left one of two columns,
-    and between two rows.
+    Chroma samples lie at decoders' default position: on the left one of two columns, and between
+    two rows.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def ycbcr420(shown: NDArray[np.floating], bits: int) -> NDArray[Any]:
     Returns
     -------
     (3 H / 2, W) uint8, or uint16 for more bits
-        Luma, and below it Cb and Cr, two of their rows side by side in one.
+        Luma, and below it Cb and Cr, with two of their rows side by side in one.
     """
     height, width, _ = shown.shape
     dtype = np.uint8 if bits == 8 else np.uint16
@@ -54,7 +54,7 @@ def ycbcr420(shown: NDArray[np.floating], bits: int) -> NDArray[Any]:
 
 
 def _halved(planes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Half the rows and columns of planes (2, H, W)."""
+    """Return half the rows and columns of planes (2, H, W)."""
     rows = np.pad(planes[:, 0::2] + planes[:, 1::2], ((0, 0), (0, 0), (1, 0)), mode="edge")
     left, middle, right = rows[..., 0:-1:2], rows[..., 1::2], rows[..., 2::2]
     return np.asarray((left + 2.0 * middle + right) * 0.125, np.float32)

@@ -1,0 +1,1 @@
+"""Ground truth and slow references by path tracing, with Mitsuba."""

@@ -1,7 +1,7 @@
 """Mitsuba, an optional dependency, loaded with the variant that works on this machine.
 
-Dr.Jit compiles its kernels with whatever LLVM it finds. An LLVM older than 17 may abort the process
-when it meets a kernel that it cannot compile. So the variant is tried in a child process first.
+Dr.Jit compiles its kernels with any LLVM it finds. An LLVM older than 17 may abort the process on a
+kernel that it cannot compile. So the variant is tried in a child process first.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ assert distance.numpy()[0] == 2
 
 
 def require_reference() -> None:
-    """Fail before anything is done if path tracing or denoising would.
+    """Raise an error early if path tracing or denoising is unavailable.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def require_reference() -> None:
 
 @cache
 def mitsuba() -> Any:
-    """The `mitsuba` module with a variant set: `llvm_ad_rgb`, or `scalar_rgb` with a warning.
+    """Return the `mitsuba` module with `llvm_ad_rgb` set, or `scalar_rgb` with a warning.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def mitsuba() -> Any:
 
 
 def vector_mitsuba() -> Any:
-    """The `mitsuba` module, for code that works on arrays of rays.
+    """Return the `mitsuba` module, for code that works on arrays of rays.
 
     Raises
     ------

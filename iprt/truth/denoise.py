@@ -9,16 +9,16 @@ from iprt.errors import IprtError
 
 Image = NDArray[np.float32]
 SEAM = 64
-"""Columns copied across a panorama's seam, so that the filter sees what is beside them."""
+"""Columns copied across a panorama's seam as context for the filter."""
 
 
 def denoise(color: Image, albedo: Image, normal: Image, *, wrap: bool) -> Image:
-    """Denoised radiance (H, W, 3).
+    """Return the denoised radiance (H, W, 3).
 
     Parameters
     ----------
     color, albedo, normal : (H, W, 3) float32
-        Linear radiance and the guides, which are taken as free of noise.
+        Linear radiance, and guides assumed to be noise-free.
     wrap : bool
         The image is a panorama: its left and right edges meet.
 

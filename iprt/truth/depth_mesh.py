@@ -1,4 +1,4 @@
-"""The visible surfaces of a panorama as one triangle mesh."""
+"""Visible surfaces of a panorama as one triangle mesh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iprt.geometry.camera import View
 Ints = NDArray[np.int64]
 
 STEP = 0.03
-"""A step in depth beyond what the tangent plane predicts, in units of the depth, that is a gap."""
+"""Depth step beyond the tangent plane's prediction that counts as a gap, relative to the depth."""
 CREASE = 3.0
 """The same in units of a texel's angle: at a room's edge neither plane predicts the other."""
 
@@ -37,7 +37,7 @@ class DepthMesh:
 def depth_mesh(frame: Frame) -> DepthMesh:
     """Connect the texel centres of a frame, leaving gaps where the depth jumps.
 
-    Two texels are connected if either lies about on the other's tangent plane (`STEP`, `CREASE`).
+    Two texels are connected if either lies near the other's tangent plane (`STEP`, `CREASE`).
     Texels without depth have no triangles. Each pole is closed by a fan to its row's mean inverse
     depth.
     """
@@ -75,7 +75,7 @@ def depth_mesh(frame: Frame) -> DepthMesh:
 
 
 class _Texels:
-    """Texels of a frame by their number, row by row; depth is 1 where there is none."""
+    """Texels of a frame by row-major index; depth is 1 where there is none."""
 
     def __init__(self, frame: Frame) -> None:
         view = View(frame.width, frame.height, projection="equirect")
@@ -86,18 +86,18 @@ class _Texels:
         self._step = max(STEP, CREASE * np.pi / frame.height)
 
     def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:
-        """Whether pairs of texels lie on one surface."""
+        """Return whether pairs of texels lie on one surface."""
         return self.finite[a] & self.finite[b] & (self.misfit(a, b) <= self._step)
 
     def misfit(self, a: Ints, b: Ints) -> NDArray[np.float64]:
-        """Distance of one of two texels from the other's tangent plane, relative to the depth."""
+        """Return the relative distance of one of two texels from the other's tangent plane."""
         return np.minimum(self._off(a, b), self._off(b, a))
 
     def _off(self, here: Ints, there: Ints) -> NDArray[np.float64]:
         n, depth = self._normal[here], self.depth
         across = np.sum(n * self.directions[there], axis=-1)
         along = np.sum(n * self.directions[here], axis=-1)
-        # Planes seen from behind or edge-on predict nothing: infinitely off.
+        # Planes seen from behind or edge-on predict nothing: infinite distance.
         fits = np.minimum(across, along) < -1e-3
         level = along / np.where(fits, across, 1.0)
         predicted = np.where(fits & (along < 0), depth[here] * level, np.inf)

@@ -1,7 +1,7 @@
-"""Ground truth of scenes that come with their full geometry, by Mitsuba's path tracer.
+"""Ground truth of scenes with full geometry, by Mitsuba's path tracer.
 
 A model is a dictionary of Mitsuba scene parts (shapes, emitters) in the world of the scene format:
-its capture centre is the origin. Inserted objects are parts too, added under names of their own.
+its capture centre is the origin. Inserted objects are parts too, added under their own names.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ MAX_DEPTH = 24
 GUIDE_SAMPLES = 32
 MASK_SAMPLES = 64
 MIRRORS = 3
-"""Mirrors that guides follow one after the other."""
+"""Consecutive mirrors that guides follow."""
 
 
 def load_parts(module: str) -> Parts:
-    """The parts of a scene, from the function `build()` of a Python module.
+    """Return the parts of a scene, from the function `build()` of a Python module.
 
-    The module is looked for in the working directory too.
+    The working directory is searched too.
 
     Raises
     ------
@@ -55,12 +55,12 @@ def load_parts(module: str) -> Parts:
 
 
 def load_scene(parts: Parts) -> Any:
-    """A Mitsuba scene, ready for rays, of parts: Mitsuba dictionaries or objects by name."""
+    """Return a Mitsuba scene, ready for rays, of parts: Mitsuba dictionaries or objects by name."""
     return mitsuba().load_dict({"type": "scene", **parts})
 
 
 def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = True) -> Image:
-    """Radiance (H, W, 3) of a view, box-filtered, by unidirectional path tracing.
+    """Return the radiance (H, W, 3) of a view, box-filtered, by unidirectional path tracing.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = T
     seed : int
         Two renderings with one seed agree where the same surfaces and light are hit.
     clean : bool
-        Denoise with guides, albedo and normal, of what is seen directly or in mirrors.
+        Denoise with albedo and normal of surfaces seen directly or in mirrors as guides.
     """
     mi = mitsuba()
     paths = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": 5})
@@ -83,17 +83,17 @@ def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = T
 
 
 def render_guides(scene: Any, view: View, *, spp: int, seed: int) -> tuple[Image, Image]:
-    """Albedo and unit normal, (H, W, 3) each, of the first surface that is no mirror.
+    """Return albedo and unit normal, (H, W, 3) each, of the first surface that is not a mirror.
 
-    They guide a denoiser, which would blur what is seen in a mirror by those of the mirror itself.
-    Both are 0 where there is no surface.
+    They guide a denoiser. With the mirror's own albedo and normal, it would blur reflections. Both
+    are 0 where there is no surface.
     """
     guide = _render(scene, sensor(view), _guides(), spp, seed)
     return guide[..., :3], guide[..., 3:6]
 
 
 def render_geometry(parts: Parts, view: View) -> tuple[Image, Image]:
-    """Radial distance (H, W) in metres and unit normal (H, W, 3) along the pixel-centre rays.
+    """Return radial distance (H, W), m, and unit normal (H, W, 3) along the pixel-centre rays.
 
     Both are 0 where the ray meets no surface. Normals face the capture centre.
     """
@@ -105,7 +105,7 @@ def render_geometry(parts: Parts, view: View) -> tuple[Image, Image]:
 
 
 def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image:
-    """Fraction (H, W) of each pixel in which one of the `objects` is the nearest surface.
+    """Return the fraction (H, W) of each pixel where one of the `objects` is the nearest surface.
 
     The `objects` are Mitsuba shapes, not dictionaries: they are recognised by identity.
     """
@@ -116,7 +116,7 @@ def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image
 
 
 def _guides() -> Any:
-    """An integrator whose six channels are those of `render_guides`."""
+    """Return an integrator with the six channels of `render_guides`."""
     mi = mitsuba()
 
     class Guides(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
@@ -144,7 +144,7 @@ def _guides() -> Any:
 
 
 def _coverage(shapes: list[Any]) -> Any:
-    """An integrator whose radiance is 1 where a primary ray meets one of `shapes` first."""
+    """Return an integrator of radiance 1 where a primary ray meets one of `shapes` first."""
     mi = mitsuba()
 
     class Coverage(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
@@ -161,7 +161,7 @@ def _coverage(shapes: list[Any]) -> Any:
 
 
 def _render(scene: Any, camera: Any, integrator: Any, spp: int, seed: int) -> Image:
-    """Mean of `spp` samples per pixel, in launches that fit memory."""
+    """Return the mean of `spp` samples per pixel, in launches that fit memory."""
     mi = mitsuba()
     pixels = int(np.prod(camera.film().size()))
     per_launch = spp if mi.variant() == SCALAR else max(1, min(spp, PATHS_AT_ONCE // pixels))

@@ -1,4 +1,4 @@
-"""A slow reference of what the renderer converges to: objects in the world of a panorama."""
+"""Slow reference for the renderer: path-traced objects in the world of a panorama."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ RATIO_MAP_WIDTH = 512
 
 @dataclass(frozen=True)
 class Reference:
-    """Differential rendering of a view (IPRT Eq. 2), and what it is made of.
+    """Differential rendering of a view (IPRT Eq. 2), and its components.
 
     Attributes
     ----------
     color : (H, W, 3) float32
         `ratio * background * (1 - coverage) + objects`, linear.
     background : (H, W, 3) float32
-        The panorama, bilinear, averaged over what each pixel shows of it.
+        The panorama, bilinear, averaged over each pixel's footprint.
     ratio : (H, W, 3) float32
         E_RV / E_R of the real surfaces; exactly 1 where no ray hit an object.
     objects : (H, W, 3) float32
@@ -51,7 +51,7 @@ class Reference:
 
 
 def load_world(frame: Frame, instances: Sequence[Instance]) -> World:
-    """The world that a panorama describes, with objects in it, ready for rays.
+    """Return the world of a panorama, with objects in it, ready for rays.
 
     Raises
     ------
@@ -68,12 +68,12 @@ def load_world(frame: Frame, instances: Sequence[Instance]) -> World:
 def render_reference(
     world: World, view: View, *, spp: int, seed: int = 0, clean: bool = True
 ) -> Reference:
-    """Path-trace the objects in the world that the panorama describes.
+    """Path-trace the objects in the world of the panorama.
 
-    Real surfaces are diffuse; they emit what the panorama shows and reflect nothing further.
+    Real surfaces are diffuse. They emit the panorama's radiance and reflect nothing further.
     Openings are surfaces that radiate and take no shadow. Rays that leave through a gap of the
-    depth take the radiance of their direction. What objects see of real surfaces holds the
-    objects' shadows and light (from a panorama-wide map of the ratio).
+    depth take the radiance of their direction. Objects see real surfaces with the objects' shadows
+    and light (from a panorama-wide map of the ratio).
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _render(
 def _launch(
     world: World, view: View, count: int, seed: int, ratio_only: bool
 ) -> dict[str, NDArray[np.float64]]:
-    """Sums over `count` samples of every pixel: arrays (pixels, channels)."""
+    """Return sums over `count` samples of every pixel: arrays (pixels, channels)."""
     from iprt.truth.transport import dr, mi
 
     pixels = view.width * view.height
@@ -148,7 +148,7 @@ def _launch(
     real = world.hit_real(ray.o, ray.d, everywhere)
     si = world.objects.ray_intersect(ray, everywhere)
     virtual = si.is_valid() & (si.t < real.t)
-    if ratio_only:  # what is behind the objects is seen by other rays
+    if ratio_only:  # other rays see the surfaces behind the objects
         virtual &= False
     shaded = real.valid & ~virtual & world.receives(real.direction)
     normal = world.real_normal(real.direction)
@@ -167,7 +167,7 @@ def _launch(
         "normal": mi.Color3f(dr.select(virtual, si.sh_frame.n, normal)),
         "albedo": dr.select(virtual, si.bsdf().eval_diffuse_reflectance(si, virtual), zero),
     }
-    dr.eval(result)  # once: each sum would trace the rays anew
+    dr.eval(result)  # once: each sum would trace the rays again
     sums = {name: dr.block_sum(value, count) for name, value in result.items()}
     dr.eval(sums)
     return {

@@ -1,4 +1,4 @@
-"""A Mitsuba sensor with exactly the projections of `iprt.geometry.camera.View`.
+"""Mitsuba sensor with exactly the projections of `iprt.geometry.camera.View`.
 
 Mitsuba has no spherical sensor, and its perspective sensor has conventions of its own.
 """
@@ -15,7 +15,7 @@ PLUGIN = "iprt_view"
 
 
 def sensor(view: View, *, pixel_centres: bool = False) -> Any:
-    """A Mitsuba sensor at the world's origin, with a box pixel filter.
+    """Return a Mitsuba sensor at the world's origin, with a box pixel filter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Meshes and materials in Mitsuba's terms, meaning the same as in the renderer."""
+"""Meshes and materials as Mitsuba objects, equivalent to the renderer's."""
 
 from __future__ import annotations
 
@@ -15,20 +15,27 @@ from iprt.truth.backend import mitsuba
 
 
 class Triangles(Protocol):
-    """Anything with indexed triangles, smooth normals and texture coordinates."""
+    """Indexed triangles with smooth normals and texture coordinates."""
 
     @property
-    def positions(self) -> NDArray[Any]: ...
+    def positions(self) -> NDArray[Any]:
+        """Positions (V, 3)."""
+
     @property
-    def normals(self) -> NDArray[Any]: ...
+    def normals(self) -> NDArray[Any]:
+        """Unit normals (V, 3)."""
+
     @property
-    def uvs(self) -> NDArray[Any]: ...
+    def uvs(self) -> NDArray[Any]:
+        """Texture coordinates (V, 2)."""
+
     @property
-    def triangles(self) -> NDArray[Any]: ...
+    def triangles(self) -> NDArray[Any]:
+        """Vertex indices (F, 3)."""
 
 
 def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None) -> Any:
-    """A Mitsuba mesh in world space, smoothly shaded.
+    """Return a Mitsuba mesh in world space, smoothly shaded.
 
     Parameters
     ----------
@@ -59,7 +66,7 @@ def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None) -> Any:
 
 
 def bsdf_of(material: Material) -> dict[str, Any]:
-    """The Mitsuba BSDF of a virtual object's material."""
+    """Return the Mitsuba BSDF of a virtual object's material."""
     mi = mitsuba()
     colour: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
@@ -89,7 +96,7 @@ def bsdf_of(material: Material) -> dict[str, Any]:
 
 
 def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
-    """Mitsuba shapes of placed meshes, one per material that triangles use."""
+    """Return Mitsuba shapes of placed meshes, one per material that triangles use."""
     shapes = {}
     for number, instance in enumerate(instances):
         mesh, to_world = instance.mesh, instance.to_world

@@ -1,8 +1,8 @@
-"""Light in the world that a panorama describes, by brute force with Mitsuba's ray casting.
+"""Light transport in the world of a panorama, by brute force with Mitsuba's ray casting.
 
-The same model as the renderer's, by other means: real surfaces are a triangle mesh that emits what
-the panorama shows and reflects nothing further, virtual objects are Mitsuba shapes with Mitsuba
-BSDFs. Importing this module starts Mitsuba.
+The model is the renderer's, implemented independently. Real surfaces are a triangle mesh that emits
+the panorama's radiance and reflects nothing further. Virtual objects are Mitsuba shapes with
+Mitsuba BSDFs. Importing this module starts Mitsuba.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ mi: Any = vector_mitsuba()
 dr: Any = import_module("drjit")
 
 BOUNCES = 6
-"""Virtual surfaces that a path may meet."""
+"""Most virtual surfaces on a path."""
 LIFT = 1e-3
-"""Rays leave real surfaces this far above them, in units of the panorama's median depth."""
+"""Offset of rays above real surfaces, in units of the panorama's median depth."""
 
 
 @dataclass
@@ -55,7 +55,7 @@ class RealHit:
 
 
 class World:
-    """A frame and virtual objects, Mitsuba shapes by name, ready for rays.
+    """Frame and virtual objects, Mitsuba shapes by name, ready for rays.
 
     Attributes
     ----------
@@ -84,27 +84,26 @@ class World:
         self._texels = mi.DiscreteDistribution(mi.Float(weight.ravel().astype(np.float32)))
 
     def relight(self, ratio: NDArray[np.float32] | None) -> None:
-        """From now on, what objects see of real surfaces is multiplied by `ratio` (h, w, 3).
-
-        None: by 1.
-        """
+        """Multiply real radiance, as seen by objects, by `ratio` (h, w, 3); None: by 1."""
         self._ratio = _texture(np.ones((2, 4, 3), np.float32) if ratio is None else ratio)
 
     def radiance(self, direction: Any, *, relit: Any) -> Any:
-        """Panorama radiance; with what objects do to it where `relit`."""
+        """Return the panorama's radiance, changed by objects where `relit`."""
         uv = _equirect_uv(direction)
         radiance = _lookup(self._color, uv)
         return dr.select(relit, radiance * _lookup(self._ratio, uv), radiance)
 
     def receives(self, direction: Any) -> Any:
-        """Do objects cast shadows there: is it a surface, and no opening?"""
+        """Return whether objects cast shadows in a direction: on surfaces other than openings."""
         return _lookup(self._receives, _equirect_uv(direction), 1).x > 0.5
 
     def real_normal(self, direction: Any) -> Any:
+        """Return the panorama's unit normal in a direction, facing the capture centre."""
         normal = dr.normalize(mi.Vector3f(_lookup(self._normal, _equirect_uv(direction))))
         return dr.select(dr.dot(normal, direction) > 0.0, -normal, normal)
 
     def hit_real(self, origin: Any, direction: Any, active: Any) -> RealHit:
+        """Return the nearest hits of rays with real surfaces."""
         si = self.real.ray_intersect(mi.Ray3f(origin, direction), active)
         hit = active & si.is_valid()
         distance = dr.norm(si.p)
@@ -119,20 +118,21 @@ class World:
         )
 
     def light_pdf(self, hit: RealHit, active: Any) -> Any:
-        """Density, per solid angle at the rays' origins, with which `sample_light` finds a hit."""
+        """Return the density, per solid angle at the rays' origins, of a hit by `sample_light`."""
         pdf = self._centre_pdf(hit.direction)
         at_point = pdf * hit.cosine_centre / hit.distance**2 * hit.t**2 / hit.cosine_ray
-        # A ray that leaves is found only where the centre sees no surface either.
+        # A ray that leaves is sampled only where the centre sees no surface either.
         open_sky = ~self.real.ray_test(
             mi.Ray3f(mi.Point3f(0.0), hit.direction), active & ~hit.valid
         )
         return dr.select(hit.valid, at_point, dr.select(open_sky, pdf, 0.0))
 
     def sample_light(self, origin: Any, sampler: Any, active: Any) -> tuple[Any, Any, Any, RealHit]:
-        """A direction towards real light: direction, density, unblocked by real surfaces, hit.
+        """Sample a direction towards real light.
 
-        A texel in proportion to its luminance and solid angle, a point in it, and the surface
-        seen there.
+        Chooses a texel in proportion to its luminance and solid angle, a point in it, and the
+        surface seen there. Returns the direction, its density, whether real surfaces leave it
+        unblocked, and the hit.
         """
         texel = self._texels.sample(sampler.next_1d(active), active)
         jitter = sampler.next_2d(active)
@@ -144,7 +144,7 @@ class World:
         offset = seen.direction * seen.t - origin
         distance = dr.select(seen.valid, dr.norm(offset), dr.inf)
         direction = dr.select(seen.valid, offset / distance, towards)
-        # Again from the origin: the first surface hit is the light, or else it is hidden.
+        # Again from the origin: the light is visible if it is the first hit.
         hit = self.hit_real(origin, direction, active)
         same = dr.select(
             seen.valid,
@@ -155,7 +155,7 @@ class World:
         return direction, pdf, active & same & (pdf > 0.0), hit
 
     def _centre_pdf(self, direction: Any) -> Any:
-        """Density per solid angle at the capture centre of the texels that `sample_light` draws."""
+        """Return the density per solid angle at the capture centre of sampled texels."""
         uv = _equirect_uv(direction)
         column = dr.minimum(mi.UInt32(uv.x * self.width), self.width - 1)
         row = dr.minimum(mi.UInt32(uv.y * self.height), self.height - 1)
@@ -166,7 +166,7 @@ class World:
 
     @dr.syntax  # type: ignore[untyped-decorator]
     def reflected(self, ray: Any, si: Any, sampler: Any, active: Any) -> Any:
-        """Radiance along `ray` from the virtual surfaces `si` that it meets."""
+        """Return the radiance along `ray` from the virtual surfaces `si` that it meets."""
         active = mi.Bool(active)
         ray = mi.Ray3f(ray)
         throughput = mi.Color3f(1.0)
@@ -188,7 +188,7 @@ class World:
             weight = pdf / (pdf + pdf_bsdf)
             light = self.radiance(hit.direction, relit=hit.valid)
             total += dr.select(free, throughput * value * light * weight / pdf, 0.0)
-            # The BSDF's own choice of direction.
+            # BSDF sampling.
             sample, value = bsdf.sample(
                 context, si, sampler.next_1d(active), sampler.next_2d(active), active
             )
@@ -213,7 +213,7 @@ class World:
     def irradiance(
         self, point: Any, normal: Any, sampler: Any, active: Any
     ) -> tuple[Any, Any, Any]:
-        """Irradiance / pi at real surfaces, without and with objects, and whether one was hit.
+        """Return irradiance / pi of real surfaces without and with objects, and if one was hit.
 
         One cosine-distributed and one light sample with the balance heuristic; the same rays for
         both irradiances.
@@ -253,7 +253,7 @@ def _shape(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> Any:
 
 
 def _texture(image: NDArray[np.float32], *, nearest: bool = False) -> Any:
-    """A bilinear lookup table with texel centres as the scene format has them."""
+    """Return a bilinear lookup table with the scene format's texel centres."""
     wrapped = np.pad(image.astype(np.float32), ((0, 0), (1, 1), (0, 0)), mode="wrap")
     kind = dr.FilterMode.Nearest if nearest else dr.FilterMode.Linear
     return mi.Texture2f(mi.TensorXf(wrapped), filter_mode=kind, wrap_mode=dr.WrapMode.Clamp)

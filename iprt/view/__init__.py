@@ -1,0 +1,1 @@
+"""The view: the real layer, and its composition with the objects."""

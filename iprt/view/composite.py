@@ -1,4 +1,4 @@
-"""Differential rendering: real and virtual layer become the picture (IPRT, Eq. 2)."""
+"""Differential rendering: composition of the real and virtual layer (IPRT, Eq. 2)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iprt.gbuffer.layout import PlaneLayout
 
 
 class Composite:
-    """Blends relit background and objects by coverage.
+    """Pass that blends the relit background and the objects by coverage.
 
     Attributes
     ----------
@@ -41,24 +41,24 @@ class Composite:
         specular: cla.Array | None = None,
         color_map: cla.Array | None = None,
     ) -> None:
-        """Fill `picture`. What is None does not change it.
+        """Fill `picture`. Arguments that are None have no effect.
 
         Parameters
         ----------
         colour : 3 planes, radiance of the real layer
         other, other_pixel, corner : (H * W, 4), (H * W,) int32, (H * W, 4) int32
-            As of `RealLayer`.
+            As in `RealLayer`.
         ratio : (H * W, 4), `Relight.ratio`
         base, change : 3 planes each
-            `RealLayer.diffuse`, which the ratio multiplies, with gloss or a map; and what objects
-            change in the reflections of real surfaces, with gloss.
+            `RealLayer.diffuse`, multiplied by the ratio, with gloss or a map; and the change by
+            objects of reflections in real surfaces, with gloss.
         coverage : 1 plane in [0, 1], fraction of the pixel that objects cover (1 - M)
         sides : (H * W, 2)
             `VisibleLayer.sides`, with objects.
         albedo, diffuse : 3 planes each, multiplied
         specular : 3 planes, radiance
         color_map : (6, 4)
-            `ColorMap.rows`: all but `colour` is in the colours that it takes the frame's to.
+            `ColorMap.rows`: all but `colour` is in the reference's colours.
         """
         based = ratio is not None and (change is not None or color_map is not None)
         with self._device.profile.section("composite"):

@@ -9,18 +9,18 @@ from iprt.gbuffer.layout import PlaneLayout
 
 
 class DiffusePart:
-    """Takes off highlights, and goes over to the colours that rays find.
+    """Pass that removes highlights, and maps to the colours for rays.
 
     Parameters
     ----------
     device : ComputeDevice
     layout : PlaneLayout
     name : str
-        Tells layers apart.
+        Prefix of its buffers.
     gloss : bool
         There are highlights.
     color_map : bool
-        Frames may come with a colour map.
+        Frames may have a colour map.
     """
 
     def __init__(
@@ -37,14 +37,14 @@ class DiffusePart:
     def run(
         self, colour: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None
     ) -> cla.Array:
-        """The part (3 planes), which is `colour` itself where there is nothing to be done.
+        """Return the diffuse part (3 planes): `colour` itself without highlights and map.
 
         Parameters
         ----------
         colour : 3 planes
-            Radiance as the frame shows it.
+            Radiance of the frame.
         highlight : 3 planes or None
-            What of it is highlight, in the colours that rays find; with gloss.
+            Its specular part, in the colours for rays; with gloss.
         color_map : (6, 4) or None
             `ColorMap.rows`.
         """

@@ -1,4 +1,4 @@
-"""The real layer of the view: what the camera sees without the objects."""
+"""Real layer of the view: the camera's picture without the objects."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
 UNEVEN = -2
-"""In `other_pixel`, as in `cl/lib/world/real/uneven.h`."""
+"""Value in `other_pixel`, as in `cl/lib/world/real/uneven.h`."""
 
 
 class RealLayer:
-    """Resamples the panorama into the view.
+    """Pass that resamples the panorama into the view.
 
     Attributes
     ----------
@@ -32,18 +32,17 @@ class RealLayer:
     normal, depth, id, motion : 3, 1, 1, 2 planes
         See `cl/view/real_layer.cl`.
     diffuse : 3 planes
-        What of `color` surfaces radiate to all sides, in the colours that rays find: `color`
-        itself, but mapped where the frame has a colour map, and without the highlight where real
-        surfaces are glossy.
+        Diffuse part of `color`, in the colours for rays: `color` itself, but mapped where the frame
+        has a colour map, and without the highlight where real surfaces are glossy.
     other : (H * W, 4) float32, or None
-        Share of a second surface in the radiance and in the area, at depth edges, or of the four
-        texels around in the radiance, where these show several planes; where asked for.
+        If requested: at depth edges, share of a second surface in the radiance and in the area;
+        where the four texels around show several planes, their shares in the radiance.
     other_pixel : (H * W,) int32
-        A pixel that shows that one: see `cl/view/real_layer.cl`.
+        A pixel that shows the second surface: see `cl/view/real_layer.cl`.
     corner : (H * W, 4) int32, or None
         Pixels that show these texels, with `other`.
     gloss, roughness : 1 plane each, or None
-        Index of the real material + 1, 0 where diffuse, and its GGX alpha; where asked for.
+        Index of the real material + 1, 0 where diffuse, and its GGX alpha, if requested.
     """
 
     def __init__(
@@ -59,11 +58,12 @@ class RealLayer:
         clipped: bool = False,
         edges: bool = False,
     ) -> None:
-        """`name` tells layers apart; `gloss`: the panorama has glossy surfaces, and the view shows
-        their highlights; `radiated`: it shows what surfaces radiate to all sides; `camera`:
-        `CameraMotion.rows`, where the camera moves; `color_map`: frames may come with one;
-        `clipped`: lights may be clipped in them; `edges`: depth edges are as sharp as the view is
-        fine.
+        """Create planes and kernels.
+
+        `name` prefixes buffers. `gloss`: the panorama has glossy surfaces, and the view shows their
+        highlights. `radiated`: it shows diffuse radiance. `camera`: `CameraMotion.rows`, if the
+        camera moves. `color_map`: frames may have one. `clipped`: frames may have clipped lights.
+        `edges`: depth edges are reconstructed at the view's resolution.
         """
         self._radiated = radiated
         self._device = device
@@ -88,13 +88,13 @@ class RealLayer:
         self.other = device.zeros(f"{name} other", (pixels, 4)) if edges else None
         self.corner = device.zeros(f"{name} corner", (pixels, 4), np.int32) if edges else None
         self.other_pixel = device.zeros(f"{name} other pixel", (pixels,), np.int32)
-        # A frame in which nothing is clipped takes the quicker ones.
+        # Frames without clipped lights use the faster ones.
         self._plain = self._kernels(defines)
         self._clipped = self._kernels({**defines, "CLIPPED": True}) if clipped else None
 
     @property
     def edges(self) -> dict[str, cla.Array]:
-        """What objects are compared with at depth edges: see `cl/world/objects/unpack.cl`."""
+        """Arguments for comparing objects at depth edges: see `cl/world/objects/unpack.cl`."""
         assert self.other is not None
         return {
             "real_normal": self.normal,
@@ -104,7 +104,7 @@ class RealLayer:
         }
 
     def _kernels(self, defines: Mapping[str, Define]) -> list[Kernel]:
-        """What fills the planes, one after the other."""
+        """Return the kernels that fill the planes, in order."""
         glossy = self.gloss is not None
         names = ["resample_glossy" if glossy else "resample_panorama"]
         if self.other is not None:
@@ -173,7 +173,7 @@ class RealLayer:
             self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 
     def show(self, world: RealWorld, context: FrameContext) -> None:
-        """Fill the planes with what the view of a frame shows of the world."""
+        """Fill the planes with the view of the world in a frame."""
         self.run(
             world.panorama,
             context.view,
@@ -185,6 +185,6 @@ class RealLayer:
     def replace_color(
         self, background: NDArray[np.float32], color_map: cla.Array | None = None
     ) -> None:
-        """Use another picture (H, W, 3), linear radiance, as what the camera sees."""
+        """Use another picture (H, W, 3), linear radiance, as the camera's."""
         self._device.write(self.color, self._layout.padded(np.moveaxis(background, -1, 0)))
         self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)

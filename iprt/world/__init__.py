@@ -1,0 +1,1 @@
+"""World: real scene and virtual objects, prepared on the device for rays."""

@@ -14,10 +14,10 @@ from iprt.world.real.real_world import RealWorld
 
 
 class Worlds:
-    """Real worlds and hierarchies of objects. Each exists as long as a view uses it.
+    """Real worlds and object hierarchies, each kept as long as a view uses it.
 
-    Views that share them show the same frame of the video, and objects in the same places: what one
-    of them loads, all of them show in their next frame.
+    Views that share them show the same frame of the video, and objects in the same places. Anything
+    that one of them loads appears in the next frame of all.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Worlds:
         self._objects: WeakValueDictionary[Hashable, ObjectBvh] = WeakValueDictionary()
 
     def real(self, device: ComputeDevice, frame: Frame, features: Features) -> RealWorld:
-        """The world that `features` ask for, with `frame` loaded; it is made if there is none."""
+        """Return the world for `features` with `frame` loaded, created if missing."""
         key = (device, frame.width, frame.height, frame.pose is None, features.of_real_world)
         world = self._real.get(key)
         if world is None:
@@ -35,9 +35,9 @@ class Worlds:
         return world
 
     def hierarchy(self, device: ComputeDevice, instances: Sequence[Instance]) -> ObjectBvh:
-        """The hierarchy of these objects, wherever they are now; it is made if there is none.
+        """Return the hierarchy of these objects, at any position, created if missing.
 
-        Meshes that deform have one for each view, as it holds how far each vertex has moved since
+        Deforming meshes have one per view, because it holds the displacement of each vertex since
         the view's last frame.
         """
         if any(instance.mesh.deforms for instance in instances):

@@ -1,4 +1,4 @@
-"""The world that rays meet, real scene and virtual objects, as kernel arguments."""
+"""World for rays: real scene and virtual objects, as kernel arguments."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from iprt.world.real.real_world import RealWorld
 
 
 class Substitute(Protocol):
-    """What rays that light takes meet instead of the panorama's surfaces."""
+    """Surroundings that rays meet instead of the panorama's surfaces."""
 
     @property
     def lights(self) -> Lights | None:
-        """What rays are aimed by; None: they are not aimed."""
+        """Lights for light sampling; None: rays are not aimed."""
 
     def arguments(self) -> dict[str, Any]:
-        """Return what kernels built with `-D IMPOSTOR` take besides others."""
+        """Return the further arguments of kernels built with `-D IMPOSTOR`."""
 
 
 class World:
-    """The world that rays meet in one view: real scene and objects, as kernel arguments.
+    """World for rays in one view: real scene and objects, as kernel arguments.
 
     Attributes
     ----------
     real : RealWorld
     objects : Objects
     impostor : Substitute or None
-        What rays meet instead of `real`, once the method has placed it.
+        Replaces `real` for rays, once the method has placed it.
     """
 
     def __init__(self, real: RealWorld, objects: Objects) -> None:
@@ -54,16 +54,17 @@ class World:
 
     @property
     def panorama(self) -> Panorama:
+        """Panorama of the real world."""
         return self.real.panorama
 
     @property
     def irradiance(self) -> IrradianceCache | None:
-        """E_R, where the method needs it."""
+        """Cache of E_R, where the method needs it."""
         return self.real.irradiance
 
     @property
     def lights(self) -> Lights | None:
-        """What rays are aimed by; None: they are not aimed."""
+        """Light sampling table; None: no light sampling."""
         return self.real.lights if self.impostor is None else self.impostor.lights
 
     @property
@@ -78,12 +79,12 @@ class World:
         constants: cla.Array,
         around: tuple[cla.Array, int] | None,
     ) -> None:
-        """Let virtual surfaces reflect real ones relit: by `screen` in the view, else by `around`.
+        """Let virtual surfaces reflect relit real ones: by `screen` in the view, else by `around`.
 
         Parameters
         ----------
         screen : (H * W, 4) float32
-            `Relight.ratio` of the view, whose constants on the device `constants` are.
+            `Relight.ratio` of the view, whose constants on the device are `constants`.
         around : ((2 * rows * rows, 4) float32, rows) or None
             `RatioMap.ratio`; None: the view shows the whole panorama.
         """

@@ -1,4 +1,4 @@
-"""Block letters, five by seven squares each."""
+"""Block letters of five by seven squares."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ _GLYPHS = {
 def text_mask(
     text: str, right: NDArray[np.float64], up: NDArray[np.float64], square: float
 ) -> NDArray[np.bool_]:
-    """Where a line of text centred on (0, 0) has ink.
+    """Return where a line of text centred on (0, 0) has ink.
 
     Parameters
     ----------
     right, up : (...) float64
-        Coordinates of the places asked for.
+        Coordinates of the queried points.
     square : float
         Side of a letter's squares, in the same unit.
     """

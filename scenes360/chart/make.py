@@ -1,6 +1,6 @@
 """Compute `scenes360/chart`: `python -m scenes360.chart.make` from the repository's root.
 
-An orientation chart: a box room whose walls carry their names and a grid of directions, every 10
+An orientation chart: a box room whose walls show their names and a grid of directions, every 10
 degrees of azimuth and elevation. Colour and depth are analytic; a lamp in the ceiling casts the
 objects' shadows.
 """
@@ -37,6 +37,7 @@ Float = NDArray[np.float64]
 
 
 def main() -> None:
+    """Write the scene folder."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to")
     out = parser.parse_args().out
@@ -49,14 +50,14 @@ def main() -> None:
 
 
 def box_depth(directions: Float) -> Float:
-    """Distance (...) in metres from the origin to the box along unit directions (..., 3)."""
+    """Return the distance (...), m, from the origin to the box along unit directions (..., 3)."""
     with np.errstate(divide="ignore"):
         wall = np.where(directions > 0.0, BOX_HIGH, BOX_LOW) / directions
     return np.asarray(np.where(np.isfinite(wall) & (wall > 0.0), wall, np.inf).min(axis=-1))
 
 
 def panorama() -> NDArray[np.float32]:
-    """(512, 1024, 3) radiance, averaged over each pixel."""
+    """Return (512, 1024, 3) radiance, averaged over each pixel."""
     fine = PANORAMA.resized(PANORAMA.width * SUPERSAMPLING, PANORAMA.height * SUPERSAMPLING)
     bands = []
     for row in range(0, fine.height, SUPERSAMPLING * 32):  # bounds the memory
@@ -68,7 +69,7 @@ def panorama() -> NDArray[np.float32]:
 
 
 def radiance(directions: Float) -> Float:
-    """Colour (..., 3) of the chart along unit directions (..., 3)."""
+    """Return the colour (..., 3) of the chart along unit directions (..., 3)."""
     points = directions * box_depth(directions)[..., None]
     color = np.zeros(directions.shape)
     for axis, side, name, base, right, up in WALLS:
@@ -90,7 +91,7 @@ def radiance(directions: Float) -> Float:
 
 
 def _checker(coordinates: Float) -> NDArray[np.bool_]:
-    """Squares of half a metre, true on every other one."""
+    """Return squares of half a metre, true on every other one."""
     return np.asarray(np.floor(2.0 * coordinates + 1e-9).astype(int).sum(axis=-1) % 2 == 0)
 
 
@@ -100,7 +101,7 @@ def _angles_deg(directions: Float) -> tuple[Float, Float]:
 
 
 def _grid(directions: Float) -> NDArray[np.bool_]:
-    """Lines every 10 degrees; those of 0, 90, 180 and 270 degrees and the horizon are wider."""
+    """Return lines every 10 degrees, wider at 0, 90, 180 and 270 degrees and at the horizon."""
     azimuth, elevation = _angles_deg(directions)
     narrowing = np.cos(np.deg2rad(elevation))
     off_meridian = np.abs((azimuth + 5.0) % 10.0 - 5.0) * narrowing
@@ -111,8 +112,11 @@ def _grid(directions: Float) -> NDArray[np.bool_]:
 
 
 def _numbers(directions: Float) -> NDArray[np.bool_]:
-    """Azimuth in degrees, turning right, just above the horizon every 30 degrees; elevation beside
-    the four quarter meridians."""
+    """Return the ink of the numbers.
+
+    Azimuth in degrees, turning right, just above the horizon every 30 degrees; elevation beside the
+    four quarter meridians.
+    """
     azimuth, elevation = _angles_deg(directions)
     mask = np.zeros(azimuth.shape, bool)
     for degrees in range(0, 360, 30):

@@ -47,6 +47,7 @@ LOG = logging.getLogger("scenes360")
 
 
 def main() -> None:
+    """Write the scene folder."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spp", type=int, default=64, help="paths per pixel of the panorama")
     parser.add_argument("--truth-spp", type=int, default=256, help="of the view's truth")

@@ -10,5 +10,5 @@ FLOOR_ALPHA, DETAIL = 0.08, 3
 
 
 def build() -> dict[str, Any]:
-    """All parts of the room, without the inserted objects."""
+    """Return all parts of the room, without the inserted objects."""
     return model.build(FLOOR_ALPHA, DETAIL)

@@ -33,17 +33,20 @@ LOG = logging.getLogger("scenes360")
 
 
 class Standing(Protocol):
-    """An object that is made of something and stands somewhere."""
+    """Object with a material and a position."""
 
     @property
-    def material(self) -> Material: ...
+    def material(self) -> Material:
+        """Material of the object."""
+
     @property
-    def to_world(self) -> np.ndarray: ...
+    def to_world(self) -> np.ndarray:
+        """4x4 transform to world space."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """An inserted object: what it is made of, its turn about +Y and where it stands."""
+    """Inserted object: its material, its rotation about +Y and its position."""
 
     material: Material
     turn_deg: float
@@ -51,6 +54,7 @@ class Placed:
 
     @property
     def to_world(self) -> np.ndarray:
+        """Return its 4x4 transform to world space."""
         c, s = np.cos(np.deg2rad(self.turn_deg)), np.sin(np.deg2rad(self.turn_deg))
         x, y, z = self.foot
         return np.array([[c, 0, s, x], [0, 1, 0, y], [-s, 0, c, z], [0, 0, 0, 1.0]])
@@ -72,10 +76,11 @@ GLOSSY = {
 }
 """Height and roughness of the coated surfaces that objects are reflected in, as modelled."""
 OVERVIEW = View(960, 640, -8.0, -18.0, 72.0)
-"""A view without truth, of everything."""
+"""View of everything, without ground truth."""
 
 
 def main() -> None:
+    """Write the scene folder."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spp", type=int, default=128, help="paths per pixel of the panorama")
     parser.add_argument("--truth-spp", type=int, default=512, help="of the views' truth")
@@ -113,6 +118,7 @@ def write_panorama(
 
 
 def mitsuba_object(solid: Solid, placed: Placed) -> object:
+    """Return the Mitsuba shape of a placed solid."""
     world = solid.turned("y", placed.turn_deg).at(*placed.foot)
     return mitsuba_mesh(world, bsdf_of(placed.material))
 
@@ -120,7 +126,7 @@ def mitsuba_object(solid: Solid, placed: Placed) -> object:
 def render_view(
     folder: Path, name: str, view: View, parts: Parts, inserted: Parts, spp: int
 ) -> list[list[int]]:
-    """Write truth, background and mask of a view; the cuts around its objects."""
+    """Write truth, background and mask of a view; return the cuts around its objects."""
     truth = render_color(load_scene({**parts, **inserted}), view, spp=spp, seed=SEED)
     background = render_color(load_scene(parts), view, spp=spp, seed=SEED)
     mask = render_mask(parts, inserted, view, seed=SEED)
@@ -132,6 +138,7 @@ def render_view(
 
 
 def head_toml(name: str, exposure: float) -> str:
+    """Return the head of scene.toml."""
     return f"""# Written by make.py.
 format = 1
 name = "{name}"
@@ -147,6 +154,7 @@ loop = false
 
 
 def glossy_toml(name: str, height: float, alpha: float) -> str:
+    """Return the TOML table of a glossy real surface."""
     return f"""[[real_materials]]
 name = "{name}"
 kind = "plastic"
@@ -157,6 +165,7 @@ plane = {{ point = [0, {height:g}, 0], normal = [0, 1, 0], tolerance = 0.006 }}
 
 
 def object_toml(name: str, placed: Standing) -> str:
+    """Return the TOML table of an object."""
     material = placed.material
     colour = ", ".join(f"{c:g}" for c in material.albedo)
     looks = {
@@ -173,6 +182,7 @@ material = {{ kind = "{material.kind}", {looks} }}
 
 
 def view_toml(name: str, view: View, objects: tuple[str, ...]) -> str:
+    """Return the TOML table of a view."""
     names = ", ".join(f'"{n}"' for n in objects)
     return f"""[[views]]
 name = "{name}"
@@ -185,6 +195,7 @@ objects = [{names}]
 
 
 def truth_toml(name: str, crops: list[list[int]]) -> str:
+    """Return the TOML table of a view's ground truth."""
     return f"""truth = "truth/{name}.exr"
 truth_background = "truth/{name}_background.exr"
 truth_mask = "truth/{name}_mask.exr"

@@ -1,4 +1,4 @@
-"""A furnished living and work room, wholly procedural, as Mitsuba sees it.
+"""Furnished living and work room, wholly procedural, as Mitsuba parts.
 
 World: the scene format's. The floor is at y = -1.5, the capture centre in the room's middle.
 """
@@ -13,14 +13,14 @@ from scenes360.room.plan import FLOOR_ALPHA, Pieces
 
 
 def build(floor_alpha: float = FLOOR_ALPHA, detail: int = 1) -> dict[str, Any]:
-    """All parts of the room, without the inserted objects.
+    """Return all parts of the room, without the inserted objects.
 
     Parameters
     ----------
     floor_alpha : float
         Roughness of the floor's coat.
     detail : int
-        Factor on the resolution of textures; their grain and yarn become as much finer.
+        Factor on the resolution of textures; their grain and yarn become finer by it.
     """
     pieces: Pieces = [
         *shell.shell(floor_alpha, detail),

@@ -1,4 +1,4 @@
-"""The meshes of the inserted objects."""
+"""Meshes of the inserted objects."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scenes360.modelling import Solid, join, lathe, sphere, torus_knot, tube
 
 
 def objects() -> dict[str, Solid]:
-    """The meshes of the inserted objects, standing on y = 0 around the origin."""
+    """Return the meshes of the inserted objects, standing on y = 0 around the origin."""
     vase = lathe(
         [
             (0, 0),

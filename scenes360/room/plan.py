@@ -1,6 +1,6 @@
-"""Where things are in the room, in metres, and the colours that several of them share.
+"""Positions in the room, in metres, and shared colours.
 
-The sun comes through the window in the left wall and is not seen from the capture centre.
+The sun comes through the window in the left wall and is not visible from the capture centre.
 """
 
 from __future__ import annotations

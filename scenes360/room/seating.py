@@ -1,4 +1,4 @@
-"""The front of the room: sofa, coffee table, armchair, floor lamp."""
+"""Front of the room: sofa, coffee table, armchair, floor lamp."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from scenes360.room.plan import (
 
 
 def sofa(detail: int = 1) -> Pieces:
+    """Return the sofa."""
     x, z, cloth = (
         0.15,
         -2.50,
@@ -73,6 +74,7 @@ def sofa(detail: int = 1) -> Pieces:
 
 
 def coffee_table(detail: int = 1) -> Pieces:
+    """Return the coffee table."""
     x, z = 0.2, -1.45
     grain = textures.wood((256 * detail, 512 * detail), TEAK_DARK, TEAK_LIGHT, SEED + 5)
     top = box((1.2, 0.045, 0.62), bevel=0.018, steps=5).at(x, TABLE_TOP - 0.0225, z)
@@ -160,6 +162,7 @@ def coffee_table(detail: int = 1) -> Pieces:
 
 
 def armchair(detail: int = 1) -> Pieces:
+    """Return the armchair."""
     parts = [
         box((0.68, 0.16, 0.66), bevel=0.06, steps=6).at(0, 0.36, 0.02),
         box((0.66, 0.56, 0.15), bevel=0.07, steps=6).turned("x", -14).at(0, 0.66, -0.32),
@@ -185,5 +188,6 @@ def armchair(detail: int = 1) -> Pieces:
 
 
 def lamp_body() -> Pieces:
+    """Return the floor lamp without its light."""
     pole = join([cylinder(0.15, 0.025), cylinder(0.012, 1.52).at(0, 0.02, 0)])
     return [(pole.at(*LAMP), metal(BRASS, 0.15))]

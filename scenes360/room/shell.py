@@ -1,4 +1,4 @@
-"""Walls, floor, window, pictures, and the light."""
+"""Walls, floor, window, pictures, and lights."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from scenes360.room.plan import (
 
 
 def shell(floor_alpha: float = FLOOR_ALPHA, detail: int = 1) -> Pieces:
-    """Walls, ceiling, rug, and a floor of this roughness."""
+    """Return walls, ceiling, rug, and a floor of this roughness."""
     wide, deep, high = RIGHT - LEFT, BACK - FRONT, CEILING - FLOOR
     floor = textures.planks((1024 * detail, 1024 * detail), 32, 2.6, OAK_DARK, OAK_LIGHT, SEED)
     (z0, z1), (y0, y1) = WINDOW_Z, WINDOW_Y
@@ -113,6 +113,7 @@ def shell(floor_alpha: float = FLOOR_ALPHA, detail: int = 1) -> Pieces:
 
 
 def window() -> Pieces:
+    """Return the window."""
     (z0, z1), (y0, y1) = WINDOW_Z, WINDOW_Y
     x, mid_z, mid_y = LEFT - 0.12, (z0 + z1) / 2, (y0 + y1) / 2
     bars = [
@@ -144,6 +145,7 @@ def window() -> Pieces:
 
 
 def pictures(detail: int = 1) -> Pieces:
+    """Return the framed pictures on the walls."""
     sunset = [
         (0.55, 0.30, 0.22),
         (0.80, 0.62, 0.38),
@@ -227,6 +229,7 @@ def pictures(detail: int = 1) -> Pieces:
 
 
 def lights() -> dict[str, Any]:
+    """Return the lamps and the environment outside."""
     mi = mitsuba()
     outside = textures.sky(
         1024, sun=SUN, sun_radiance=(30000.0, 27200.0, 23000.0), sun_radius_deg=0.8, seed=SEED

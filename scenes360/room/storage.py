@@ -1,4 +1,4 @@
-"""Along the walls: bookshelf, desk, sideboard, plant."""
+"""Furniture along the walls: bookshelf, desk, sideboard, plant."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from scenes360.room.plan import (
 
 
 def bookshelf(detail: int = 1) -> Pieces:
+    """Return the bookshelf."""
     z0, z1, depth, height, boards = 0.15, 1.75, 0.30, 1.92, 6
     x = RIGHT - depth / 2
     grain = textures.wood((256 * detail, 512 * detail), OAK_DARK, OAK_LIGHT, SEED + 9)
@@ -95,6 +96,7 @@ def bookshelf(detail: int = 1) -> Pieces:
 
 
 def desk(detail: int = 1) -> Pieces:
+    """Return the desk."""
     x, z, top = -0.45, BACK - 0.36, FLOOR + 0.74
     grain = textures.wood((256 * detail, 512 * detail), OAK_DARK, OAK_LIGHT, SEED + 12)
     plate = box((1.5, 0.035, 0.68), bevel=0.008).at(x, top - 0.0175, z)
@@ -161,6 +163,7 @@ def desk(detail: int = 1) -> Pieces:
 
 
 def sideboard(detail: int = 1) -> Pieces:
+    """Return the sideboard."""
     z, depth, width, height = 1.25, 0.40, 1.3, 0.62
     x = LEFT + depth / 2 + 0.02
     grain = textures.wood((256 * detail, 512 * detail), WALNUT_DARK, WALNUT_LIGHT, SEED + 15)
@@ -217,6 +220,7 @@ def sideboard(detail: int = 1) -> Pieces:
 
 
 def plant() -> Pieces:
+    """Return the plant."""
     rng = np.random.default_rng(SEED + 20)
     leaves, stems = [], []
     for k in range(26):

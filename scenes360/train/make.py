@@ -31,9 +31,9 @@ FOLDER = Path(__file__).resolve().parent
 PANORAMA = View(512, 256, projection="equirect")
 VIEW = View(224, 168, -2.0, -43.0, 54.0)
 TRUTH_FRAMES = (6, 7, 15, 16)
-"""Two pairs of frames that follow each other, so that changes between frames have a truth too."""
+"""Two pairs of consecutive frames, so that changes between frames have ground truth too."""
 SEED = 1
-"""Seed of all frames, so that what is left of the noise stands still."""
+"""Seed of all frames, so that remaining noise is static."""
 CRF = 4
 DEPTH_SCALE = 1e-4
 LOG = logging.getLogger("scenes360")
@@ -41,7 +41,7 @@ LOG = logging.getLogger("scenes360")
 
 @dataclass(frozen=True)
 class Inserted:
-    """An inserted object: its mesh around the origin, what it is made of, and how it moves."""
+    """Inserted object: its mesh around the origin, its material, and its motion."""
 
     solid: Solid
     material: Material
@@ -49,7 +49,7 @@ class Inserted:
     keyframes: list[ObjectKeyframe]
 
     def part(self, time_s: float) -> object:
-        """The Mitsuba shape at a time in seconds."""
+        """Return the Mitsuba shape at a time in seconds."""
         to_world = ObjectMotion.of(self.to_world, self.keyframes).at(time_s)
         turn, place = to_world[:3, :3], to_world[:3, 3]
         world = replace(
@@ -61,6 +61,7 @@ class Inserted:
 
 
 def inserted() -> dict[str, Inserted]:
+    """Return the inserted objects by name."""
     ball = sphere(plan.BALL_RADIUS, segments=48).at(0, plan.BALL_RADIUS, 0)
     knot = torus_knot(2, 3, 0.14, 0.038, segments=120).turned("x", 90)
     knot = knot.at(0, -float(knot.positions[:, 1].min()), 0)
@@ -72,6 +73,7 @@ def inserted() -> dict[str, Inserted]:
 
 
 def main() -> None:
+    """Render and write the scene folder."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spp", type=int, default=24, help="paths per pixel of the panorama")
     parser.add_argument("--truth-spp", type=int, default=128, help="of the view's truth")
@@ -94,7 +96,7 @@ def main() -> None:
 
 
 def render_frame(folder: Path, index: int, spp: int) -> None:
-    """Write colour and depth of a frame of the panorama, unless they are there."""
+    """Write colour and depth of a frame of the panorama, unless they exist."""
     color, depth = frame_files(folder, index)
     if depth.exists():
         return
@@ -105,6 +107,7 @@ def render_frame(folder: Path, index: int, spp: int) -> None:
 
 
 def frame_files(folder: Path, index: int) -> tuple[Path, Path]:
+    """Return the colour and depth file of a frame."""
     return folder / f"color.{index:04d}.exr", folder / f"depth.{index:04d}.exr"
 
 
@@ -117,7 +120,7 @@ def encode(out: Path, folder: Path) -> None:
 
 
 def render_truth(out: Path, index: int, objects: dict[str, Inserted], spp: int) -> list[int]:
-    """Write truth, background and mask of a frame; the crop that holds what the objects change."""
+    """Write truth, background and mask of a frame; return the crop around the objects' effects."""
     LOG.info("truth %d", index)
     time_s = index / plan.FPS
     parts = {name: each.part(time_s) for name, each in objects.items()}
@@ -142,6 +145,7 @@ loop = false
 
 
 def manifest_toml(objects: dict[str, Inserted], cut: list[int]) -> str:
+    """Return scene.toml."""
     tables = [HEAD]
     for name, each in objects.items():
         tables.append(object_toml(name, each) + keyframes_toml(each.keyframes))
@@ -154,6 +158,7 @@ cuts = [{cut}]
 
 
 def keyframes_toml(keyframes: list[ObjectKeyframe]) -> str:
+    """Return the TOML of an object's keyframes."""
     rows = []
     for key in keyframes:
         name = "translation" if key.translation is not None else "rotation"

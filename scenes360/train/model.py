@@ -12,14 +12,14 @@ from scenes360.train import toys
 
 
 def build(time_s: float = 0.0) -> dict[str, Any]:
-    """All parts of the room at a time in seconds, without the inserted objects."""
+    """Return all parts of the room at a time in seconds, without the inserted objects."""
     moving = [mitsuba_mesh(solid, bsdf) for solid, bsdf in toys.train(time_s)]
     return {**_room(), **{f"train{i:02d}": part for i, part in enumerate(moving)}}
 
 
 @cache
 def _room() -> dict[str, Any]:
-    """What stands still."""
+    """Return the static parts."""
     pieces: Pieces = [
         *shell.shell(),
         *shell.window(),

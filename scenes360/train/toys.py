@@ -1,4 +1,4 @@
-"""A toy train and its track, as Mitsuba sees them: the real thing that moves in the clip."""
+"""Toy train and its track as Mitsuba parts: the real object that moves in the clip."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ BLUE, YELLOW, CREAM = (0.05, 0.14, 0.40), (0.75, 0.48, 0.06), (0.70, 0.62, 0.46)
 GAUGE = 0.085
 """Half of the distance between the rails."""
 COUPLING = 0.56
-"""From the middle of the locomotive to that of its wagon."""
+"""Distance between the middles of the locomotive and of its wagon."""
 
 
 def track() -> Pieces:
-    """Two rails on sleepers across the room; the floor's are as high as the rug's."""
+    """Return two rails on sleepers across the room, level over floor and rug."""
     length = RIGHT - LEFT - 0.3
     foot, top = FLOOR, RUG + 0.024
     sleepers = [
@@ -38,7 +38,7 @@ def track() -> Pieces:
 
 
 def train(time_s: float) -> Pieces:
-    """The locomotive and its wagon where they are at a time."""
+    """Return the locomotive and its wagon at a time."""
     x = train_x(time_s)
     turn_deg = -np.rad2deg(x / WHEEL)
     place = {"y": RAIL_TOP, "z": TRACK_Z}
@@ -51,7 +51,7 @@ def _along_x(solid: Solid) -> Solid:
 
 
 def _wheels(places: tuple[float, ...], turn_deg: float) -> tuple[list[Solid], list[Solid]]:
-    """Wheels, and the bosses on them by which one sees them turn."""
+    """Return wheels, and bosses on them that make their rotation visible."""
     angle = np.deg2rad(turn_deg)
     boss_x, boss_y = 0.6 * WHEEL * np.cos(angle), 0.6 * WHEEL * np.sin(angle)
     wheels, bosses = [], []

@@ -1,5 +1,5 @@
-// The history of a pixel: fetched from the previous picture, corrected, clamped, and added to
-// (filter/temporal.cl). Sources are named there.
+// The history of a pixel: reprojection from the previous picture, correction, clamping and accumulation
+// (filter/temporal.cl, which names the sources).
 //
 // -DCOMMON: filter/signal.h; -DCAMERA_MOTION: filter/surface.h.
 #ifndef IPRT_HISTORY_H
@@ -12,7 +12,7 @@
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
-#define NEAR_STEP 2           // nine pixels so far apart stand for a 5x5 neighbourhood
+#define NEAR_STEP 2           // spacing of nine pixels that stand for a 5x5 neighbourhood
 
 static inline ALWAYS_INLINE void load_signal(
     int planes, float *s, __global const float *signal, int size, int p)
@@ -21,7 +21,7 @@ static inline ALWAYS_INLINE void load_signal(
         s[c] = signal[c * size + p];
 }
 
-// What is clamped, plane by plane: with -DCOMMON the last three planes by their differences to the
+// Transform a signal for clamping: with -DCOMMON the last three planes become their differences from the
 // first three, with which they share their noise.
 static inline void without_common(float *s)
 {
@@ -40,10 +40,9 @@ static inline ALWAYS_INLINE bool all_finite(int planes, const float *s)
     return total < HUGE;
 }
 
-// Loads the sample of pixel p. Returns how many rays it is worth, 0 where it is not to be used:
-// pixels that share one ray have a part of its weight, so a lone hit that was spread over many of
-// them gives way to the rays of their own that follow. A pixel that waits for its turn takes what
-// others found only if it is the `first` sample.
+// Load the sample of pixel p. Returns its weight in rays, 0 for an unusable sample. Pixels that share one
+// ray have a fraction of its weight, so that a lone hit spread over many of them gives way to later rays of
+// their own. A pixel that waits for its turn takes the values of others only as its `first` sample.
 static inline ALWAYS_INLINE float load_sample(
     int planes, float *sample, __global const float *samples, __global const float *guide,
     __global const uchar *level, bool first, int size, int p)
@@ -55,22 +54,22 @@ static inline ALWAYS_INLINE float load_sample(
     return usable ? 1.0f / (spacing * spacing) : 0.0f;
 }
 
-// What a history of `length` samples of variance `spread` is worth that is off by `bias`: as many
-// samples as have the same mean squared error.
+// Return the effective number of samples of a history of `length` samples with variance `spread` and a
+// given bias: the number with the same mean squared error.
 static inline float worth_of_biased(float length, float spread, float bias_squared)
 {
     float error = fmax(spread + length * bias_squared, 1e-30f);
     return bias_squared > 0.0f ? spread * length / error : length;
 }
 
-// In memory, two more planes follow those of the signal: `spread` and, for neighbours to be compared with, g.
-// So no kernel has more than 31 buffers, which is all that some drivers grant.
+// In memory, two planes follow the signal's: `spread`, and g for comparisons between neighbours. This keeps
+// kernels at no more than 31 buffers, the limit of some drivers.
 #define SPREAD_PLANE 0
 #define SCALAR_PLANE 1
 
 typedef struct {
     float signal[REAL_PLANES];
-    float length;   // how many samples it is worth, 0: there is none
+    float length;   // effective number of samples, 0: no history
     float spread;   // variance of single samples of g
 } History;
 
@@ -102,16 +101,15 @@ static inline ALWAYS_INLINE void store_history(
     length[p] = history->length;
 }
 
-// What it takes to fetch a history: guides of 7 planes, of this and the previous picture;
-// motion, 2 planes; the history's planes; plane distance / depth of one surface, and the smallest
-// cosine between its normals.
+// Parameters of reprojection: guides (7 planes) of this and the previous picture; motion, 2 planes; the
+// history's planes; largest plane distance / depth, and least cosine between normals, within one surface.
 #define FETCH_PARAMETERS                                                                           \
     __global const float *restrict guide, __global const float *restrict guide_previous,           \
         __global const float *restrict motion, __global const float *restrict signal_before,       \
         __global const float *restrict length_before, const float plane_tolerance,                 \
         const float normal_agreement
 
-// The same for kernels, of each signal, and those of the work item's.
+// The same as kernel parameters per signal, and the arguments of the work item's signal.
 #define FETCH_BATCHED                                                                              \
     BATCHED(PLANES_IN, guide), BATCHED(PLANES_IN, guide_previous), BATCHED(PLANES_IN, motion),     \
         BATCHED(PLANES_IN, signal_before), BATCHED(PLANES_IN, length_before),                      \
@@ -120,7 +118,7 @@ static inline ALWAYS_INLINE void store_history(
     OF_BATCH(guide), OF_BATCH(guide_previous), OF_BATCH(motion), OF_BATCH(signal_before),          \
         OF_BATCH(length_before), plane_tolerance, normal_agreement
 
-// The history of what this pixel shows, where the previous picture showed that.
+// Return the history of the pixel's surface, where the previous picture showed it.
 static inline ALWAYS_INLINE History fetch_history(
     int planes, FETCH_PARAMETERS, int p, int width, int height, int seam CAMERA_PARAMETER)
 {
@@ -152,7 +150,7 @@ static inline ALWAYS_INLINE History fetch_history(
             weights += w;
         }
     }
-    // A lone tap on the pixel centre has weight 1 and stays exact.
+    // A single tap on the pixel centre has weight 1 and stays exact.
     bool found = weights > 0.01f;
     History history;
     EACH_PLANE(c, planes)
@@ -162,10 +160,10 @@ static inline ALWAYS_INLINE History fetch_history(
     return history;
 }
 
-// Antilag: where the fast history's mean over a neighbourhood differs from the slow one's by more
-// than noise explains, the slow one, which is worth `before` samples of variance `spread`, is off by
-// the rest, and gives way to the fast one to the degree that this bias makes it the worse estimate.
-// Returns that share; g of the slow one is with the fast one.
+// Return the share by which the slow history is stale (antilag). The means of the fast and the slow history
+// over a neighbourhood may differ by more than noise explains. The excess is the bias of the slow one, of
+// `before` samples of variance `spread`. It gives way to the fast one to the degree that this bias makes it
+// the worse estimate. g of the slow history is stored with the fast one.
 static inline ALWAYS_INLINE float stale_share(
     int planes, __global const float *restrict guide, __global const float *restrict fast,
     __global const float *restrict fast_length, float before,
@@ -205,7 +203,7 @@ static inline ALWAYS_INLINE void correct_history(
     history->length = before + share * (fmin(fast_length[p], before) - before);
 }
 
-// Mean +- sigma deviations of a neighbourhood, and the pixel's own value.
+// Mean +- sigma deviations of a neighbourhood, extended to the pixel's own value.
 typedef struct {
     float low[REAL_PLANES];
     float high[REAL_PLANES];
@@ -234,7 +232,7 @@ static inline ALWAYS_INLINE Box nearby_box(
         bool used = guide[GUIDE_ID * size + q] == id && all_finite(planes, s);
         count += used ? 1.0f : 0.0f;
         EACH_PLANE(c, planes) {
-            // About the centre, which may be large against the spread.
+            // Relative to the centre, whose value may be large against the spread.
             float d = used ? s[c] - centre[c] : 0.0f;
             mean[c] += d;
             square[c] += d * d;
@@ -250,9 +248,9 @@ static inline ALWAYS_INLINE Box nearby_box(
     return box;
 }
 
-// Clamps the history to such a box (IPRT "Filtering"). Where no object has influence the box of what
-// objects do is a point, so an old shadow goes at once: of E_RV (-DCOMMON) by its difference to E_R,
-// although E_R itself is noisy. The length is lowered where g moved.
+// Clamp the history to a box (IPRT "Filtering"). Where no object has influence, the box of the change by
+// objects is a point, so an old shadow disappears at once. E_RV (-DCOMMON) is clamped by its difference to
+// E_R, although E_R itself is noisy. The length is lowered where g moved.
 static inline ALWAYS_INLINE void clamp_history(int planes, History *history, const Box *box)
 {
     float value[REAL_PLANES], clamped[REAL_PLANES];
@@ -275,20 +273,20 @@ static inline ALWAYS_INLINE void clamp_history(int planes, History *history, con
         history->signal[c] = moved ? clamped[c] : history->signal[c];
 }
 
-// Adds the sample of pixel p to the mean.
+// Add the sample of pixel p to the mean.
 static inline ALWAYS_INLINE void add_sample(
     int planes, History *history, __global const float *samples, __global const float *guide,
     __global const uchar *level, float fading, int rays, int size, int p)
 {
     float sample[REAL_PLANES], before = history->length, variation = history->spread;
-    // A fading memory is one of so many frames, whatever their rays.
+    // A fading history counts frames, whatever their number of rays.
     float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
     bool first = !(before > 0.0f);
     float worth = sent * load_sample(planes, sample, samples, guide, level, first, size, p);
     bool usable = worth > 0.0f;
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
-    // Fading makes the mean worth (2 - fading) / fading samples at most: so a later, longer
-    // average goes on from the right weight.
+    // Fading limits the mean to the weight of (2 - fading) / fading samples, so that a later, longer
+    // average continues with the right weight.
     float limit = fading > 0.0f ? fmin(2.0f / fading - 1.0f, MAX_LENGTH) : MAX_LENGTH;
     float step = guide_scalar(planes, sample) - guide_scalar(planes, history->signal);
     float varied = first ? 0.0f : (1.0f - share) * (variation + share * sent * step * step);
@@ -301,7 +299,7 @@ static inline ALWAYS_INLINE void add_sample(
     history->spread = usable ? varied : variation;
 }
 
-// The same for the fast history, which forgets: it is worth `limit` samples at most.
+// Add the sample to the fast history, which holds at most `limit` samples.
 static inline ALWAYS_INLINE void add_fast_sample(
     int planes, History *history, __global const float *samples, __global const float *guide,
     __global const uchar *level, float limit, int size, int p)

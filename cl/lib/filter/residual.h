@@ -1,7 +1,8 @@
-// What the à-trous filter leaves of noise: pixels of edges one or two pixels wide have no others like them to be
-// averaged with. They are drawn to the mean of what is around, the more the noisier they are, whatever way their
-// neighbours face: the linear estimate of least error of a value that differs from that mean by SPREAD (J.-S. Lee,
-// "Digital Image Enhancement and Noise Filtering by Use of Local Statistics", IEEE TPAMI 1980).
+// Residual noise after the à-trous filter: at edges one or two pixels wide, pixels have no similar ones to
+// average with. They are blended with the mean of their surroundings, regardless of normals, the more the
+// noisier they are: the linear minimum mean squared error estimate of a value that differs from that mean
+// by SPREAD (J.-S. Lee, "Digital Image Enhancement and Noise Filtering by Use of Local Statistics", IEEE
+// TPAMI 1980).
 #ifndef IPRT_RESIDUAL_H
 #define IPRT_RESIDUAL_H
 
@@ -9,19 +10,19 @@
 #include "gbuffer/stored.h"
 
 #define SPREAD 0.1f            // standard deviation of change / E_R between neighbours
-#define NEGLIGIBLE 1e-3f       // variance up to which pixels stay as they are
+#define NEGLIGIBLE 1e-3f       // variance up to which pixels are unchanged
 #define RESIDUAL_SIDE 5
-#define RESIDUAL_PLANE 0.003f  // distance between planes of one surface, as a fraction of that to the camera
+#define RESIDUAL_PLANE 0.003f  // distance between planes of one surface, over the distance to the camera
 
 typedef struct {
     __global const float *signal;    // 6 planes, filtered
-    STORED_IN variance;              // 1 plane, of its guide scalar's mean
+    STORED_IN variance;              // 1 plane, variance of the mean of its guide scalar
     __global const float *guide;     // 7 planes
     int size;
     int stride;
 } Filtered;
 
-// Whether pixel q may be of the surface that p is of: 1 if in the plane of either, else less.
+// Return a weight of pixel q for the surface of p: 1 if either lies in the other's plane, else less.
 static inline float residual_weight(const Filtered f, int p, int q)
 {
     const float3 x = load_planes(f.guide + GUIDE_POSITION * f.size, f.size, p);
@@ -37,8 +38,8 @@ typedef struct {
     float3 bounce;
 } Change;
 
-// What pixel p is taken to have. It is returned: written through pointers, vectorized work items of Intel's runtime
-// for CPUs get nothing.
+// Return the denoised value of pixel p. Returned by value: written through pointers, Intel's CPU runtime
+// loses the results of vectorized work items.
 static inline Change settled_change(const Filtered f, int p)
 {
     const float3 own_blocked = load_planes(f.signal, f.size, p);

@@ -1,9 +1,9 @@
-// Motion of the 360° camera, -D CAMERA_MOTION: `camera` holds the rows of the affine map from the
-// axes of this frame's capture centre to those of the frame before (3 x 4 floats).
+// Motion of the 360° camera, -D CAMERA_MOTION. `camera` holds the rows (3 x 4 floats) of the affine map
+// from the axes of this frame's capture centre to the previous frame's.
 #ifndef IPRT_CAMERA_H
 #define IPRT_CAMERA_H
 
-// The last parameter of kernels and functions that follow it.
+// The last parameter of kernels and functions with camera motion.
 #ifdef CAMERA_MOTION
 #define CAMERA_PARAMETER , __global const float *restrict camera
 #define CAMERA_ARGUMENT , camera
@@ -12,8 +12,8 @@
 #define CAMERA_ARGUMENT
 #endif
 
-// Where the point v / w was in the frame before, times w; with w = 0 the direction v, which is
-// infinitely far.
+// Return w times the previous position of the point v / w; with w = 0, the previous direction of the
+// infinitely distant direction v.
 static inline float3 camera_before(__global const float *restrict camera, float3 v, float w)
 {
     return (float3)(camera[0] * v.x + camera[1] * v.y + camera[2] * v.z + camera[3] * w,
@@ -21,7 +21,7 @@ static inline float3 camera_before(__global const float *restrict camera, float3
                     camera[8] * v.x + camera[9] * v.y + camera[10] * v.z + camera[11] * w);
 }
 
-// The direction now that was v in the frame before.
+// Return the current direction of v, a direction in the previous frame.
 static inline float3 camera_now(__global const float *restrict camera, float3 v)
 {
     return v.x * vload3(0, camera) + v.y * vload3(0, camera + 4) + v.z * vload3(0, camera + 8);

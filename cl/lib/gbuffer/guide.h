@@ -1,7 +1,7 @@
-// The guide of a layer: what every image-space pass compares pixels by. Seven padded planes
-// (planes.h), written by guide.cl: normal x y z, world position x y z (metres from the capture
-// centre), id. id > 0: a surface; 0: nothing to trace; -1: outside the picture. In equirect views
-// the left and right border hold copies from across the seam, so neighbours need no wrapping.
+// The guide of a layer: the features by which image-space passes compare pixels. Seven padded planes
+// (planes.h), written by guide.cl: normal x y z, world position x y z (metres from the capture centre), id.
+// id > 0: a surface; 0: nothing to trace; -1: outside the picture. In equirect views the left and right
+// border hold copies from across the seam, so neighbours need no wrapping.
 #ifndef IPRT_GUIDE_H
 #define IPRT_GUIDE_H
 
@@ -13,22 +13,22 @@
 #define GUIDE_ID 6
 #define GUIDE_PLANES 7
 
-// Tracing levels beyond 0, 1, 2: a pixel of level 0 that waits for its turn, as its history knows
+// Tracing levels beyond 0, 1, 2: a pixel of level 0 that waits for its turn because its history is long
 // enough; nothing to trace.
 #define LEVEL_WAITING 3
 #define LEVEL_NONE 255
 
-// Spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
+// Return the spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
 static inline int level_spacing(int level) { return level == LEVEL_WAITING ? 2 : 1 << level; }
 
-// Whether the pixel (x, y), relative to the grid's origin of this frame, gets a ray.
+// Return whether the pixel (x, y), relative to the origin of this frame's grid, gets a ray.
 static inline bool is_traced(int level, int x, int y)
 {
     return level < LEVEL_WAITING && ((x | y) & (level_spacing(level) - 1)) == 0;
 }
 
-// Column of a neighbour: wrapped around the seam in equirect views, whose `seam` (planes.h) is not 0. It is
-// less than a turn beyond the picture, but in views narrower than their border.
+// Return the column of a neighbour, wrapped around the seam in equirect views, whose `seam` (planes.h) is
+// not 0. It is less than a turn outside the picture, except in views narrower than their border.
 static inline int wrap_column(int x, int width, int seam)
 {
     const int turn = seam ? width : 0;

@@ -1,20 +1,20 @@
-// Layout of everything that lives on the view: planes of float, one per channel, each with a
-// border of PLANE_PAD pixels on all sides, so that filters read past the edge without clamping.
-// The border of a depth plane is 0 ("nothing here") and stays so.
+// Layout of view-space images: planes of float, one per channel, each with a border of PLANE_PAD pixels on
+// all sides, so that filters read past the edge without clamping. The border of a depth plane is 0 (no
+// surface) and stays 0.
 //
-// Planes start PLANE_SHIFT floats more than a multiple of PLANE_WAY apart. Without the shift, all values
-// of a pixel of a 512x512 view fall into one set of a CPU's L1 cache. A set holds 8 lines, and a level
-// of the à-trous filter takes 1.7 times as long.
+// Planes start PLANE_SHIFT floats more than a multiple of PLANE_WAY apart. Without the shift, all values of
+// a pixel of a 512x512 view fall into one set of a CPU's L1 cache. A set holds 8 lines, and a level of the
+// à-trous filter takes 1.7 times as long.
 #ifndef IPRT_PLANES_H
 #define IPRT_PLANES_H
 
-#define PLANE_PAD 32   // the reach of the widest à-trous level: two taps of stride 16
-#define PLANE_WAY 1024 // floats of one way of an L1 cache
+#define PLANE_PAD 32   // reach of the widest à-trous level: two taps of stride 16
+#define PLANE_WAY 1024 // floats in one way of an L1 cache
 #define PLANE_SHIFT 64 // sixteen planes are spread over all sets
 
-// Before loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
-// loops. Compilers for GPUs would then load all neighbours at once, and hold them in registers.
-// They also end at once where no neighbour counts, which PoCL would not vectorize either.
+// Precedes loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
+// loops. GPU compilers would then load all neighbours at once into registers. On GPUs the loops also end
+// early where no neighbour counts, which PoCL would not vectorize either.
 #ifdef WIDE
 #define TAP_LOOP _Pragma("unroll")
 #define TAPS_IF(COUNTED, TAPS) (TAPS)
@@ -34,9 +34,9 @@ static inline int plane_index(int x, int y, int width)
     return (y + PLANE_PAD) * plane_stride(width) + x + PLANE_PAD;
 }
 
-// PUT of each index at which the border repeats pixel p, in column x, from across the seam: `seam`
-// is PLANE_PAD in equirect views, else 0. -DVIEW_NARROW: the border may be wider than the view, and
-// then repeats it more than once.
+// Run PUT for each index at which the border repeats pixel p, in column x, from across the seam: `seam` is
+// PLANE_PAD in equirect views, else 0. -DVIEW_NARROW: the border may be wider than the view, and then
+// repeats it more than once.
 #ifdef VIEW_NARROW
 #define AT_BORDER(PUT)                                                                             \
     for (int turns = 1; turns < (seam + width - 1) / width + 1; turns++) {                         \
@@ -55,14 +55,14 @@ static inline int plane_index(int x, int y, int width)
 
 #define PUT(at) plane[at] = value
 
-// Writes the value of pixel p, in column x, to the border.
+// Write the value of pixel p, in column x, to the border.
 static inline void store_border(
     __global float *restrict plane, int p, int x, int width, int seam, float value)
 {
     AT_BORDER(PUT)
 }
 
-// Writes it there and at the pixel itself, so that neighbours need no wrapping.
+// Write a value to the pixel and the border, so that neighbours need no wrapping.
 static inline void store_wrapped(
     __global float *restrict plane, int p, int x, int width, int seam, float value)
 {
@@ -72,7 +72,7 @@ static inline void store_wrapped(
 
 #undef PUT
 
-// Three planes' values at `pixel`.
+// Return the values of three planes at `pixel`.
 static inline float3 load_planes(__global const float *restrict planes, int size, int pixel)
 {
     return (float3)(planes[pixel], planes[size + pixel], planes[2 * size + pixel]);

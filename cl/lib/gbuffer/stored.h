@@ -1,10 +1,10 @@
-// Planes of values that last for one frame. -D HALF_PLANES: in half precision, where moving them takes
-// longer than converting them; else they are planes of float as all others (planes.h).
+// Planes of values that last for one frame. -D HALF_PLANES: in half precision, where memory traffic costs
+// more than conversion. Otherwise they are planes of float (planes.h).
 //
-// Half precision has 11 bits from 6e-5 to 65504, and steps of 6e-8 below. Values beyond are clamped, and
-// those that are not finite stay so. A variance has its root in memory: its square has half the range.
-// Kernels that bring radiance into such planes multiply it by a unit of the scene
-// (`half_unit` of iprt/filter/signals.py).
+// Half precision has 11 bits from 6e-5 to 65504, and steps of 6e-8 below. Values beyond are clamped;
+// non-finite values stay non-finite. A variance is stored as its square root: its square has half the
+// range. Kernels that write radiance into such planes multiply it by a unit of the scene (`half_unit` of
+// iprt/filter/signals.py).
 #ifndef IPRT_STORED_H
 #define IPRT_STORED_H
 
@@ -20,7 +20,7 @@
 #define STORED_OUT __global STORED *restrict
 
 #define LARGEST_HALF 65504.0f
-#define NOT_STORED 1e30f      // values from here on, and NaN, mark what is not used
+#define NOT_STORED 1e30f      // values from here on, and NaN, mark unused entries
 
 static inline float load_stored(STORED_IN plane, int p)
 {
@@ -47,7 +47,7 @@ static inline float load_stored_variance(STORED_IN plane, int p)
 #define PUT(at) plane[at] = value
 #endif
 
-// As store_wrapped of planes.h.
+// As store_wrapped() of planes.h.
 static inline void store_stored(
     STORED_OUT plane, int p, int x, int width, int seam, float value)
 {

@@ -1,6 +1,6 @@
-// The view's projection. `view` is the 16-float block of View.kernel_constants():
-// rows of world_from_view, focal length and centre in pixels, width, height, and 1 where the
-// projection is equirect, 0 where it is perspective.
+// The view's projection. `view` is the 16-float block of View.kernel_constants(): rows of world_from_view,
+// focal length and centre in pixels, width, height, and 1 for an equirect projection, 0 for a perspective
+// one.
 #ifndef IPRT_VIEW_H
 #define IPRT_VIEW_H
 
@@ -8,7 +8,7 @@
 
 static inline int is_equirect(__global const float *restrict view) { return view[14] != 0.0f; }
 
-// No arithmetic of vectors: PoCL vectorizes kernels of scalars only.
+// Scalar arithmetic: PoCL vectorizes kernels of scalars only.
 
 static inline float3 view_rotate_to_world(__global const float *restrict view, float3 v)
 {
@@ -17,8 +17,8 @@ static inline float3 view_rotate_to_world(__global const float *restrict view, f
                     view[6] * v.x + view[7] * v.y + view[8] * v.z);
 }
 
-// Not the same sum twice in a row: the compiler would add up both as a vector of two, which keeps PoCL
-// from vectorizing the kernel.
+// The same sum must not occur twice in a row: the compiler would add both as a vector of two, which keeps
+// PoCL from vectorizing the kernel.
 static inline float3 view_rotate_to_local(__global const float *restrict view, float3 v)
 {
     return (float3)(view[0] * v.x + view[3] * v.y + view[6] * v.z,
@@ -26,7 +26,7 @@ static inline float3 view_rotate_to_local(__global const float *restrict view, f
                     view[2] * v.x + view[5] * v.y + view[8] * v.z);
 }
 
-// Unit direction through the image point p (pixels), in the axes of the view.
+// Return the unit direction through the image point p (pixels), in view space.
 static inline float3 view_local_direction(__global const float *restrict view, float2 p)
 {
     if (is_equirect(view))
@@ -36,13 +36,13 @@ static inline float3 view_local_direction(__global const float *restrict view, f
     return (float3)(right * inverse, up * inverse, back * inverse);
 }
 
-// The same in those of the world.
+// Return the same direction in world space.
 static inline float3 view_direction(__global const float *restrict view, float2 p)
 {
     return view_rotate_to_world(view, view_local_direction(view, p));
 }
 
-// Image point (pixels) of a world point; (-1e9, -1e9) behind the camera.
+// Return the image point (pixels) of a world point; (-1e9, -1e9) behind the camera.
 static inline float2 view_project(__global const float *restrict view, float3 point)
 {
     float3 p = view_rotate_to_local(view, point);

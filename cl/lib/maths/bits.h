@@ -1,4 +1,4 @@
-// Bits of integers.
+// Bit operations on integers.
 #ifndef IPRT_BITS_H
 #define IPRT_BITS_H
 

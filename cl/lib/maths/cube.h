@@ -1,11 +1,11 @@
-// Cube maps around a point. Faces 2 a and 2 a + 1 look along the axis a and against it; rows and columns
-// of a face follow the next two axes, cyclically, in both.
+// Cube maps around a point. Faces 2 a and 2 a + 1 look along the axis a and against it. Rows and columns of
+// both follow the next two axes, cyclically.
 #ifndef IPRT_CUBE_H
 #define IPRT_CUBE_H
 
 #define CUBE_FACES 6
 
-// Components of v along an axis, and along the columns and rows of its faces.
+// Return the components of v along an axis, and along the columns and rows of its faces.
 static inline float3 to_face(int axis, float3 v)
 {
     return axis == 0 ? v.xyz : axis == 1 ? v.yzx : v.zxy;
@@ -18,14 +18,14 @@ static inline float3 from_face(int axis, float3 r)
 
 static inline float face_sign(int face) { return face & 1 ? -1.0f : 1.0f; }
 
-// Direction, not of unit length, of a place on a face; whole numbers are the centres of texels.
+// Return the direction, not normalized, of a place on a face. Texel centres lie at whole numbers.
 static inline float3 cube_direction(int face, float2 at, int side)
 {
     const float2 across = (2.0f * at + 1.0f) / side - 1.0f;
     return from_face(face >> 1, (float3)(face_sign(face), across));
 }
 
-// The place on a face where a direction crosses it, which has to lead towards it.
+// Return the place where a direction crosses a face. The direction must lead towards the face.
 static inline float2 cube_place(int face, float3 v, int side)
 {
     const float3 r = to_face(face >> 1, v);

@@ -1,26 +1,26 @@
-// The hierarchy over an equirect image that rays march through, and the ray in the form that
-// makes its cell boundaries cheap.
+// Hierarchy over an equirect image that rays march through, and a ray parametrization in which crossings of
+// cell boundaries are cheap.
 #ifndef IPRT_GRID_H
 #define IPRT_GRID_H
 
 #include "maths/equirect.h"
 #include "maths/work.h"
 
-// Min/max pyramid. Level l has ceil(width / 2^l) x ceil(height / 2^l) cells; the levels follow
-// one another in `range`. Cells of the last rows and columns are clipped at width and height.
+// Min/max pyramid. Level l has ceil(width / 2^l) x ceil(height / 2^l) cells. The levels follow each other
+// in `range`. Cells of the last rows and columns are clipped at width and height.
 typedef struct {
     int width;
     int height;
-    int levels;                      // coarsest cells span at most pi/4 of azimuth
+    int levels;                      // the coarsest cells span at most pi/4 of azimuth
     __global const float2 *range;    // (min, max) radial distance in metres per cell
     __global const float2 *column;   // width + 1: (cos, sin) of the azimuth of column edges
     __global const float *row;       // height + 1: cos of the polar angle of row edges
     WORK_MEMBER
 } Grid;
 
-// A ray o + t d seen from the capture centre: the point is b (m + u d) with m the unit direction
-// of the closest approach, b its distance, and u = (t + o.d) / b. Then r = b sqrt(1 + u^2), and
-// the direction of the point is proportional to m + u d.
+// A ray o + t d seen from the capture centre. Its points are b (m + u d), where m is the unit direction of
+// the closest approach, b the distance there, and u = (t + o.d) / b. Then r = b sqrt(1 + u^2), and a
+// point's direction is proportional to m + u d.
 typedef struct {
     float3 m;
     float3 d;
@@ -39,7 +39,7 @@ static inline PolarRay polar_ray(float3 o, float3 d)
     return ray;
 }
 
-// Is it a ray? Where o or d is not finite, or d has no length, no cell can be computed.
+// Return whether o and d are finite and d is about of unit length: no cell could be computed otherwise.
 static inline int is_ray(float3 o, float3 d)
 {
     const float length2 = dot(d, d);
@@ -49,18 +49,18 @@ static inline int is_ray(float3 o, float3 d)
 static inline float polar_t(const PolarRay ray, float u) { return u * ray.b - ray.od; }
 static inline float polar_u(const PolarRay ray, float t) { return (t + ray.od) / ray.b; }
 
-// Rays that graze a wall for metres, where no cell can be skipped, take a few hundred steps: up to
-// 640 of 400,000 random rays in a 2048x1024 panorama of a room.
+// Rays that graze a wall for metres can skip no cell and take a few hundred steps: up to 640 of 400,000
+// random rays in a 2048x1024 panorama of a room.
 #define MARCH_STEP_CAP 1024
 
-// How a cell was entered.
+// Edge by which a ray enters a cell.
 #define ENTRY_START 0
 #define ENTRY_WEST 1
 #define ENTRY_EAST 2
 #define ENTRY_NORTH 3
 #define ENTRY_SOUTH 4
 
-// The part of a ray inside one texel.
+// The segment of a ray inside one texel.
 typedef struct {
     int column;
     int row;
@@ -71,16 +71,17 @@ typedef struct {
     float root1;
 } Segment;
 
-// A crossing that rounding puts slightly behind the current point still counts, so that a ray
-// never gets stuck; it is clamped so that a step never goes backwards.
+// Return a crossing, or INFINITY if it lies behind the current point. A crossing that rounding puts
+// slightly behind still counts, so that a ray never gets stuck. It is clamped so that no step goes
+// backwards.
 static inline float ahead(float crossing, float u)
 {
     return crossing >= u - 1e-3f * (1.0f + fabs(u)) ? fmax(crossing, u) : INFINITY;
 }
 
-// Where the ray crosses the meridian with normal (edge.x, 0, edge.y), on its way in or against the
-// sense of that normal (sign = 1 or -1). A ray that turns the other way never does, even if rounding
-// puts it next to the plane: that ends the turn of a ray that passes the polar axis.
+// Return u where the ray crosses the meridian with normal (edge.x, 0, edge.y), along that normal (sign = 1)
+// or against it (sign = -1). A ray that turns the other way never does, even if rounding puts it next to
+// the plane. This ends the turn of a ray that passes the polar axis.
 static inline float meridian_crossing(const PolarRay ray, float2 edge, float sign, float u)
 {
     float nm = edge.x * ray.m.x + edge.y * ray.m.z;
@@ -88,8 +89,8 @@ static inline float meridian_crossing(const PolarRay ray, float2 edge, float sig
     return sign * nd > 0.0f ? fmax(-nm / nd, u) : INFINITY;
 }
 
-// Where the ray crosses the cone cos(theta) = c upwards (sign = 1) or downwards (sign = -1). The
-// poles are no edge of a cell, though a2, which is at most 1, may be rounded above.
+// Return u where the ray crosses the cone cos(theta) = c upwards (sign = 1) or downwards (sign = -1). The
+// poles bound no cell, although rounding may raise a2 above its maximum of 1.
 static inline float cone_crossing(const PolarRay ray, float a2, float c, float sign, float u)
 {
     float s = sign * sqrt(fmax(a2 - c * c, 0.0f));

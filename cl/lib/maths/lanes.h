@@ -1,7 +1,7 @@
-// Texels that a work item takes at once, side by side in a row, as the elements of vectors.
+// SIMD lanes: a work item processes LANES adjacent texels of a row as the elements of vectors.
 //
-// -D WIDE: 16, where vector units are kept busy by vectors in the source alone, as PoCL's are in
-// kernels with more than a few branches. Else 1: GPUs have a lane per work item.
+// -D WIDE: 16 lanes, for runtimes such as PoCL that fill vector units only from vectors in the source, at
+// least in kernels with more than a few branches. Otherwise one: GPUs have a lane per work item.
 #ifndef IPRT_LANES_H
 #define IPRT_LANES_H
 
@@ -23,7 +23,7 @@ typedef int ints;
 #define bits_of(values) as_int(values)
 #endif
 
-// a where the comparison `chosen` holds, else b.
+// Return a where the comparison `chosen` holds, else b.
 static inline floats either(ints chosen, floats a, floats b)
 {
     return select(b, a, chosen);
@@ -34,7 +34,7 @@ static inline float lane(const floats *values, int number)
     return ((const float *)values)[number];
 }
 
-// The texels to the right, and to the left, of those at x in a line that begins again at its end.
+// Return the texels to the right, and to the left, of the ones at x in a line that wraps around.
 static inline floats load_east(__global const float *restrict line, int x, int width)
 {
 #ifdef WIDE

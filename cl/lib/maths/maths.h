@@ -1,13 +1,13 @@
-// Small arithmetic for hot kernels: no libm calls and no branches, so that PoCL vectorizes it.
+// Arithmetic for hot kernels without libm calls or branches, so that PoCL vectorizes it.
 #ifndef IPRT_MATHS_H
 #define IPRT_MATHS_H
 
-// 2^x. Relative error at most 1.1e-4, exact at integers; x is clamped to [-126, 127].
-// x + 127 is positive, so truncation is floor and its integer part is the biased exponent; the
-// cubic is the minimax of 2^f on [0, 1) that is exact at both ends, so the result is continuous.
+// Return 2^x. The relative error is at most 1.1e-4, and 0 at integers. x is clamped to [-126, 127]. As x +
+// 127 is positive, truncation is floor, and its integer part is the biased exponent. The cubic is the
+// minimax of 2^f on [0, 1) among those exact at both ends, so the result is continuous.
 static inline float fast_exp2(float x)
 {
-    // A NaN fails both comparisons' "inside" side: it becomes 2^-126, not NaN.
+    // A NaN fails both comparisons and becomes 2^-126.
     x = x > -126.0f ? x : -126.0f;
     x = x < 127.0f ? x : 127.0f;
     const float biased = x + 127.0f;
@@ -17,8 +17,8 @@ static inline float fast_exp2(float x)
     return as_float(exponent << 23) * mantissa;
 }
 
-// exp(-x) with compact support: (1 - x/8)^8, exactly 0 from x = 8 on and for NaN. Five
-// operations that vectorize everywhere, and equal bits on every device.
+// Return (1 - x/8)^8, an approximation of exp(-x) with compact support: exactly 0 for x >= 8 and for NaN.
+// It takes five operations that vectorize everywhere and gives the same bits on every device.
 static inline float falloff(float x)
 {
     float w = x < 8.0f ? 1.0f - 0.125f * x : 0.0f;
@@ -27,9 +27,9 @@ static inline float falloff(float x)
     return w * w;
 }
 
-// atan2(y, x) to 3e-7: the minimax polynomial of atan(sqrt(s)) / sqrt(s) on [0, 1], which is off by
-// 1.4e-8, then mirrored by octant. 0 where both are 0. Two calls of fabs side by side would become one
-// of a vector of two, which keeps PoCL from vectorizing the kernel.
+// Return atan2(y, x) to 3e-7, and 0 where both are 0: the minimax polynomial of atan(sqrt(s)) / sqrt(s) on
+// [0, 1], with an error of 1.4e-8, mirrored by octant. Two adjacent calls of fabs would be merged into a
+// vector of two, which keeps PoCL from vectorizing the kernel.
 static inline float fast_atan2(float y, float x)
 {
     const float ax = fmax(x, -x), ay = fabs(y);
@@ -48,8 +48,8 @@ static inline float fast_atan2(float y, float x)
     return copysign(p, y);
 }
 
-// (cos, sin) of 2 pi u for u in [0, 1], to 3e-7 absolute: the Taylor series within an eighth of a
-// turn of the nearest quarter, then exchanged and negated by quadrant.
+// Return (cos, sin) of 2 pi u for u in [0, 1], to 3e-7 absolute: the Taylor series within an eighth of a
+// turn of the nearest quarter, then swapped and negated by quadrant.
 static inline float2 unit_circle(float u)
 {
     const int quadrant = (int)(4.0f * u + 0.5f);
@@ -66,13 +66,13 @@ static inline float2 unit_circle(float u)
     return (float2)(sign * cosine, sign * sine);
 }
 
-// Luminance of linear Rec.709.
+// Return the luminance of linear Rec.709.
 static inline float luminance(float3 rgb)
 {
     return 0.2126f * rgb.x + 0.7152f * rgb.y + 0.0722f * rgb.z;
 }
 
-// Neither infinite nor NaN, also where the compiler may assume that all numbers are finite.
+// Return whether x is neither infinite nor NaN, even if the compiler may assume finite numbers.
 static inline int is_finite(float x)
 {
     return (as_uint(x) & 0x7f800000u) != 0x7f800000u;
@@ -83,10 +83,10 @@ static inline int is_finite3(float3 v)
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
-// v / |v|, or `fallback` where v is too short or not finite.
+// Return v / |v|, or `fallback` where v is too short or not finite.
 static inline float3 safe_normalize(float3 v, float3 fallback)
 {
-    // Scaled by the largest component, because the square of a short or long vector is 0 or inf.
+    // Scaled by the largest component: the square of a very short or long vector is 0 or infinite.
     const float size = fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
     if (!is_finite3(v) || !(size > 1e-30f))
         return fallback;

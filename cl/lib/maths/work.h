@@ -1,13 +1,13 @@
-// What kernels that trace rays had to do. With -D COUNT_WORK they count it into a buffer, the last
-// parameter of those that declare WORK_PARAMETER (iprt/device/counting.py); without, nothing of all
-// this is left in them.
+// Work counters of kernels that trace rays. With -D COUNT_WORK, kernels that declare WORK_PARAMETER count
+// into a buffer, their last parameter (iprt/device/counting.py). Without it, all macros are empty.
 //
-//   counter        what
-//   WORK_ITEMS     work items that had something to do
+//   counter        counts
+//   WORK_ITEMS     active work items
 //   WORK_REAL      rays through the panorama
 //   WORK_OBJECTS   rays towards objects
-// Each of the rays' is four: rays, steps of all marches (low and high 32 bits), steps of the longest
-// march.
+//
+// Each ray counter has four values: rays, steps of all marches (low and high 32 bits), and steps of the
+// longest march.
 #ifndef IPRT_WORK_H
 #define IPRT_WORK_H
 

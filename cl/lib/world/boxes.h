@@ -1,29 +1,31 @@
-// Directions towards the boxes around virtual objects: where alone rays can tell what objects change.
+// Sampling of directions towards the bounding boxes of virtual objects, the only ones in which rays can
+// find an effect of objects.
 //
-// A box is sampled by the faces that look at x: a face by (nearly) its solid angle, a point on it
-// evenly. boxes[2 i] and boxes[2 i + 1] are the lower and upper corner of box i, world, metres.
+// A box is sampled by its faces that look at x: a face in proportion to (nearly) its solid angle, and a
+// point on it uniformly. boxes[2 i] and boxes[2 i + 1] are the lower and upper corner of box i, world,
+// metres.
 #ifndef IPRT_BOXES_H
 #define IPRT_BOXES_H
 
 #include "maths/maths.h"
 
-// The point that boxes are seen from, and the surface there.
+// A surface point from which boxes are seen.
 typedef struct {
     float3 x;
     float3 n;
     float total;   // sum of the faces' weights; 0: no face to aim at
-    int inside;    // x is in a box: its object may be anywhere around
+    int inside;    // x is in a box: its object may be in any direction
     int above;     // a box reaches above the surface: else no object matters here
 } BoxView;
 
-// Whether objects can matter at the surface: one is above it, and they span about `min_solid_angle`
-// sr or more.
+// Return whether objects can affect the surface: a box lies above it, and all boxes span about
+// `min_solid_angle` sr or more.
 static inline int boxes_matter(const BoxView at, float min_solid_angle)
 {
     return at.above && (at.inside || at.total >= min_solid_angle);
 }
 
-// By bits: compilers for GPUs put vectors that are indexed on the stack.
+// Selected by bits: compilers for GPUs put indexed vectors on the stack.
 static inline float component(float3 v, int axis)
 {
     const int3 chosen = as_int3(v) & ((int3)(axis) == (int3)(0, 1, 2));
@@ -40,8 +42,8 @@ static inline float face_area(float3 size, int axis)
     return component(size.yxx * size.zzy, axis);
 }
 
-// About the solid angle, in 6 / 2 pi sr at most, of the face of a box across `axis` that looks at x;
-// 0 where none does, or where it lies below the surface.
+// Return about the solid angle, in 6 / 2 pi sr at most, of the face of a box across `axis` that looks at x;
+// 0 if there is none, or if it lies below the surface.
 static inline float face_weight(const BoxView at, float3 low, float3 high, int axis)
 {
     const float to_low = component(low - at.x, axis), to_high = component(at.x - high, axis);
@@ -73,7 +75,7 @@ static inline BoxView view_boxes(__global const float4 *restrict boxes, int coun
     return at;
 }
 
-// Unit direction from at.x to a point on a face; u in [0, 1)^2, `choice` in [0, 1). at.total > 0.
+// Return a unit direction from at.x to a point on a face; u in [0, 1)^2, `choice` in [0, 1). at.total > 0.
 static inline float3 sample_boxes(__global const float4 *restrict boxes, int count,
                                   const BoxView at, float2 u, float choice)
 {
@@ -82,7 +84,7 @@ static inline float3 sample_boxes(__global const float4 *restrict boxes, int cou
     for (int i = 0; i < count && left >= 0.0f; i++)
         for (int axis = 0; axis < 3 && left >= 0.0f; axis++) {
             const float weight = face_weight(at, boxes[2 * i].xyz, boxes[2 * i + 1].xyz, axis);
-            // The last face with a weight serves where rounding leaves something over.
+            // Rounding may leave a remainder: the last face with a weight takes it.
             box = weight > 0.0f ? i : box;
             face = weight > 0.0f ? axis : face;
             left -= weight;
@@ -95,7 +97,7 @@ static inline float3 sample_boxes(__global const float4 *restrict boxes, int cou
     return safe_normalize(with_component(low + at_face * (high - low), face, plane) - at.x, at.n);
 }
 
-// Does a ray from o, along d, meet a box?
+// Return whether a ray from o along d meets a box.
 static inline int meets_boxes(__global const float4 *restrict boxes, int count, float3 o, float3 d)
 {
     int met = 0;
@@ -108,7 +110,7 @@ static inline int meets_boxes(__global const float4 *restrict boxes, int count, 
     return met;
 }
 
-// Density per solid angle with which sample_boxes() sends a ray along d.
+// Return the density per solid angle with which sample_boxes() samples d.
 static inline float box_density(__global const float4 *restrict boxes, int count, const BoxView at,
                                 float3 d)
 {

@@ -1,15 +1,15 @@
-// Reflectance of the materials in iprt/geometry/material.py: evaluate, sample, density.
+// BRDFs of the materials in iprt/geometry/material.py: evaluation, sampling, density.
 //
-// All directions are unit vectors that point away from the surface: wo to the viewer, wi to the
-// light; n is the shading normal. A reflectance has two lobes that callers accumulate apart:
-//   diffuse    given WITHOUT the albedo, so that irradiance can be filtered and the albedo
-//              multiplied afterwards
+// All directions are unit vectors that point away from the surface: wo to the viewer, wi to the light; n is
+// the shading normal. A BRDF has two lobes that callers accumulate separately:
+//   diffuse    WITHOUT the albedo, so that irradiance can be filtered and the albedo multiplied
+//              afterwards
 //   specular   complete: a conductor's reflectance (its albedo) or a coat's Fresnel term included
 //
-// Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based
-// BRDFs", JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub,
-// "Sampling Visible GGX Normals with Spherical Caps", HPG 2023. Plastic: a GGX dielectric coat on
-// a Lambertian base with linear colour, as Mitsuba 3 defines `roughplastic` and `plastic`.
+// Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
+// JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub, "Sampling Visible GGX
+// Normals with Spherical Caps", HPG 2023. Plastic: a GGX dielectric coat on a Lambertian base with linear
+// colour, as Mitsuba 3 defines `roughplastic` and `plastic`.
 #ifndef IPRT_BRDF_H
 #define IPRT_BRDF_H
 
@@ -32,29 +32,29 @@
 #define KIND_CONDUCTOR 1
 #define KIND_PLASTIC 2
 
-// Interpolated normals can turn away from the viewer: wo is bent up to this cosine.
+// Interpolated normals can turn away from the viewer: wo is bent to at least this cosine.
 #define BRDF_MIN_COSINE 1e-3f
-// Either lobe of plastic gets at least this share of the samples: the reflection of the coat is
-// faint, but a filter can blur it far less than the irradiance below it.
+// Least share of the samples for either lobe of plastic. The reflection of the coat is faint, but a filter
+// can blur it far less than the irradiance below it.
 #define BRDF_MIN_LOBE 0.25f
 
 typedef struct {
     int kind;
     float alpha;
     float ior;
-    float base;                              // what the coat makes of the base, row 0's w
+    float base;                              // scale of the base below the coat, row 0's w
     __global const float *transmittance;     // MATERIAL_NODES values
 } Material;
 
-// One direction for one lobe. `weight` is f cos / density of that lobe, the probability of having
-// chosen it included; 0 where the direction lies below the surface.
+// A direction sampled from one lobe. `weight` is f cos / density of that lobe, including the probability of
+// having chosen it; 0 where the direction lies below the surface.
 typedef struct {
     float3 wi;
     float3 weight;
-    int specular;    // which lobe: weight excludes the albedo iff this is 0
+    int specular;    // the lobe: weight excludes the albedo iff this is 0
 } BrdfSample;
 
-// f in 1/sr, without the cosine. Perfectly smooth lobes, which only sampling can find, are 0.
+// BRDF f in 1/sr, without the cosine. Perfectly smooth lobes, which only sampling can find, are 0.
 typedef struct {
     float diffuse;      // to be multiplied by the albedo
     float3 specular;
@@ -74,7 +74,7 @@ static inline float3 brdf_local_wo(Frame frame, float3 wo)
     return o / sqrt(dot(o, o));
 }
 
-// Share of light that crosses the rough coat from a direction at this cosine.
+// Return the transmittance of the rough coat for a direction at this cosine.
 static inline float coat_transmittance(const Material material, float cosine)
 {
     const float x = sqrt(cosine) * (MATERIAL_NODES - 1);
@@ -82,7 +82,7 @@ static inline float coat_transmittance(const Material material, float cosine)
     return mix(material.transmittance[i], material.transmittance[i + 1], x - (float)i);
 }
 
-// Unpolarized reflectance of a smooth dielectric boundary, light coming from the ior = 1 side.
+// Return the unpolarized reflectance of a smooth dielectric boundary, for light from the ior = 1 side.
 static inline float fresnel_dielectric(float cosine, float ior)
 {
     const float c = fmax(cosine, 1e-6f);
@@ -92,7 +92,7 @@ static inline float fresnel_dielectric(float cosine, float ior)
     return 0.5f * (s * s + p * p);
 }
 
-// Probability of sampling the specular lobe: its share of the reflected luminance.
+// Return the probability of sampling the specular lobe: its share of the reflected luminance.
 static inline float specular_probability(const Material material, float3 albedo, float cos_o)
 {
     if (material.kind == KIND_PLASTIC) {
@@ -112,16 +112,16 @@ static inline float3 specular_reflectance(const Material material, float3 albedo
     return albedo;
 }
 
-// z (1 + 2 Lambda(v)) of Smith's masking function.
+// Return z (1 + 2 Lambda(v)) of Smith's masking function.
 static inline float ggx_slope(float3 v, float alpha)
 {
     return sqrt(v.z * v.z + alpha * alpha * (v.x * v.x + v.y * v.y));
 }
 
-// Distribution of normals at the half vector of i and o.
+// Return the GGX distribution of normals at the half vector of i and o.
 static inline float ggx_distribution(float3 i, float3 o, float alpha)
 {
-    // Without normalizing h: its length cancels, and rounding hurts less when alpha is small.
+    // h is not normalized: its length cancels, and rounding errors are smaller for small alpha.
     const float3 h = i + o;
     const float a2 = alpha * alpha;
     const float spread = (h.x * h.x + h.y * h.y + a2 * h.z * h.z) / dot(h, h);
@@ -132,7 +132,7 @@ static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
 {
     float3 stretched = (float3)(alpha * o.x, alpha * o.y, o.z);
     stretched /= sqrt(dot(stretched, stretched));
-    const float height = (1.0f - u.y) * (1.0f + stretched.z);   // > 0: of the half vector
+    const float height = (1.0f - u.y) * (1.0f + stretched.z);   // > 0: z of the half vector
     const float z = height - stretched.z;
     const float2 disk = sqrt(fmax(1.0f - z * z, 0.0f)) * unit_circle(u.x);
     const float3 h = (float3)(alpha * (disk.x + stretched.x), alpha * (disk.y + stretched.y),
@@ -140,7 +140,7 @@ static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
     return h / sqrt(dot(h, h));
 }
 
-// pi times the diffuse lobe, without the albedo.
+// Return pi times the diffuse lobe, without the albedo.
 static inline float diffuse_factor(const Material material, float cos_i, float cos_o)
 {
     if (material.kind == KIND_PLASTIC)
@@ -149,7 +149,7 @@ static inline float diffuse_factor(const Material material, float cos_i, float c
     return 1.0f;
 }
 
-// A direction of the specular lobe alone; u in [0, 1)^2, o towards the viewer, in the frame of n.
+// Sample the specular lobe alone; u in [0, 1)^2, o towards the viewer, in the frame of n.
 static inline BrdfSample sample_specular(const Material material, float3 albedo, const Frame frame,
                                          float3 o, float2 u)
 {
@@ -171,8 +171,9 @@ static inline BrdfSample sample_specular(const Material material, float3 albedo,
     return sample;
 }
 
-// The direction that a mirror would reflect o in, with the weight of the whole lobe around it, and the solid
-// angle of a cone that is as dense as the lobe is there: the inverse of sample_specular()'s density.
+// Return the mirror direction of o with the weight of the whole lobe around it. `solid_angle` gets the
+// solid angle of a uniform cone with the lobe's density there: the inverse of the density of
+// sample_specular().
 static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, const Frame frame, float3 o,
                                        float *solid_angle)
 {
@@ -188,7 +189,7 @@ static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, c
     return sample;
 }
 
-// Choose a lobe with u.z, a direction in it with u.xy; u in [0, 1)^3.
+// Sample the BRDF: u.z chooses a lobe and u.xy a direction in it; u in [0, 1)^3.
 static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
                                      float3 u)
 {
@@ -239,9 +240,9 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
     return value;
 }
 
-// Densities (1/sr) with which brdf_sample() draws wi by the diffuse (x) and the specular lobe (y),
-// the lobes' probabilities included: x + y is the density of the mixture. Directions below the
-// surface, which the specular lobe may draw with weight 0, have density 0 here.
+// Return the densities (1/sr) with which brdf_sample() samples wi by the diffuse (x) and the specular lobe
+// (y), including the lobes' probabilities: x + y is the density of the mixture. The specular lobe may
+// sample directions below the surface with weight 0; their density here is 0.
 static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, float3 wo,
                               float3 wi)
 {

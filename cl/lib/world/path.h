@@ -1,11 +1,11 @@
-// Paths through the mixed scene: what arrives along a ray that meets real surfaces, which end it
-// with the radiance that the panorama shows, and virtual ones, which scatter it on.
+// Paths through the mixed scene. Virtual surfaces scatter a path; a real surface ends it with the radiance
+// of the panorama.
 //
-// A path meets up to `max_bounces` virtual surfaces; the ray after the last one sees real surfaces only
+// A path meets up to `max_bounces` virtual surfaces. The ray after the last one sees real surfaces only
 // (Algorithm 1, lines 4-6).
-// -D GLOSS lets glossy real surfaces reflect as well, once, what they show being what they radiate
-// to all sides only (iprt/world/real/highlight.py).
-// -D DISTANT_ENVIRONMENT takes the panorama as infinitely far: environment mapping.
+// -D GLOSS lets one glossy real surface per path reflect as well. The radiance of glossy surfaces is then
+// their diffuse part only (iprt/world/real/highlight.py).
+// -D DISTANT_ENVIRONMENT treats the panorama as infinitely far: environment mapping.
 #ifndef IPRT_PATH_H
 #define IPRT_PATH_H
 
@@ -17,7 +17,7 @@
 #include "maths/sampling.h"
 #include "world/world.h"
 
-// Narrower lobes find lights better than aiming does.
+// Sampling of narrower lobes finds lights better than light sampling does.
 #define AIMED_ALPHA 0.02f
 
 static inline float light_share(const World world, const Material material)
@@ -29,7 +29,7 @@ static inline float light_share(const World world, const Material material)
     return material.kind == KIND_PLASTIC ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
 }
 
-// One direction off a virtual surface at x; u in [0, 1)^4.
+// Sample a direction in which a virtual surface at x scatters; u in [0, 1)^4.
 static inline Scatter scatter(const World world, const Material material, float3 albedo, float3 x,
                               float3 n, float3 wo, float4 u)
 {
@@ -55,21 +55,21 @@ static inline Scatter scatter(const World world, const Material material, float3
     const float cosine = fmax(dot(n, s.wi), 0.0f);
     s.diffuse = value.diffuse * cosine;
     s.specular = value.specular * cosine;
-    // Directions below the surface pass no light on, whatever their density.
+    // Directions below the surface scatter no light, whatever their density.
     s.density = fmax(rest * (density.x + density.y), 1e-20f);
     return s;
 }
 
-// One path from a point. Objects are looked for from o_object, real surfaces from o.
+// Radiance along one path. Rays start at o_object towards objects, at o towards real surfaces.
 typedef struct {
-    float3 arriving;    // radiance over density at the start, objects included
-    float3 real;        // the same if there were no objects
-    float distance;     // to the first thing that the path meets, metres; INFINITY: sky
-    int met;            // that is an object
+    float3 arriving;    // radiance / density at the start, objects included
+    float3 real;        // the same without objects
+    float distance;     // to the first hit, metres; INFINITY: sky
+    int met;            // the first hit is an object
 } PathResult;
 
 #ifdef GLOSS
-// Index + 1 of the material of a glossy real surface that a ray has hit, else 0.
+// Return 1 + the material index of a glossy real surface that a ray has hit, else 0.
 static inline int gloss_at(const World world, const RealHit hit)
 {
     int seen = hit.kind == HIT_SURFACE
@@ -80,14 +80,14 @@ static inline int gloss_at(const World world, const RealHit hit)
     return seen ? world.gloss.map[hit.texel] : 0;
 }
 
-// seen_share() of gloss.h.
+// Return seen_share() of gloss.h for the panorama.
 static inline float3 seen_highlight(const World world, const Material material, float3 p)
 {
     return seen_share(material, world.gloss.gain, world.gloss.columns, world.gloss.rows,
                       world.real.grid.width, world.real.grid.height, p);
 }
 
-// The direction in which a glossy real surface at p with normal n reflects a ray along d.
+// Sample the direction in which a glossy real surface at p with normal n reflects a ray along d.
 static inline BrdfSample reflect_real(const World world, int index, float3 p, float3 n, float3 d,
                                       float2 u)
 {
@@ -100,10 +100,10 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 }
 #endif
 
-// All of a path is one loop with one call of each march, because OpenCL compilers inline them.
-// -D WITHOUT_OBJECTS also fills `real`, which costs tracing past the objects.
-// -D DELTA is for what objects change only: paths whose first surface is none are not followed,
-// and `real` is what the first object hides.
+// Trace a path. It is one loop with one call of each march, because OpenCL compilers inline them.
+// -D WITHOUT_OBJECTS also fills `real`, at the cost of tracing past the objects.
+// -D DELTA computes only the change by objects: a path whose first surface is real ends there, and `real`
+// is the radiance that the first object hides.
 static inline ALWAYS_INLINE PathResult trace_path(
     const World world, float3 o, float3 o_object, Scatter s, uint seed, uint index)
 {
@@ -113,15 +113,15 @@ static inline ALWAYS_INLINE PathResult trace_path(
     result.real = result.arriving = (float3)(0.0f);
     float3 throughput = (float3)(1.0f);
 #if defined(DELTA) && defined(IMPOSTOR)
-    // What hides a real surface from the middle of the objects is in the way of its rays towards them; the
-    // map does not show it from behind.
+    // An occluder between a real surface and the middle of the objects blocks the surface's rays towards
+    // them. The cube map does not show the occluder from behind.
     if (impostor_hides(world.real.impostor, o - world.real.impostor.centre))
         return result;
 #endif
 #ifdef GLOSS
     int reflected = 0;
 #endif
-    // One more for a glossy real surface, and one for what is seen in the last.
+    // One more for a glossy real surface, and one for the last ray, which sees real surfaces only.
     for (int bounce = 0; bounce < world.max_bounces + 2; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;
@@ -138,8 +138,8 @@ static inline ALWAYS_INLINE PathResult trace_path(
         const float t_max = object ? hit.t : INFINITY;
 #endif
         const RealHit real = trace_real_layer(world.real, o, d, t_max);
-        // The face that an object stands on and the surface below it are one: the object's is met, or
-        // light would leak into it.
+        // The face that an object stands on and the surface below it coincide: the object's counts as hit,
+        // because light would leak into the object otherwise.
         const int at_object = object && !(real.t < hit.t - world.real.bias);
         if (bounce == 0)
             result.distance = at_object ? hit.t : real.t;
@@ -153,7 +153,7 @@ static inline ALWAYS_INLINE PathResult trace_path(
                 return result;
 #endif
 #ifdef WITHOUT_OBJECTS
-            // The same value bit for bit where no object is met.
+            // Bit-identical where no object is hit.
             if (bounce == 0) {
                 result.arriving = result.real;
                 return result;
@@ -166,7 +166,7 @@ static inline ALWAYS_INLINE PathResult trace_path(
 #ifdef GLOSS
             const int gloss = reflected ? 0 : gloss_at(world, real);
             if (gloss) {
-                // A conductor shows nothing but its reflection.
+                // A conductor has no diffuse part.
                 if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
                     result.arriving += throughput * real_radiance(world, real, d);
                 const float3 n = -normalize(world.real.surface[real.texel].xyz), p = o + real.t * d;

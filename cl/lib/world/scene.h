@@ -1,5 +1,5 @@
-// Parameters of kernels that trace the scene, and the structs made of them. The host gives them by
-// name, in groups: `Panorama.arguments`, `Background.arguments`, `LearnedRadiance.arguments`,
+// Parameters of kernels that trace the scene, and the structs built from them. The host sets them by name,
+// in groups: `Panorama.arguments`, `Background.arguments`, `LearnedRadiance.arguments`,
 // `Impostor.arguments`.
 #ifndef IPRT_SCENE_H
 #define IPRT_SCENE_H

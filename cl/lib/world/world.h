@@ -1,12 +1,12 @@
-// The mixed scene that paths go through: the real layer, objects, lights; and the radiance of what
-// is real, as the panorama shows it.
+// The mixed scene: the real layer, objects and lights; and the radiance of the real scene, as the panorama
+// shows it.
 //
-// Real surfaces are taken as diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the
-// panorama already holds every bounce between them.
-// -D RELIT multiplies real radiance by what objects do to it (UpdateGbuffer): in the view where that
-// shows the surface, else in the panorama. Without either picture (a null pointer), it is as captured.
-// With a picture of what is outside, windows show what is far behind them in the ray's direction,
-// rather than the radiance of the point where the ray crosses them.
+// Real surfaces are diffuse emitters (IPRT, "Interactive panoramic ray tracing"): the panorama already
+// holds every bounce between them.
+// -D RELIT multiplies real radiance by the change due to objects (UpdateGbuffer): from the view where it
+// shows the surface, else from the panorama. Without either (null pointers) radiance is as captured.
+// With a picture of the surroundings, windows show distant radiance in the ray's direction rather than the
+// radiance of the point where the ray crosses them.
 #ifndef IPRT_WORLD_H
 #define IPRT_WORLD_H
 
@@ -17,10 +17,10 @@
 #include "gbuffer/view.h"
 
 #ifdef RELIT
-// What objects do to the radiance of real surfaces, as factors.
+// Factors by which objects change the radiance of real surfaces.
 typedef struct {
     __global const float4 *screen;      // per pixel of the view, [width * height], or null
-    __global const float *view;         // lib/gbuffer/view.h; of the screen
+    __global const float *view;         // of `screen`: lib/gbuffer/view.h
     int width;
     int height;
     __global const float4 *panorama;    // [rows * 2 rows], equirect, or null
@@ -32,8 +32,8 @@ typedef struct {
 typedef struct {
     __global const int *map;              // per texel: 0 diffuse, else 1 + index of the material
     __global const float4 *materials;       // lib/world/brdf.h
-    __global const float4 *reflectance;     // per material: of conductors
-    __global const float4 *gain;            // per cell (lib/world/real/gloss.h): what was seen of highlights
+    __global const float4 *reflectance;     // per material: reflectance of conductors
+    __global const float4 *gain;            // per cell: gain of highlights (lib/world/real/gloss.h)
     int columns;                            // cells
     int rows;
 } Gloss;
@@ -97,7 +97,7 @@ static inline float3 sky_radiance(const World world, float3 d)
 }
 
 #ifdef RELIT
-// Where d leads from the capture centre.
+// Return the factor at a surface point in direction d from the capture centre.
 static inline float3 relit_factor(const Relit relit, float3 d)
 {
     const float2 p = view_project(relit.view, d);
@@ -110,8 +110,7 @@ static inline float3 relit_factor(const Relit relit, float3 d)
 }
 #endif
 
-// Radiance without objects of what a ray in direction d has hit. One lookup, whichever picture it is
-// in.
+// Return the radiance without objects of a hit of a ray in direction d, by one lookup in one picture.
 static inline float3 captured_radiance(const World world, const RealHit hit, float3 d)
 {
 #ifdef IMPOSTOR
@@ -129,7 +128,7 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
 #endif
     const int surface = hit.kind <= HIT_BACK_FACE;
     if (world.outside && surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
-        // Behind windows: as the camera saw it in that direction, or else extrapolated.
+        // Behind windows: as the camera saw it in that direction, else extrapolated.
         uv = equirect_uv(d);
         const int texel = equirect_texel(uv, width, height);
 #ifdef BACKGROUND
@@ -146,14 +145,14 @@ static inline float3 captured_radiance(const World world, const RealHit hit, flo
 #endif
 }
 
-// The same, with what objects do to it.
+// Return the same radiance, changed by objects.
 static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
 {
     float3 radiance = captured_radiance(world, hit, d);
 #ifdef RELIT
     int known = world.relit.screen && hit.kind <= HIT_BACK_FACE;
 #ifdef BACKGROUND
-    // What objects do to surfaces that the view does not show is not known.
+    // The change is unknown on surfaces that the view does not show.
     known &= !hit.behind;
 #endif
     if (known)

@@ -1,32 +1,31 @@
-// The distance impostor (lib/world/real/impostor.h), made of what the panorama shows.
+// Construction of the distance impostor (lib/world/real/impostor.h) from the panorama.
 //
 //   kernel           in                                 out
 //   splat_surfaces   panorama (lib/world/real/real.h)   nearest: 1 + bits of the largest inverse
-//                                                       distance, 0: a hole; source: 1 + the texel of
-//                                                       the panorama that it comes from
+//                                                       distance, 0: a hole; source: 1 + its texel in
+//                                                       the panorama
 //   shade_impostor   nearest, source, panorama          texels: rgb, inverse distance; -1: a hole
 //   show_impostor    impostor                           picture: equirect, 3 a texel
 #include "world/real/impostor.h"
 #include "world/real/real.h"
 
-// Places on a face are inside a texel's outline up to so many texels beside it.
+// Tolerance, in texels, of the test whether a point on a face is inside a texel's outline.
 #define OUTLINE 0.01f
-// Faces whose axis is this far from a direction may show what is around it: cosine. Corners of a face
-// are at 0.577.
+// Least cosine between a direction and the axis of a face that may show it. Corners of a face have 0.577.
 #define FACE_COSINE 0.5f
-// Compilers may round in the two launches of splat_surfaces differently: units in the last place.
+// Rounding differences, in units in the last place, between the two launches of splat_surfaces.
 #define CLAIM_ULPS 16u
-// Most looks at the panorama for a texel of the impostor, along a side.
+// Most lookups in the panorama along a side of an impostor texel.
 #define MOST_LOOKS 4
 
-// From the capture centre, for the panorama's column and row edges.
+// Return the direction from the capture centre of the panorama's column and row edges.
 static inline float3 corner_direction(float u, float v)
 {
     const float2 azimuth = unit_circle(u), polar = unit_circle(0.5f * v);
     return (float3)(-polar.y * azimuth.y, polar.x, polar.y * azimuth.x);
 }
 
-// The corner of a texel's surface, about the impostor's centre; of open sky its direction.
+// Return the corner of a texel's surface relative to the impostor's centre; in open sky, its direction.
 static inline float3 surface_corner(float4 surface, float2 range, float3 v, float3 centre)
 {
     if ((int)surface.w & SURFACE_NONE)
@@ -35,7 +34,7 @@ static inline float3 surface_corner(float4 surface, float2 range, float3 v, floa
     return (inverse > 0.0f ? clamp(1.0f / inverse, range.x, range.y) : range.y) * v - centre;
 }
 
-// 1/m along w, of unit length, to the tangent plane; 0: open sky.
+// Return the inverse distance, 1/m, of the tangent plane along the unit vector w; 0: open sky.
 static inline float plane_inverse(float4 surface, float3 w, float3 centre)
 {
     return (int)surface.w & SURFACE_NONE
@@ -44,7 +43,7 @@ static inline float plane_inverse(float4 surface, float3 w, float3 centre)
 
 static inline float turn(float2 a, float2 b) { return a.x * b.y - a.y * b.x; }
 
-// How far p lies inside the edge from a to b; `sense` is the turn of the outline.
+// Return how far p lies inside the edge from a to b; `sense` is the orientation of the outline.
 static inline float inside_edge(float2 a, float2 b, float2 p, float sense)
 {
     return sense * turn(b - a, p - a) + OUTLINE * length(b - a);
@@ -99,7 +98,7 @@ __kernel void splat_surfaces(
                          fmin(inside_edge(pc, pd, p, sense), inside_edge(pd, pa, p, sense))) < 0.0f)
                     continue;
                 const float3 w = normalize(cube_direction(face, p, side));
-                // The plane goes on beyond the texel, where it may be seen edge-on.
+                // The plane extends beyond the texel, where it may be seen edge-on.
                 const float inverse = (int)surface.w & SURFACE_NONE
                     ? 0.0f
                     : fmin(fmax(plane_inverse(surface, w, centre.xyz), 1.0f / far), 1.0f / near);
@@ -136,7 +135,7 @@ __kernel void shade_impostor(
     const float inverse = as_float(nearest[at] - 1u);
     const float3 v = cube_direction(face, (float2)(x, row), side);
     const int sky = !(inverse > 0.0f);
-    // Texels of the panorama across one of the impostor: a mean of several keeps small lights whole.
+    // Panorama texels across an impostor texel: a mean over several preserves small lights.
     const float3 p = normalize(v) / fmax(inverse, 1e-30f);
     const float nearer = sky ? 1.0f : length(p) / fmax(length(p + centre.xyz), 1e-30f);
     const float across = 2.0f / side / dot(v, v) * nearer * height / IPRT_PI;

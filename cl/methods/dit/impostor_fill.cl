@@ -1,9 +1,9 @@
-// Holes of the impostor, filled by push-pull: means of what is known go up a pyramid, and from there
-// down into the holes (K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination", IEEE TVCG
-// 2017, section 5). Level l of each face has ceil(side / 2^l) texels a side.
+// Push-pull filling of the impostor's holes: means of known texels go up a pyramid, and from there down
+// into the holes (K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination", IEEE TVCG 2017,
+// section 5). Level l of each face has ceil(side / 2^l) texels a side.
 //
 //   kernel        in                           out
-//   push_texels   a level                      the next coarser one: means of what is known
+//   push_texels   a level                      the next coarser one: means of known texels
 //   pull_texels   a level, the coarser one     the holes of the level; at the finest, inverse distances
 #include "maths/cube.h"
 
@@ -34,8 +34,8 @@ __kernel void push_texels(
         known > 0.0f ? sum / known : (float4)(0.0f, 0.0f, 0.0f, -1.0f);
 }
 
-// A texel of the coarser level. The coarsest has one a face: where that is a hole, the mean of the
-// others; where nothing at all is known, a black sky.
+// Return a texel of the coarser level. The coarsest has one per face. Where it is a hole, the mean of the
+// other faces is returned; without any known texel, black sky.
 static inline float4 coarse_texel(__global const float4 *texels, int side, int face, int x, int y)
 {
     float4 texel = texels[(face * side + clamp(y, 0, side - 1)) * side + clamp(x, 0, side - 1)];

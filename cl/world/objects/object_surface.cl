@@ -1,8 +1,8 @@
-// Tangent planes and depth ranges of rasterized object layers, for the marches of lib/world/objects/objects.h.
-// -D VIEW_EQUIRECT for equirect layers.
+// Tangent planes and depth ranges of rasterized object layers, for the marches of
+// lib/world/objects/objects.h. -D VIEW_EQUIRECT for equirect layers.
 //
 // in   view      [16]      lib/gbuffer/view.h
-//      geometry  [2][H*W]  front, back: world shading normal, radial distance; 0: nothing
+//      geometry  [2][H*W]  front, back: world shading normal, radial distance; 0: no surface
 // out  planes    [H*W][2]  front, back: xyz g of the tangent plane g.x = 1, w radial distance
 //      range     [H*W]     (smallest front, largest back) radial distance within the texel;
 //                          (INFINITY, -INFINITY) where there is no solid

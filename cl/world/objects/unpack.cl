@@ -1,29 +1,29 @@
-// The visible virtual layer of the view: from rasterized texels to the planes that passes read.
+// Unpacks the visible object layer of the view from rasterized texels into planes for later passes.
 //
-// in   display   [3*H*W]   three images: world normal, radial distance (0: nothing); albedo,
+// in   display   [3*H*W]   three images: world normal, radial distance (0: no surface); albedo,
 //                          1 + material index; fraction of the pixel where an object is in front,
 //                          previous image point in pixels, fraction where there is any object
 //      materials           material table (lib/world/brdf.h)
 //      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/real_layer.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes
-//      sides     [H*W]     share of the pixel's own real surface, and of the other one, that objects hide,
+//      sides     [H*W]     shares of the pixel's own real surface, and of the other one, that objects hide,
 //                          where other_pixel is not -1 and objects are in the pixel
 //
-// Depth edges of the real layer are sharper than the texels that objects were compared with. A pixel at
-// one compares them with the surfaces on both sides of the edge instead, and weighs these by area.
+// Depth edges of the real layer are sharper than the texels that objects were compared with. A pixel at an
+// edge therefore compares them with the surfaces on both sides, weighted by area.
 //
-// It runs over a rectangle; outside, nothing is written. -D COVERAGE_TOLERANCE: see visibility.cl. Normals
-// are turned towards the viewer: interpolated ones may face away near silhouettes.
+// Runs over a rectangle and writes nothing outside. -D COVERAGE_TOLERANCE: see visibility.cl. Normals are
+// turned towards the viewer: interpolated ones may face away near silhouettes.
 #include "world/brdf.h"
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"
 
-#define ACROSS 4         // samples a side of a pixel
-#define PLANE_RANGE 0.1f // relative change of distance at most: planes seen edge-on give any
+#define ACROSS 4         // samples along a pixel's side
+#define PLANE_RANGE 0.1f // largest relative change of distance: unbounded for planes seen edge-on
 
-// The plane of a surface that a pixel shows in direction `at`: xyz = g, g . x = 1 on it; w: 1 / distance.
-// All 0: open sky.
+// Return the plane of a surface that a pixel shows in direction `at`: xyz = g, g . x = 1 on it; w: 1 /
+// distance. All 0: open sky.
 static inline float4 facet(float3 normal, float distance, float3 at)
 {
     const float nearness = distance > 0.0f ? 1.0f / distance : 0.0f;
@@ -44,7 +44,7 @@ static inline float4 real_facet(__global const float *restrict real_normal,
                  view_direction(view, convert_float2(at) + 0.5f));
 }
 
-// Fractions of a pixel in which one surface is in front of either of two.
+// Return the fractions of a pixel in which the object is in front of each of two surfaces.
 static inline float2 in_front_of_sides(
     float4 object, float4 own, float4 other, __global const float *restrict view, int2 at)
 {

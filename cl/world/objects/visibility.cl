@@ -1,41 +1,41 @@
-// What the view shows of the objects, by rays from the capture centre: the same as OpenGL draws
-// (iprt/raster/rasterizer.py), where that is missing or to be checked.
+// Visibility of the objects in the view by ray casting from the capture centre: the same as the OpenGL
+// rasterizer (iprt/raster/rasterizer.py), for devices without OpenGL and for tests.
 //
 //   kernel        in                                       out, [height * width]
-//   see_objects   objects (lib/world/objects/objects_bvh.h);             front: world normal as the mesh has it,
-//                 displacements: per vertex, to where it   radial distance (0: nothing); material:
-//                 was, object space, or null;             albedo, 1 + material index; met: instance,
-//                 surface, as below                        -1: nothing, -2 - instance: behind the real
-//                                                          surface, and triangle; displaced: the same as
-//                                                          displacements, of the surface, world space
-//   show_objects  objects; front, material and met, which  display, three images: the same, edge
-//                 nothing else reads; surface: tangent     pixels lent a surface; and coverage:
+//   see_objects   objects (objects_bvh.h);                 front: world normal as in the mesh,
+//                 displacements: per vertex, to its        radial distance (0: no surface); material:
+//                 previous position, object space, or      albedo, 1 + material index; met: instance,
+//                 null; surface, as below                  -1: none, -2 - instance: behind the real
+//                                                          surface, and triangle; displaced: the
+//                                                          surface's displacement, world space
+//   show_objects  objects; front, material and met, not    display, three images: the same, edge
+//                 read elsewhere; surface: tangent         pixels with a borrowed surface; and coverage:
 //                 planes of the panorama; previous view    fraction of the pixel in which an object
 //                 (lib/gbuffer/view.h); moved: 3 float4    is in front of the real surface, motion:
 //                 per material, rows of this frame's       image point in the previous view, pixels,
 //                 world to the previous frame's            (-1e9, -1e9): nowhere; and fraction in
 //                                                          which there is any object
 //
-// Pixel centres are at integer + 0.5. Both run over a rectangle; outside, nothing is written, and
-// nothing is seen.
-// Coverage takes samples x samples rays a pixel; with less than 4, and no textures, only beside what
-// is not covered. -D COVERAGE_TOLERANCE: an object is in front up to this fraction of the distance
-// behind the real surface. Coverage is 1 - M of Eq. 2 of IPRT ("Interactive panoramic ray tracing").
-// Where meshes bend, a point was before where its object's motion takes the point displaced.
+// Pixel centres are at integer + 0.5. Both kernels run over a rectangle and write nothing outside. Coverage
+// takes samples x samples rays a pixel. With fewer than 4 per side and no textures, only pixels beside
+// uncovered ones are sampled. -D COVERAGE_TOLERANCE: an object counts as in front up to this fraction of
+// the distance behind the real surface. Coverage is 1 - M of Eq. 2 of IPRT ("Interactive panoramic ray
+// tracing"). For deforming meshes, the previous position is the displaced point moved by the object's
+// motion.
 #include "world/objects/objects_bvh.h"
 #include "maths/tracing.h"
 #include "gbuffer/view.h"
 
-// Lending a surface to the pixel next to it may change its distance by this fraction.
+// Largest relative change of distance of a surface borrowed by the adjacent pixel.
 #define LENDING_RANGE 0.03f
 
-// With few samples a side, pixels whose neighbours are covered are taken as covered.
+// Return whether pixels whose neighbours are covered count as covered, as with few samples a side.
 static inline int outlines_only(const Objects world, int samples)
 {
     return samples < 4 && !world.texels;
 }
 
-// 1 / distance of the real surface along d.
+// Return 1 / distance of the real surface along d.
 static inline float real_nearness(
     __global const float4 *restrict surface, int surface_width, int surface_height, float3 d)
 {
@@ -92,7 +92,7 @@ TRACING_KERNEL void see_objects(
     displaced[pixel] = (float4)(bvh_transform(rows + 3, step, 0.0f), 0.0f);
 }
 
-// Whether the ray along d meets a triangle of the packet that `hit` is in, as bvh_trace would.
+// Return whether the ray along d meets a triangle of the packet of `hit`, as bvh_trace() would.
 static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *hit)
 {
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit->instance;
@@ -103,9 +103,9 @@ static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *h
     return bvh_packet(world.bvh, ray, hit->triangle >> 2, hit);
 }
 
-// Rays that meet an object in front of the real surface, and rays that meet any; and the mean albedo of
-// those that meet `index` - 1, which pictures finer than the pixels are averaged by. `near`: instance and
-// triangle that a ray beside them meets.
+// Return the number of rays that meet an object in front of the real surface, and of rays that meet any.
+// `albedo` gets the mean over rays that meet material `index` - 1, which averages textures finer than
+// pixels. `near`: instance and triangle that an adjacent ray meets.
 static inline int2 visible_samples(const Objects world, __global const float *restrict view, int x,
                                    int y, int samples, int index, int2 near,
                                    __global const float4 *restrict surface, int surface_width,
@@ -120,8 +120,8 @@ static inline int2 visible_samples(const Objects world, __global const float *re
         const float2 within = ((float2)(i % samples, i / samples) + 0.5f) / samples;
         const float3 d = view_direction(view, (float2)(x, y) + within);
         const float nearness = real_nearness(surface, surface_width, surface_height, d);
-        // Most rays of a pixel meet the triangles that its centre or the one before has met. What may be
-        // in front of these is in front of the real surface too, and need not be found.
+        // Most rays of a pixel meet the same triangles as its centre or the previous ray. Any object in
+        // front of them is in front of the real surface too and need not be found.
         if (!world.texels && meets_packet_again(world, d, &hit)
             && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
             visible++;
@@ -145,7 +145,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
     return (int2)(visible, any);
 }
 
-// A neighbour with a surface, -1: none.
+// Return a neighbour with a surface, -1: none.
 static inline int nearest_covered_neighbour(__global const float4 *restrict front, int x, int y,
                                             int width, int height, int wraps)
 {
@@ -163,8 +163,8 @@ static inline int nearest_covered_neighbour(__global const float4 *restrict fron
     return -1;
 }
 
-// Whether all samples of a pixel can be taken to meet an object in front of the real surface, as its
-// centre and those of its neighbours do.
+// Return whether all samples of a pixel can be assumed to meet an object in front of the real surface, as
+// its centre and its neighbours' centres do.
 static inline int is_inside(__global const int2 *restrict met, int4 rectangle, int x, int y, int width)
 {
     if (x <= rectangle.x || y <= rectangle.y || x >= rectangle.z - 1 || y >= rectangle.w - 1)
@@ -178,7 +178,7 @@ TRACING_KERNEL void show_objects(
     const int width,
     const int height,
     __global const float *restrict view,
-    __global const float *restrict previous,     // of the frame before
+    __global const float *restrict previous,     // of the previous frame
     OBJECT_PARAMETERS,
     __global const float4 *restrict moved,       // rows of the objects' motion, per material
     __global const float4 *restrict surface,     // xyz = g, g . x = 1 on the real surface
@@ -199,7 +199,7 @@ TRACING_KERNEL void show_objects(
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float4 seen = front[pixel], its_material = material[pixel];
     int from = seen.w > 0.0f ? -1 : nearest_covered_neighbour(front, x, y, width, height, is_equirect(view));
-    // Here nothing can be lent, whatever samples meet: most of a rectangle around objects.
+    // No neighbour to borrow from: most of a rectangle around objects.
     if (!(seen.w > 0.0f) && from < 0) {
         display[pixel] = display[width * height + pixel] = (float4)(0.0f);
         display[2 * width * height + pixel] = (float4)(0.0f, -1e9f, -1e9f, 0.0f);
@@ -218,7 +218,7 @@ TRACING_KERNEL void show_objects(
         const float4 lent = front[from];
         const float2 at = (float2)(from % width + 0.5f, from / width + 0.5f);
         const float ratio = dot(lent.xyz, view_direction(view, at)) / dot(lent.xyz, d);
-        // A plane seen edge-on gives no ratio, or one of any size.
+        // A plane seen edge-on has no ratio, or one of any size.
         const float moderate = clamp(ratio, 1.0f - LENDING_RANGE, 1.0f + LENDING_RANGE);
         seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
         its_material = material[from];

@@ -1,10 +1,9 @@
-// What models predict at samples, and by how much the nearest covers each (W. Lee et al. 2022, section
-// IV-A).
+// Evaluation of models at samples, and their coverage of each sample (W. Lee et al. 2022, section IV-A).
 //
 // in   samples    world/real/draw_samples.cl
 //      models     lib/world/real/learned.h
-// out  predicted  weighted mean of the models' radiance (Eq. 4), sum of their weights; 0: none is asked
-//      greatest   weight of any model
+// out  predicted  weighted mean of the models' radiance (Eq. 4), sum of their weights; 0: none applies
+//      greatest   largest weight of any model
 #include "world/real/learned.h"
 
 __kernel void ask_models(

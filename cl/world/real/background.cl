@@ -1,5 +1,5 @@
-// Joins and leaf depth ranges of the background (remember.cl), as surface.cl makes those of the first
-// layer: where nothing is hidden, that is what it is, and is copied.
+// Joints and leaf depth ranges of the background (remember.cl), as surface.cl computes them for the first
+// layer. Where nothing is hidden, the background equals the first layer and is copied.
 //
 // in   kept_depth, kept_plane, kept_marks  remember.cl
 //      column, row                         (cos, sin) of the azimuth of column edges; cos of the polar
@@ -16,7 +16,7 @@ static inline Vectors vectors(float3 v)
     return same;
 }
 
-// Texels side by side that a work item takes.
+// Adjacent texels per work item.
 #define STRIP 16
 
 typedef struct {
@@ -31,7 +31,7 @@ typedef struct {
     __global const float2 *polar;
 } Kept;
 
-// Whether something is hidden at texels from x to `end` of a row, or right beside one.
+// Return whether something is hidden at a texel from x to `end` of a row, or at a direct neighbour.
 static inline int hides(__global const uchar *restrict marks, int x, int end, int y, int width,
                         int height)
 {
@@ -57,7 +57,7 @@ static inline void join_texel(const Kept kept, int x, int y, float4 *surface, fl
     const Vectors v = vectors(centre_direction(kept.azimuth[x], kept.polar[y]));
     const float footprint = IPRT_PI / kept.height;
     float reach = footprint * d, low = d, high = d;
-    // East, west, north, south; one after the other, which takes half of the registers.
+    // East, west, north, south. Not unrolled, which halves the registers.
     #pragma unroll 1
     for (int i = 0; i < 4; i++) {
         const int row = y + (i == 3) - (i == 2), aside = x + (i == 0) - (i == 1);

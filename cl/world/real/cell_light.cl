@@ -1,11 +1,11 @@
-// How light on still surfaces changed between two frames of a video (iprt/world/real/cell_light.py).
+// Change of light on static surfaces between two frames of a video (iprt/world/real/cell_light.py).
 //
 //   kernel         in                              out
 //   sample_light   radiance, inverse (inverse.cl)  samples: every step-th texel of every step-th
 //                                                  row: rgb, inverse depth
-//   compare_light  samples of both frames          sums over cells of samples whose surface stayed
+//   compare_light  samples of both frames          per cell, sums over samples whose surface stayed
 
-// Relative distance up to which a sample's surface is the one it was.
+// Relative difference of distances up to which a sample shows the same surface.
 #define SAME_DISTANCE 0.02f
 
 __kernel void sample_light(
@@ -26,7 +26,7 @@ __kernel void sample_light(
         (float4)(vload3(y * width + x, radiance), fabs(inverse[lines[y].x + x]));
 }
 
-// The first of `size` samples of which `step` apart lie in `cells` cells of `texels` texels.
+// Return the first of `size` samples, `step` texels apart, in a cell; `cells` cells over `texels` texels.
 static inline int first_of(int cell, int cells, int texels, int step)
 {
     const int texel = (cell * texels + cells - 1) / cells;
@@ -42,7 +42,7 @@ __kernel void compare_light(
     const int sample_columns,
     __global const float4 *restrict before,
     __global const float4 *restrict now,
-    __global float4 *restrict lights)           // out, 2 a cell: rgb of before, count; of now, 0
+    __global float4 *restrict lights)           // out, 2 a cell: rgb before, count; rgb now, 0
 {
     const int column = get_global_id(0), row = get_global_id(1);
     if (column >= columns || row >= rows)
@@ -54,7 +54,7 @@ __kernel void compare_light(
     for (int y = y0; y < y1; y++)
         for (int x = x0; x < x1; x++) {
             const float4 a = before[y * sample_columns + x], b = now[y * sample_columns + x];
-            // In open sky, where both are 0, nothing is.
+            // Both are 0 in open sky.
             if (a.w > 0.0f && b.w > 0.0f && fabs(b.w - a.w) <= SAME_DISTANCE * a.w) {
                 first += (float4)(a.xyz, 1.0f);
                 second += (float4)(b.xyz, 0.0f);

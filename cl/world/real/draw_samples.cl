@@ -1,5 +1,5 @@
-// Samples of the panorama's real surfaces, from which their radiance is learned: texels about evenly
-// over the sphere. Windows and the open sky are no surfaces.
+// Samples of the panorama's real surfaces for learning their radiance: texels, about uniform over the
+// sphere. Windows and the open sky are not surfaces.
 //
 // in   surface   lib/world/real/real.h
 //      radiance  3 a texel
@@ -12,7 +12,7 @@
 __kernel void draw_samples(
     const int width,
     const int height,
-    const int first,                            // number of the first sample since the start
+    const int first,                            // index of the first sample since the start
     const int count,
     __global const float4 *restrict surface,
     __global const float *restrict radiance,

@@ -1,7 +1,7 @@
 // Highlights that the capture centre sees on glossy real surfaces, and the panorama without them.
 //
-// Equirect texels (row 0 the zenith), world-space, metres. `list` holds the glossy texels, row *
-// width + column; gloss 0 means diffuse, else 1 + index into the table of real materials.
+// Equirect texels (row 0 the zenith), world-space, metres. `list` holds the glossy texels, row * width +
+// column; gloss 0 means diffuse, else 1 + index into the table of real materials.
 //
 //   kernel            in                                        out
 //   sample_highlight  real layer, color (3 floats per texel)    highlight, list's texels: radiance
@@ -12,30 +12,30 @@
 //                                                               cells of CELL x CELL texels: color
 //                                                               (w: their gloss, 0 none), highlight,
 //                                                               irradiance / pi
-//   remove_highlight  color, highlight, gain, min_base (per cell)  highlight, all texels: what is no
-//                                                               diffuse reflection, within [0, color];
-//                                                               radiated: what rays find there
+//   remove_highlight  color, highlight, gain, min_base (per cell)  highlight, all texels: the specular
+//                                                               part, within [0, color]; radiated:
+//                                                               the radiance for rays
 //
-// -D CELL: texels a side of a cell. The gain corrects what the panorama cannot tell, see
+// -D CELL: texels along a cell's side. The gain corrects for unknown properties of the surfaces, see
 // iprt/world/real/highlight_gain.py.
 //
-// The reflection at x towards the centre is the integral of f_s(wo, wi) L(x, wi) cos over the
-// specular lobe, by rays of the lobe's visible normals (lib/world/brdf.h). L is what the camera saw where
-// the ray ends: a highlight in it counts as if it shone this way too. It is reflected once more to
-// get here, by a few percent of a coat, so that a second pass would change nothing that shows.
+// The reflection at x towards the centre is the integral of f_s(wo, wi) L(x, wi) cos over the specular
+// lobe, by rays sampled from the lobe's visible normals (lib/world/brdf.h). L is the captured radiance
+// where the ray ends: a highlight in it counts as if it were diffuse. Its second reflection is a few
+// percent of a coat, so that a further iteration would change nothing visible.
 //
-// A conductor only reflects. What it sends elsewhere is not known; rays that meet one find
-// what the camera saw, which is what it reflects from another side, and nearer to that than black.
+// A conductor only reflects. Its radiance in other directions is unknown. Rays that meet one find the
+// captured radiance, a reflection of another side but closer than black.
 #include "maths/list.h"
 #include "world/brdf.h"
 #include "world/real/gloss.h"
 #include "world/world.h"
 
-// Planes whose g (lib/world/real/real.h) differ by this part of it, in distance or angle, are of one surface.
+// Planes whose g (lib/world/real/real.h) differ by this fraction, in distance or angle, are one surface.
 #define PLANE_TOLERANCE 0.1f
-// Differences of so many standard deviations count as noise.
+// Differences up to this many standard deviations, squared, count as noise.
 #define DEVIATIONS_SQUARED 9.0f
-// Taps span this part of the lobe's half width, 2 alpha.
+// Fraction of the lobe's half width, 2 alpha, that taps span.
 #define LOBE_FRACTION 0.25f
 
 static inline ALWAYS_INLINE float3 texel_point(const RealLayer layer, int texel)
@@ -46,7 +46,7 @@ static inline ALWAYS_INLINE float3 texel_point(const RealLayer layer, int texel)
     return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, layer.grid.range[texel]);
 }
 
-// What the camera saw, and no objects.
+// Return a world of the captured scene without objects.
 static inline World captured(const RealLayer layer, __global const float *color,
                              __global const float *outside)
 {
@@ -58,13 +58,13 @@ static inline World captured(const RealLayer layer, __global const float *color,
 }
 
 TRACING_KERNEL void sample_highlight(
-    const int most_rays,                            // per texel; fewer where these crowd: poles
+    const int most_rays,                            // per texel; fewer where texels crowd: poles
     const int frame_seed,
     __global const int *restrict list,
     const int count,
     __global const int *restrict gloss,
     __global const float4 *restrict real_materials, // lib/world/brdf.h
-    __global const float4 *restrict real_reflectance, // per real material: of conductors
+    __global const float4 *restrict real_reflectance, // per real material: reflectance of conductors
     REAL_PARAMETERS,
     __global float *restrict highlight,             // out: 3 a texel
     __global float *restrict variance WORK_PARAMETER)   // out
@@ -102,10 +102,9 @@ TRACING_KERNEL void sample_highlight(
     variance[list[item]] = spread / ((float)rays * max(rays - 1, 1));
 }
 
-// One level of an à-trous filter over the texels of one material (Dammertz et al. 2010; SVGF Eqs. 2
-// to 5): those on one plane, whose difference of luminance is within the noise, and no farther apart
-// than the lobe is wide. The first level pools variances, which few rays do not tell, and takes all
-// differences for noise.
+// One level of an à-trous filter over texels of one material (Dammertz et al. 2010; SVGF Eqs. 2 to 5). Taps
+// count on the same plane, with a luminance difference within the noise, and no farther apart than the lobe
+// is wide. The first level averages variances, which few rays do not determine, and ignores luminance.
 __kernel void filter_highlight(
     const int step,                              // tap distance in texels
     __global const int *restrict list,
@@ -125,7 +124,7 @@ __kernel void filter_highlight(
     const float4 centre = (float4)(vload3(texel, highlight), variance[texel]);
     const float3 g = layer.surface[texel].xyz;
     const float plane = 1.0f / (PLANE_TOLERANCE * PLANE_TOLERANCE * dot(g, g));
-    // In texels.
+    // Width in texels.
     const float span = 2.0f * LOBE_FRACTION * real_height / IPRT_PI
         * load_material(real_materials, gloss[texel] - 1).alpha;
     const float lobe = 0.5f / fmax(span * span, 1e-30f);
@@ -214,11 +213,11 @@ __kernel void remove_highlight(
     const int height,
     __global const int *restrict gloss,
     __global const float4 *restrict real_materials,
-    __global const float *restrict color,        // 3 a texel: what the camera saw
+    __global const float *restrict color,        // 3 a texel: captured radiance
     const int columns,                           // cells
     const int rows,
     __global const float4 *restrict gain,        // float4 per cell
-    __global const float4 *restrict min_base,       // float4 per cell: what the highlight leaves
+    __global const float4 *restrict min_base,       // float4 per cell: least remainder without the highlight
     __global float *restrict highlight,          // in, out: 3 a texel
     __global float *restrict radiated)           // out: 3 a texel
 {

@@ -1,21 +1,21 @@
-// Inverse depth of the panorama, in lines that go on beyond the seam, so that what lies beside a
-// texel is where its column says.
+// Inverse depth of the panorama, in lines that continue beyond the seam, so that neighbours of a texel are
+// found without wrapping.
 //
 // in   depth    [rows*W]  metres from the capture centre; INFINITY: open sky
 //      marks    [rows*W]  1: an opening
-//      lines    [H]       x: where column 0 of a row is in `inverse`; y, z: columns that the line
-//                         goes on to the left and to the right, at most W
+//      lines    [H]       x: index of a row's column 0 in `inverse`; y, z: columns by which the line
+//                         continues to the left and to the right, at most W
 // out  inverse            1/m, 0 in open sky, with the sign bit of openings
 //
-// Launched for some rows at a time, so that depth is never on the device as a whole.
+// Launched for some rows at a time, so that the whole depth image is never on the device.
 
-// Largest inverse depth: so that no product is infinite, which times 0 is not 0.
+// Largest inverse depth. Products stay finite, because infinity times 0 is not 0.
 #define NEAREST 1e30f
 
 __kernel void invert_depth(
     const int width,
-    const int rows,                            // that `depth` and `marks` hold
-    const int first,                           // number of the first one
+    const int rows,                            // in `depth` and `marks`
+    const int first,                           // index of the first one
     __global const float *restrict depth,
     __global const uchar *restrict marks,
     __global const int4 *restrict lines,

@@ -1,19 +1,19 @@
-// The irradiance cache of the panorama: E_R / pi per cell of an equirect grid, refined over frames
-// where it is needed, and kept while the video stays (lib/world/real/irradiance.h).
+// The irradiance cache of the panorama: E_R / pi per cell of an equirect grid, refined over frames where
+// needed and kept while the video is static (lib/world/real/irradiance.h).
 //
 //   kernel         in                                           out
 //   place_cells    panorama (lib/world/real/real.h)             plane: tangent plane of each entry
 //                                                               (w 0: none, or a window; else 1 +
-//                                                               samples forgotten); point: where it
-//                                                               is; means forget what is elsewhere
-//   move_cells     panorama, camera (lib/gbuffer/camera.h),     the same, fetched from where the
-//                  plane, mean and smooth as they were          surfaces were
-//   list_cells     pixels that are traced (list, count, guide,  entries around them that know less
-//                  touched), objects' boxes, mean               than they should, each once
-//   refine_cells   cells, point, world (lib/world/world.h)      mean: rgb / pi, w samples; then, of each entry
-//                                                               again, xyz its flux (irradiance.h)
-//   smooth_cells   cells, point, mean                           smooth: joint filter of mean, ever
-//                                                               narrower as samples come in
+//                                                               samples forgotten); point: its
+//                                                               position; means of moved surfaces reset
+//   move_cells     panorama, camera (lib/gbuffer/camera.h),     the same, reprojected from the previous
+//                  previous plane, mean and smooth              axes
+//   list_cells     pixels that are traced (list, count, guide,  entries around them with too few
+//                  touched), objects' boxes, mean               samples, each once
+//   refine_cells   cells, point, world (lib/world/world.h)      mean: rgb / pi, w samples; then, per entry
+//                                                               again, xyz the flux (irradiance.h)
+//   smooth_cells   cells, point, mean                           smooth: joint filter of mean, narrower
+//                                                               with every sample
 //   show_cells     guide, smooth                                3 planes: rgb / pi at the pixels
 #include "world/boxes.h"
 #include "gbuffer/camera.h"
@@ -24,16 +24,16 @@
 #include "maths/sampling.h"
 
 #define SMOOTH_RADIUS 3
-// Texels of a cell a side in which its second surface is looked for, at most.
+// Most texels along a cell's side in which its second surface is searched.
 #define MOST_ACROSS 8
-// Samples after which a cell counts as much as all others around it.
+// Samples after which a cell weighs the same as all others around it together.
 #define OWN_SAMPLES 32.0f
-// Light along the surface has no bounded variance: its share of the flux is that of steeper light.
+// The variance of light along the surface is unbounded: its share of the flux uses this cosine.
 #define LEAST_COSINE 0.1f
-// Relative distance up to which a cell's surface is the one it was.
+// Relative distance up to which a cell's surface is the same.
 #define SAME_PLACE 0.02f
 
-// Random numbers go on where they were, so that what is forgotten is not drawn again.
+// The sample index continues, so that forgotten samples are not drawn again.
 #define MOST_FORGOTTEN 4194304.0f
 
 static inline float forgotten(float before, float more)
@@ -48,7 +48,7 @@ typedef struct {
     __global const float4 *surface;
 } Texels;
 
-// Tangent plane of a texel; 0 where there is none, or a window.
+// Return the tangent plane of a texel; 0 for open sky or a window.
 static inline float4 texel_plane(Texels real, int column, int row)
 {
     const float4 surface = real.surface[row * real.width + column];
@@ -62,7 +62,7 @@ static inline float4 plane_at(Texels real, float x, float y, int columns, int ro
                        min((int)(y / rows * real.height), real.height - 1));
 }
 
-// Whether two tangent planes are of one surface, or both of none.
+// Return whether two tangent planes belong to one surface, or neither is a surface.
 static inline int same_surface(float4 one, float4 other)
 {
     const float3 apart = one.xyz - other.xyz;
@@ -70,7 +70,7 @@ static inline int same_surface(float4 one, float4 other)
         && dot(apart, apart) <= SAME_PLACE * SAME_PLACE * dot(one.xyz, one.xyz);
 }
 
-// Tangent plane of a texel, which may lie beyond the seam, and its point and normal there.
+// Return a texel's tangent plane, point and normal. The texel may lie beyond the seam.
 static inline float4 texel_surface(Texels real, int column, int row, float3 *p, float3 *n)
 {
     const int x = (column + real.width) % real.width, y = clamp(row, 0, real.height - 1);
@@ -81,10 +81,11 @@ static inline float4 texel_surface(Texels real, int column, int row, float3 *p, 
     return plane;
 }
 
-// Whether a texel shows a surface that its neighbours go on with, and no cell around has at its centre.
+// Return whether a texel shows a surface that continues in its neighbours and is at the centre of no cell
+// around.
 static inline int is_thin(Texels real, int column, int row, int x, int y, int columns, int rows)
 {
-    // Most texels of a cell show what its centre does.
+    // Most texels of a cell show the same surface as its centre.
     if (same_surface(texel_plane(real, column, row), plane_at(real, x + 0.5f, y + 0.5f, columns, rows)))
         return 0;
     float3 p, n, q, m;
@@ -106,8 +107,8 @@ static inline int is_thin(Texels real, int column, int row, int x, int y, int co
     return joined >= 2;
 }
 
-// Place (column, row) of the texel that shows a cell's second surface, the one nearest to the centre; (-1, -1):
-// there is none.
+// Return (column, row) of the texel nearest to the centre that shows a cell's second surface; (-1, -1):
+// none.
 static inline int2 thin_texel(Texels real, int x, int y, int columns, int rows)
 {
     const int across = clamp(real.width / columns, 1, MOST_ACROSS);
@@ -128,8 +129,8 @@ static inline int2 thin_texel(Texels real, int x, int y, int columns, int rows)
     return nearest;
 }
 
-// The surface of an entry, x and y of which count cells, and rows of second surfaces below: its tangent plane, 0 if
-// there is none; and the direction in which it is.
+// Return the surface of an entry: its tangent plane, 0 if there is none. `v` gets its direction. x and y
+// count cells; rows of second surfaces follow below.
 static inline float4 entry_plane(Texels real, int x, int y, int columns, int rows, float3 *v)
 {
     *v = texel_direction(x, y % rows, columns, rows);
@@ -148,7 +149,7 @@ __kernel void place_cells(
     const int real_width,
     const int real_height,
     __global const float4 *restrict real_surface,
-    const float kept,                      // samples that means are worth at most from now on
+    const float kept,                      // most samples that means count as from now on
     __global float4 *restrict plane,       // in, out
     __global float4 *restrict mean,        // in, out
     __global float4 *restrict smooth,      // in, out
@@ -177,7 +178,7 @@ __kernel void move_cells(
     const int real_width,
     const int real_height,
     __global const float4 *restrict real_surface,
-    const float kept,                              // samples that means are worth at most
+    const float kept,                              // most samples that means count as
     __global const float *restrict camera,         // lib/gbuffer/camera.h
     __global const float4 *restrict plane_before,
     __global const float4 *restrict mean_before,
@@ -210,7 +211,7 @@ __kernel void move_cells(
             const float4 before = plane_before[from], known = mean_before[from];
             const float weight = (i & 1 ? past.x : 1.0f - past.x)
                 * (i & 2 ? past.y : 1.0f - past.y) * cache_agreement(before, there, normal);
-            // What is worth more samples weighs more; sums come first, means after.
+            // Weighted by samples; sums first, means after.
             mean_now += weight * (float4)(known.w * known.xyz, known.w);
             const float4 shown = smooth_before[from];
             smooth_now += weight * (float4)(shown.w * shown.xyz, shown.w);
@@ -242,17 +243,17 @@ __kernel void list_cells(
     __global const float *restrict touched,
     __global const float4 *restrict boxes,
     const int box_count,
-    const float min_solid_angle,                     // solid angle of objects that matters, sr
+    const float min_solid_angle,                     // least solid angle of objects that matter, sr
     const int columns,
     const int rows,
-    const float first,                     // samples that do where objects have no influence yet
-    const float enough,                    // and samples after which a cell is not refined further
+    const float first,                     // samples per cell where objects have no influence yet
+    const float enough,                    // samples after which a cell is not refined further
     __global const float4 *restrict plane,
     __global const float4 *restrict mean,
     __global int *restrict listed,         // in, out: 1 at the cells of the list
     __global int *restrict cells,          // out
     __global int *restrict cell_count,     // in, out: length of the list, 0 at the start
-    __global int *restrict next_count      // out: 0, that of the next frame
+    __global int *restrict next_count      // out: 0, the next frame's length
     WORK_PARAMETER)
 {
     if (get_global_id(0) == 0)
@@ -281,7 +282,7 @@ __kernel void list_cells(
 }
 
 TRACING_KERNEL void refine_cells(
-    const int rays,                        // per cell and frame; twice for one that knows nothing
+    const int rays,                        // per cell and frame; twice for unknown cells
     const int entries,                     // CACHE_SURFACES * columns * rows
     const int seed,
     __global const int *restrict list,

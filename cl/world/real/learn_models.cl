@@ -1,9 +1,9 @@
-// What local linear models learn from samples: recursive least squares with forgetting (Eqs. 6 and 7
-// of W. Lee et al. 2022), and a step of stochastic gradient descent of the bandwidth (Eq. 8) for each
-// sample. A work item has a model of its own, and takes the samples around it in their order.
+// Learning of local linear models from samples: recursive least squares with forgetting (Eqs. 6 and 7 of W.
+// Lee et al. 2022), and a step of stochastic gradient descent of the bandwidth (Eq. 8) for each sample. A
+// work item has one model, and processes the samples around it in order.
 //
-// P of Eq. 6 is kept as its inverse, to which a sample adds w x x^T: it stays positive definite in
-// single precision. -D PRIOR is what it starts with, the inverse of 1e5.
+// P of Eq. 6 is kept as its inverse, to which a sample adds w x x^T: it stays positive definite in single
+// precision. -D PRIOR is its initial value, the inverse of 1e5.
 //
 // in      samples      world/real/draw_samples.cl, sorted by cells
 //         start        the first sample of each cell, and the end of the last one's
@@ -11,14 +11,14 @@
 //         information  6 a model: P^-1, upper triangle row by row
 #include "world/real/learned.h"
 
-// Errors of the first samples are those of a model that is not determined yet.
+// Samples before which errors are ignored: the model is not determined yet.
 #define ERRORS_FROM 4.0f
-// The forgetting factor arrives after so many samples at its last value.
+// Samples after which the forgetting factor has its final value.
 #define FORGETTING_SAMPLES 256.0f
-// A sample changes the bandwidth by so much at most.
+// Largest change of the bandwidth by a sample.
 #define LARGEST_STEP 0.1f
 
-// P x.
+// Return P x.
 static inline float3 gain_of(const float *a, float3 x)
 {
     // Cholesky: P^-1 = L L^T.
@@ -36,7 +36,7 @@ __kernel void learn_models(
     const int count,                            // of models
     const float radius,                         // search radius, metres
     const float first_forgetting,               // lambda of the first sample
-    const float last_forgetting,                // and after FORGETTING_SAMPLES
+    const float last_forgetting,                // lambda after FORGETTING_SAMPLES
     const float unit,                           // errors are relative to this radiance and the model's
     const float rate,                           // of the gradient descent
     const float slopes_penalty,                 // gamma_1
@@ -79,7 +79,7 @@ __kernel void learn_models(
                                       dot(d, frame.y) * inverse_radius);
             const float3 e = sample[2].xyz - (level + x.y * slope_x + x.z * slope_y);
 
-            // Eqs. 6 and 7. What no sample tells any more is not forgotten either.
+            // Eqs. 6 and 7. Information never falls below the prior.
             const float forgetting = mix(first_forgetting, last_forgetting,
                                          fmin(learned / FORGETTING_SAMPLES, 1.0f));
             a[0] = fmax(forgetting * a[0], PRIOR) + weight;
@@ -89,9 +89,9 @@ __kernel void learn_models(
             a[4] = forgetting * a[4] + weight * x.y * x.z;
             a[5] = fmax(forgetting * a[5], PRIOR) + weight * x.z * x.z;
             const float3 gain = gain_of(a, x);
-            // Eq. 8: the derivative by the logarithm of the bandwidth, by which that of a weight is
-            // w r^2 / b^2. That of the coefficients by a weight is P x e; J_1 is least for them. All by
-            // coefficients that do not know the sample.
+            // Eq. 8: the derivative with respect to the logarithm of the bandwidth. A weight's is
+            // w r^2 / b^2. The derivative of the coefficients with respect to a weight is P x e; J_1 is
+            // minimal for the coefficients. All use coefficients from before the sample.
             if (learned >= ERRORS_FROM) {
                 const float scale = 1.0f / (unit + fmax(luminance(level), 0.0f));
                 const float shown = scale * scale / 3.0f, squared = fmin(shown * dot(e, e), 1e4f);

@@ -4,40 +4,41 @@
 //   fit_planes   inverse (inverse.cl)            planes: least squares in windows of 5 x 5 texels
 //   take_planes  inverse, normals of the source  planes, where the source has a normal
 //
-// planes  three images, of x, y and z, of some rows (those of a band and one beyond either end),
-//         `stride` floats a row, after MARGIN floats; 0 in open sky
+// planes: three images, of x, y and z, for a band of rows and one row beyond either end, `stride` floats a
+// row, after MARGIN floats; 0 in open sky
 //
-// The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel,
-// small normal equations solved by determinants instead of an SVD), fitted in inverse depth: with
-// tangent coordinates (a, b) about a texel's direction, a plane n.p = 1 is 1/z = n_c + n_a a + n_b b,
-// linear in the unknowns and exact for planes at any slant. Windows do not reach across depth gaps,
-// nor join openings, whose depth is interpolated, with what was measured.
+// The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel, small
+// normal equations solved by determinants instead of an SVD), fitted in inverse depth: with tangent
+// coordinates (a, b) about a texel's direction, a plane n.p = 1 is 1/z = n_c + n_a a + n_b b, linear in the
+// unknowns and exact for planes at any slant. Windows do not extend across depth gaps. They never mix
+// openings, whose depth is interpolated, with measured depth.
 #include "maths/lanes.h"
 #include "world/real/tangent.h"
 
-// Tap `down` rows below and `aside` steps to the right, in the 25 of a row.
+// Index of the tap `down` rows below and `aside` columns to the right, among the 25 of a row.
 #define TAP(down, aside) (5 * ((down) + 2) + (aside) + 2)
-// Inverse depth has a slope where it departs from a line by no more than this share of itself.
+// Inverse depth has a slope where its relative departure from a line is no more than this.
 #define ROUGHEST 0.05f
 #define MIN_SAMPLES 3.0f
 
 typedef struct {
-    float scale;   // 1 / cosine of the angle to the neighbour, which 1/z is to be multiplied by
+    float scale;   // 1 / cosine of the angle to the neighbour, a factor of 1/z
     float a;       // tangent coordinates
     float b;
-    int line;      // where the neighbour of column 0 is in `inverse`
+    int line;      // index in `inverse` of the neighbour of column 0
 } Tap;
 
-// Rise of 1/z over the centre. A neighbour more than about 75 degrees away gets one that no plane has.
+// Return the rise of 1/z over the centre. A neighbour more than about 75 degrees away gets a rise that no
+// plane has.
 static inline floats rise_at(__global const float *restrict inverse, const Tap tap, int x,
                              floats centre)
 {
     return fabs(load_floats(inverse + tap.line + x)) * tap.scale - centre;
 }
 
-// Slope along a line of samples at -2, -1, 1 and 2 steps: the mean of both sides where they differ
-// no more than either bends; else, at an edge, that of the smoother side (as ENO schemes choose
-// their stencils). 0 where gaps are on both.
+// Return the slope along a line of samples at -2, -1, 1 and 2 steps: the mean of both sides where they
+// differ no more than either bends; else, at an edge, the smoother side's (like the stencils of ENO
+// schemes). 0 where both sides are gaps.
 static inline floats line_slope(const floats *rise, const float *at, floats centre)
 {
     const floats before = rise[1] / at[1], after = rise[2] / at[2];
@@ -52,7 +53,7 @@ static inline floats line_slope(const floats *rise, const float *at, floats cent
     return either(surface, slope, (floats)(0.0f));
 }
 
-// 1 where a texel of the window lies on the local plane, and its rise there; else 0.
+// Return 1 where a texel of the window lies on the local plane, else 0; `rise` gets its rise there.
 static inline floats on_plane(__global const float *restrict inverse, const Tap tap, int x,
                               floats own, floats expected, floats farthest, floats *rise)
 {
@@ -67,7 +68,7 @@ static inline floats on_plane(__global const float *restrict inverse, const Tap 
 __kernel void fit_planes(
     const int width,
     const int height,
-    const int first,                           // number of the first of the rows of `planes`
+    const int first,                           // index of the first row in `planes`
     const int rows,
     const int stride,
     const float tolerance,                     // largest distance from the local plane, over depth
@@ -95,15 +96,15 @@ __kernel void fit_planes(
     }
     const floats slope_b = line_slope(rise, at, centre);
     for (int i = 0; i < 4; i++) {
-        // A parallel bends away from the great circle: its texels do not lie at b = 0.
+        // A parallel departs from the great circle: its texels do not lie at b = 0.
         const Tap near = tap[TAP(0, steps[i])];
         rise[i] = rise_at(inverse, near, x, centre) - slope_b * near.b;
         at[i] = near.a;
     }
     const floats slope_a = line_slope(rise, at, centre);
 
-    // Moments of a, b and inverse depth over the texels on the local plane. Two texels as many steps
-    // to either side have opposite a and the same b: they are summed as pairs.
+    // Moments of a, b and inverse depth over the texels on the local plane. Two texels the same number of
+    // steps to either side have opposite a and the same b: they are summed as pairs.
     const floats farthest = tolerance * centre;
     floats n = (floats)(1.0f), a = (floats)(0.0f), b = a, aa = a, ab = a, bb = a;
     floats f = a, af = a, bf = a;
@@ -151,7 +152,7 @@ __kernel void fit_planes(
     north = either(solvable, north, slope_b);
     ahead = either(solvable, ahead, centre);
 
-    // Seen at a grazing angle, it is tilted. Through the texel itself.
+    // Tilted if seen at a grazing angle, and moved to pass through the texel itself.
     ahead = fmax(ahead, GRAZING * sqrt(east * east + north * north + ahead * ahead));
     const floats through = either(centre > 0.0f, centre / ahead, (floats)(0.0f));
     const floats cos_phi = load_floats(azimuth + MARGIN + x);
@@ -167,7 +168,7 @@ __kernel void fit_planes(
 __kernel void take_planes(
     const int width,
     const int height,
-    const int first,                           // number of the first of the rows of `planes`
+    const int first,                           // index of the first row in `planes`
     const int rows,
     const int stride,
     __global const float *restrict inverse,
@@ -186,7 +187,7 @@ __kernel void take_planes(
         return;
     const float3 v = centre_direction(azimuth[x], polar[y]);
     const float facing = dot(given, v) / size;
-    // Towards the centre, whichever side it was given for.
+    // Towards the centre, whichever side the source gives.
     const float3 g = tangent_plane(given * (facing > 0.0f ? -1.0f / size : 1.0f / size), v) * centre;
     const int image = rows * stride, to = MARGIN + row * stride + x;
     planes[to] = g.x;

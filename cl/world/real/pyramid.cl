@@ -1,8 +1,8 @@
-// One level of a min/max pyramid over an image of radial distances: a cell holds the smallest
-// minimum and the largest maximum of its (up to four) children. Empty texels are (INFINITY, -INFINITY)
-// for object layers and (INFINITY, INFINITY) for open sky.
+// One level of a min/max pyramid over an image of radial distances: a cell holds the smallest minimum and
+// the largest maximum of its (up to four) children. Empty texels are (INFINITY, -INFINITY) in object layers
+// and (INFINITY, INFINITY) in open sky.
 //
-// in, out  range  all levels, one after another; level l has ceil(W/2^l) x ceil(H/2^l) cells
+// in, out  range  all levels, finest first; level l has ceil(W/2^l) x ceil(H/2^l) cells
 __kernel void reduce_range(
     const int columns,                   // of the finer level
     const int rows,

@@ -1,28 +1,27 @@
-// Pictures of the panorama, three floats a texel; and how bright they are.
+// Panorama radiance, three floats a texel, and its luminance.
 //
-//   kernel         in                                out
-//   load_texels    color, those of the frame before  texels; sums, from which the flux and its
-//                                                    change follow
+//   kernel         in                                  out
+//   load_texels    color, the previous frame's texels  texels; sums for the flux and its change
 //   sum_luminance  texels, hidden_light (remember.cl)  mean luminance of cells (lib/world/real/lights.h)
 //
-// Where the device reads the host's memory, load_texels sums up what was decoded as it is. Else it is
-// launched for some rows at a time, so that what was decoded is never on the device besides texels.
+// Where the device shares the host's memory, load_texels sums the decoded picture in place. Otherwise it is
+// launched for some rows at a time, so that the device never holds the decoded picture besides the texels.
 #include "maths/maths.h"
 
-// Texels side by side that a work item of load_texels takes.
+// Adjacent texels per work item of load_texels.
 #define STRIP 32
 
 __kernel void load_texels(
     const int width,
-    const int rows,                          // that `color` holds
-    const int first,                         // number of the first one, in the other pictures
-    const int done,                          // so many of them were loaded before
+    const int rows,                          // in `color`
+    const int first,                         // index of the first row, in the other pictures
+    const int done,                          // rows that were loaded before
     __global const float *restrict color,    // 3 a texel
     __global const float4 *restrict map,     // 3 rows of `Frame.color_map`, or null; w is 0
-    __global const float *before,            // of the frame before, perhaps `texels`; or null
-    __global float *texels,                  // out, or null where `color` is read as it is
-    __global float4 *restrict sums)          // out, per strip: over texels and channels, of what
-                                             // they differ by, of the larger, and of all; 0
+    __global const float *before,            // of the previous frame, possibly `texels`; or null
+    __global float *texels,                  // out, or null where `color` is used in place
+    __global float4 *restrict sums)          // out, per strip: sums over texels and channels of
+                                             // differences, of the larger values, and of all; 0
 {
     const int strip = get_global_id(0), y = get_global_id(1);
     const int strips = (width + STRIP - 1) / STRIP;
@@ -33,7 +32,7 @@ __kernel void load_texels(
     for (int x = strip * STRIP; x < end; x++) {
         const int texel = (first + y) * width + x;
         const int from = y * width + x;
-        // Where there is a next texel, with its first channel: four floats take one load.
+        // Except for the last texel: four floats take one load.
         float3 now = from + 1 < rows * width ? vload4(0, color + 3 * from).xyz
                                              : vload3(from, color);
         if (map)
@@ -62,7 +61,7 @@ __kernel void sum_luminance(
     const int column = get_global_id(0), row = get_global_id(1);
     if (column >= columns || row >= rows)
         return;
-    // The texels whose number times the cells, over all texels, is the cell's.
+    // The texels that the cell's range of row and column indices maps to.
     const int x0 = (column * width + columns - 1) / columns;
     const int x1 = ((column + 1) * width + columns - 1) / columns;
     const int y0 = (row * height + rows - 1) / rows, y1 = ((row + 1) * height + rows - 1) / rows;

@@ -1,32 +1,31 @@
-// The background of a static camera's video: per texel of the panorama, the farthest surface that
-// was seen there. Launched once per video frame, before background.cl joins them.
+// The background of a static camera's video: per texel of the panorama, the farthest surface seen there.
+// Launched once per video frame, before background.cl joins the texels.
 //
 // in       inverse, surface          of the frame (inverse.cl, surface.cl); its radiance
 // in, out  kept_depth                [H*W]    metres, INFINITY: open sky
 //          kept_plane                [H*W*3]  g of the tangent plane (lib/world/real/real.h)
 //          kept_color                [H*W*3]  radiance
-//          kept_around               [H*W]    its size: the depth around which kept_depth moves;
-//                                             negative: the colour may hold some of what is nearer
+//          kept_around               [H*W]    its magnitude: the slow mean of kept_depth; negative:
+//                                             the colour may be mixed with a nearer surface's
 // out      kept_marks                [H*W]    SURFACE_OPENING, SURFACE_HIDDEN, SURFACE_AIMED
-//          hidden_light              [H*W]    luminance of what is hidden, where that is brighter
-//                                             than what hides it; else 0
+//          hidden_light              [H*W]    luminance of the background, where it is hidden by a
+//                                             darker surface; else 0
 //
-// What the frame shows is taken over where it is as far as what is remembered or farther. Where it
-// is nearer by more than the thickness that all surfaces are assumed to have, it hides what is
-// remembered, which stays. What is nearer by less is the same surface, and measured anew, if it faces
-// the same way: the foot of a thing that stands on a floor does not.
+// A surface of the frame replaces the background where it is as far or farther. A surface nearer by more
+// than the assumed thickness hides the background, which stays. A surface nearer by less is the same
+// surface, measured again, if it faces the same way. The foot of an object on a floor does not.
 #include "maths/lanes.h"
 #include "maths/maths.h"
 #include "world/real/real.h"
 
-// Depth that is measured anew moves the depth that it may differ from by so much of the difference:
-// at once, a thing that nears slowly would draw the background along.
+// Share of a difference by which a new measurement moves the mean depth. A faster mean would let an object
+// that approaches slowly drag the background along.
 #define FOLLOW 0.015625f
-// Cosine between normals of what may be the same surface.
+// Least cosine between normals of possibly the same surface.
 #define SAME_NORMAL 0.7f
-// Cameras and codecs mix the colours of texels so far apart.
+// Distance in texels over which cameras and codecs mix colours.
 #define RIM 2
-// Depth differs by so much of itself from frame to frame, however thin surfaces are.
+// Least relative noise of depth between frames, however thin surfaces are.
 #define LEAST_MARGIN 0.02f
 
 static inline float margin_at(float depth, float thickness, float thickness_ratio)
@@ -34,13 +33,13 @@ static inline float margin_at(float depth, float thickness, float thickness_rati
     return fmax(thickness, fmax(thickness_ratio, LEAST_MARGIN) * depth);
 }
 
-// Whether planes face the same way.
+// Return whether planes face the same way.
 static inline int same_facing(float3 g, float3 h)
 {
     return dot(g, h) > SAME_NORMAL * sqrt(dot(g, g) * dot(h, h));
 }
 
-// Depths of some texels, and whether there is something nearer by more than the margin within RIM
+// Compute the depths of some texels, and whether a surface nearer by more than the margin is within RIM
 // texels of each.
 static inline void find_mixed(__global const float *restrict inverse,
                               __global const int4 *restrict lines, int x, int y, int height,
@@ -62,7 +61,7 @@ static inline void find_mixed(__global const float *restrict inverse,
 __kernel void remember(
     const int width,
     const int height,
-    const int forget,                           // all that was remembered
+    const int forget,                           // reset the background
     const float thickness,                      // metres, at least
     const float thickness_ratio,                // of the depth, at least
     __global const float *restrict inverse,
@@ -116,7 +115,7 @@ __kernel void remember(
         kept_around[texel] = rim && !cleaner ? -centre : centre;
         kept_depth[texel] = now;
         vstore3(plane.xyz, texel, kept_plane);
-        // Most often they are what they were.
+        // Marks seldom change.
         if (forget || known != marks)
             kept_marks[texel] = marks;
         if (forget || (known & SURFACE_HIDDEN))

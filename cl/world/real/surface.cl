@@ -7,8 +7,8 @@
 //      azimuth  after MARGIN floats, cos of the azimuth of column centres; `stride` floats later, sin
 //      polar    [H]    (cos, sin) of the polar angle of row centres
 // out  surface  [H*W]  xyz: g of the tangent plane g.x = 1; w: SURFACE_* flags (lib/world/real/real.h).
-//                      A fitted plane that faces another way than those of all neighbours is replaced
-//                      by a neighbour's, through the texel's own point: corners leave too little to fit.
+//                      A fitted plane that faces a different way than all neighbours' is replaced by
+//                      a neighbour's, through the texel's own point: corners have too few samples.
 //      range    [H*W]  smallest and largest radial distance of the plane within the texel
 #include "world/real/joint.h"
 #include "world/real/tangent.h"
@@ -19,7 +19,7 @@ static inline Vectors directions(floats cos_phi, floats sin_phi, float2 polar)
     return v;
 }
 
-// The azimuth's (cos, sin) are those of the meridian's normal: direction (sin, ., -cos).
+// The azimuth's (cos, sin) belong to the meridian's normal: direction (sin, ., -cos).
 static inline Vectors corners(floats cos_phi, floats sin_phi, float c)
 {
     const float s = sqrt(fmax(1.0f - c * c, 0.0f));
@@ -31,15 +31,15 @@ static inline floats flagged(ints is, int flag)
     return either(is, (floats)(flag), (floats)(0.0f));
 }
 
-// Cosine from which on two neighbours face the same way.
+// Least cosine between neighbours that face the same way.
 #define SAME_WAY 0.8f
-// Largest departure from a neighbour's plane, over the depth, of a texel that is taken to lie on it.
+// Largest departure from a neighbour's plane, over the depth, of a texel on that plane.
 #define ON_PLANE 0.05f
 
-// The plane of a texel at `d` towards v, as far as it is known: its own, g, or a neighbour's.
+// The plane of a texel at distance `d` towards v: its own, g, or a neighbour's.
 typedef struct {
-    ints alone;       // no neighbour so far faces the way that g does
-    floats departure; // from the plane of the neighbour that explains the texel's depth best
+    ints alone;       // no neighbour so far faces the same way as g
+    floats departure; // from the neighbour's plane that best explains the texel's depth
     Vectors plane;
 } Company;
 
@@ -61,11 +61,11 @@ static inline void meet(Company *c, floats d, Vectors g, Vectors v, Vectors othe
 __kernel void build_surface(
     const int width,
     const int height,
-    const int first,                           // number of the first row to be built
-    const int rows,                            // to be built; planes has one more at either end
+    const int first,                           // index of the first row to build
+    const int rows,                            // to build; planes has one more at either end
     const int stride,
     const int edges,
-    const int fitted,                          // planes are fitted, none is given
+    const int fitted,                          // planes are fitted, none is from the source
     __global const float *restrict inverse,
     __global const int4 *restrict lines,
     __global const float *restrict planes,

@@ -1,4 +1,4 @@
-"""The distance impostor: radiance and distance around a point, splatted from the panorama."""
+"""Distance impostor: radiance and distance around a point, splatted from the panorama."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from iprt.world.real.panorama import Panorama
 
 FACES = 6
 SKY = 1e3
-"""Open sky begins so many times as far away as the farthest surface."""
+"""Distance of open sky, relative to the farthest surface."""
 
 LIGHT = "impostor light"
-"""Name of the buffers of its lights."""
+"""Name of its lights' buffers."""
 
 
 class Impostor:
-    """A cube map of what is around a point other than the capture centre.
+    """Cube map of radiance and distance around a point other than the capture centre.
 
     K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination" (IEEE TVCG 2017), section
-    6.1; how rays are traced in it: `cl/lib/world/real/impostor.h`.
+    6.1. `cl/lib/world/real/impostor.h` traces rays in it.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class Impostor:
     side : int
         Texels along the side of a face.
     steps : int
-        By which hits of rays are refined.
+        Refinements of a ray's hit.
     light_sampling : bool
-        Rays are aimed at what is bright in it.
+        Rays are aimed at its bright texels.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Impostor:
             )
 
     def place(self, panorama: Panorama, centre: NDArray[np.floating]) -> None:
-        """Make the map of what the panorama shows around `centre` (3,), in metres."""
+        """Build the map around `centre` (3,), in metres, from the panorama."""
         device = self._device
         self.centre = centre.astype(np.float32)
         reach = panorama.farthest + float(np.linalg.norm(centre))
@@ -109,7 +109,7 @@ class Impostor:
             self.lights.load(self._picture)
 
     def fill(self) -> None:
-        """Fill the holes of `texels`, whose inverse distance is below 0, by push-pull."""
+        """Fill the holes of `texels`, marked by an inverse distance below 0, by push-pull."""
         levels = list(zip(self._sides, self._offsets, self._offsets[1:], strict=False))[:-1]
         for side, fine, coarse in levels:
             half = (side + 1) // 2
@@ -122,7 +122,7 @@ class Impostor:
         return cltypes.make_float4(*self.centre, 0.0)
 
     def _map(self) -> dict[str, Any]:
-        """`IMPOSTOR_PARAMETERS` of `cl/lib/world/real/impostor.h`."""
+        """Return `IMPOSTOR_PARAMETERS` of `cl/lib/world/real/impostor.h`."""
         return {
             "impostor_texels": self.texels,
             "impostor_inverse": self.inverse,
@@ -133,6 +133,6 @@ class Impostor:
         }
 
     def arguments(self) -> dict[str, Any]:
-        """Return what kernels built with `-D IMPOSTOR` take besides others."""
+        """Return the additional arguments of kernels built with `-D IMPOSTOR`."""
         lights = self.lights
         return self._map() | (no_lights(LIGHT) if lights is None else lights.arguments())

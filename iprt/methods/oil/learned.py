@@ -1,4 +1,4 @@
-"""What a video has shown of the radiance of real surfaces, as rays ask for it."""
+"""Learned radiance of real surfaces, as shown by a video."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from iprt.world.real.real_world import RealWorld
 
 
 class LearnedRadiance:
-    """Models of the radiance of real surfaces, which follow a video from frame to frame.
+    """Models of the radiance of real surfaces, updated from frame to frame of a video.
 
-    Models stay where their surfaces are, in the axes of the world, while the camera moves.
+    Models stay with their surfaces, in the axes of the world, while the camera moves.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class LearnedRadiance:
         self._version, self._left, self._metre = 0, 0, 1.0
 
     def follow(self, real: RealWorld) -> None:
-        """Follow the video to its next frame, which is learned from now on.
+        """Go on to the video's next frame, which is learned from now on.
 
-        What was learned is forgotten where the video has come to another scene or another light.
+        Models are forgotten where the video shows another scene, or another light.
         """
         panorama = real.panorama
         if self._version == 0 or real.cut_version > self._version:
@@ -40,7 +40,7 @@ class LearnedRadiance:
         self._left = panorama.width * panorama.height
 
     def learn(self, panorama: Panorama) -> None:
-        """Learn from so many texels as are learned at a time, until all were drawn on average."""
+        """Learn from the next batch of texels, until every texel was drawn once on average."""
         if self._left <= 0:
             return
         own = self._settings
@@ -55,5 +55,5 @@ class LearnedRadiance:
             self.learner.learn(self.learner.draw(panorama.surfaces, panorama.radiated), how)
 
     def arguments(self) -> dict[str, Any]:
-        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
+        """Return `LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
         return self.learner.arguments()

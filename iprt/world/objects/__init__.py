@@ -1,0 +1,1 @@
+"""Virtual objects on the device: for rays and in the view."""

@@ -1,4 +1,4 @@
-"""The virtual objects on the device as triangles in a bounding volume hierarchy."""
+"""Virtual objects on the device as triangles in a bounding volume hierarchy."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class ObjectBvh:
     ----------
     device : ComputeDevice
     instances : sequence of Instance
-        They say how large the buffers are; nothing is built before `load`.
+        Determine the sizes of the buffers. Nothing is built before `load`.
 
     Attributes
     ----------
     deforming : bool
-        There is a mesh that deforms.
+        Whether a mesh deforms.
     displacements : (V, 4) float32 or None
-        Per vertex, in its mesh's space: to where it was before the last `load`. None: no mesh
+        Per vertex, in its mesh's space: to its position before the last `load`. None: no mesh
         deforms, or `follow_vertices` was not called.
 
     Raises
@@ -59,7 +59,7 @@ class ObjectBvh:
         self._albedos = device.upload("bvh albedos", table)
         self._texels = None
         self._loaded: Sequence[Instance] | None = None
-        self._meshes = tuple(instance.mesh for instance in instances)  # `Worlds` knows them by id
+        self._meshes = tuple(instance.mesh for instance in instances)  # kept: `Worlds` keys by id
         if self._textured:
             self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
@@ -68,19 +68,20 @@ class ObjectBvh:
         self._buffers[name] = self._device.empty(f"bvh {name}", shape, dtype)
 
     def follow_vertices(self) -> None:
-        """Keep `displacements` too, where a mesh deforms."""
+        """Keep `displacements` too, if a mesh deforms."""
         if self.deforming and self.displacements is None:
             self._make("displacements", self._buffers["normals"].shape)
             self._device.fill_zero(self._buffers["displacements"])
 
     @property
     def displacements(self) -> cla.Array | None:
+        """Displacement of each vertex since the last `load`, see the class."""
         return self._buffers.get("displacements")
 
     def load(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects to where they are.
+        """Update the objects' positions.
 
-        Nothing is done if they are there. Where meshes deform, call it once per frame while
+        Does nothing if they are unchanged. With deforming meshes, call it once per frame while
         vertices move, and once more when they stop.
         """
         if self._holds(instances):
@@ -94,7 +95,7 @@ class ObjectBvh:
                 if values is None:
                     self._device.fill_zero(buffer)
                     continue
-                # The bound of the number of nodes is not always met.
+                # Trees may exceed the bound on the number of nodes.
                 rows = np.zeros(buffer.shape, buffer.dtype)
                 rows[: len(values)] = values
                 self._device.write(buffer, rows)
@@ -108,8 +109,10 @@ class ObjectBvh:
         return instances is loaded or same_places(loaded, instances)
 
     def _room_for(self, name: str, rows: int) -> cla.Array:
-        """The buffer, larger if need be: objects that shared a tree may come to need their own,
-        where one is flattened so far that it has no place in object space.
+        """Return the buffer, enlarged if necessary.
+
+        Objects that shared a tree may need their own later: a strongly flattened one has no place
+        in object space.
         """
         buffer = self._buffers[name]
         if rows > buffer.shape[0]:
@@ -117,7 +120,7 @@ class ObjectBvh:
         return self._buffers[name]
 
     def arguments(self) -> dict[str, Any]:
-        """Return `OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, but for the boxes."""
+        """Return `OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, except the boxes."""
         return {
             "bvh_nodes": self._buffers["nodes"],
             "bvh_packets": self._buffers["packets"],
@@ -134,7 +137,7 @@ class ObjectBvh:
 def _albedo_table(
     materials: Sequence[Material],
 ) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
-    """(2 M, 4) rows of albedo and place of the texture; (T, 4) texels of all textures."""
+    """Return (2 M, 4) rows of albedo and texture location, and (T, 4) texels of all textures."""
     table = np.zeros((max(len(materials), 1), 2, 4), np.float32)
     texels: list[NDArray[np.float16]] = []
     first = 0

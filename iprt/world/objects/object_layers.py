@@ -1,4 +1,4 @@
-"""The virtual objects on the device: layers that rays march through, and the visible one."""
+"""Virtual objects on the device as layers: traced ones and the visible one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TracedLayers:
     Attributes
     ----------
     rect : (x0, y0, x1, y1)
-        Pixels that objects cover.
+        Pixels covered by objects.
     """
 
     def __init__(self, device: ComputeDevice, view: View, name: str) -> None:
@@ -52,7 +52,7 @@ class TracedLayers:
         self.rect = EMPTY
 
     def load(self, layers: ObjectLayers, view: cla.Array) -> None:
-        """Upload rasterized layers; `view` holds the constants of the view they were made for."""
+        """Upload rasterized layers; `view` holds the constants of their view."""
         assert layers.back is not None
         self.rect = covered_rect(layers.front.geometry[..., 3])
         with self._device.profile.section("upload"):
@@ -73,7 +73,7 @@ class TracedLayers:
         self._pyramid.run(self._range, self.shape)
 
     def arguments(self, name: str) -> dict[str, Any]:
-        """`LAYER_PARAMETERS(name)` of `cl/lib/world/objects/objects_raster.h`."""
+        """Return `LAYER_PARAMETERS(name)` of `cl/lib/world/objects/objects_raster.h`."""
         return {
             f"{name}_width": self.width,
             f"{name}_height": self.height,
@@ -89,7 +89,7 @@ class TracedLayers:
 
 
 class VisibleSurfaces:
-    """The objects' nearest surfaces, as planes.
+    """Nearest surfaces of the objects, as planes.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class VisibleSurfaces:
     """
 
     def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, name: str) -> None:
-        """`name` tells layers apart."""
+        """Allocate the planes; `name` prefixes their buffers."""
         self.normal = device.zeros(f"{name} normal", layout.shape(3))
         self.depth = device.zeros(f"{name} depth", layout.shape(1))
         self.id = device.zeros(f"{name} id", layout.shape(1))
@@ -108,18 +108,18 @@ class VisibleSurfaces:
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
 
     def planes(self, prefix: str = "") -> dict[str, cla.Array]:
-        """All of them by name, as arguments of kernels."""
+        """Return all planes by name, as kernel arguments."""
         names = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
         return {prefix + name: getattr(self, name) for name in names}
 
 
 class VisibleLayer(VisibleSurfaces):
-    """Those in the view, unpacked from what was drawn.
+    """Nearest surfaces in the view, unpacked from a drawn image.
 
     Attributes
     ----------
     display : (3, H, W, 4) float32
-        What is unpacked: `ObjectLayers.display`.
+        The drawn image: `ObjectLayers.display`.
     sides : (H * W, 2) float32
         Share of either real surface that objects hide, in pixels at depth edges.
     """
@@ -132,7 +132,7 @@ class VisibleLayer(VisibleSurfaces):
         *,
         equirect: bool,
     ) -> None:
-        """`edges`: `RealLayer.edges` of the view, which is filled first."""
+        """Allocate the planes. `edges` is `RealLayer.edges` of the view, filled before this."""
         super().__init__(device, layout, name="object")
         self._device = device
         self._layout = layout
@@ -152,7 +152,7 @@ class VisibleLayer(VisibleSurfaces):
         self.unpack(view, materials, [(0, 0, *self._layout.size)])
 
     def unpack(self, view: cla.Array, materials: cla.Array, regions: Sequence[Rect]) -> None:
-        """Fill the planes from `display`, where that is not what it was."""
+        """Fill the planes from `display` in the regions that may have changed."""
         with self._device.profile.section("unpack"):
             for region in regions:
                 x0, y0, x1, y1 = region
@@ -162,7 +162,7 @@ class VisibleLayer(VisibleSurfaces):
 
 
 def covered_rect(image: NDArray[np.float32]) -> Rect:
-    """Smallest (x0, y0, x1, y1) that holds all positive pixels."""
+    """Return the smallest (x0, y0, x1, y1) that contains all positive pixels."""
     rows = np.flatnonzero(image.max(axis=1) > 0.0)
     columns = np.flatnonzero(image.max(axis=0) > 0.0)
     if rows.size == 0:

@@ -1,4 +1,4 @@
-"""The inserted objects, followed: what rays meet of them, and what the view shows of them."""
+"""Inserted objects: their state for rays and in the view."""
 
 from __future__ import annotations
 
@@ -29,26 +29,27 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("iprt.world.objects.objects")
 
 BOX_MARGIN = 1e-3
-"""By which boxes around objects are enlarged, as a fraction of their diagonals."""
+"""Enlargement of the boxes around objects, as a fraction of their diagonals."""
 LAYER_MARGIN = 0.02
-"""The same for rasterized surfaces: tangent planes per texel, which stand out a little."""
+"""The same for rasterized surfaces, whose tangent planes per texel protrude a little."""
 MAX_LAYER_ROWS = 1024
-"""Rows of the equirect layers that off-screen rays meet objects in, at most."""
+"""Most rows of the equirect layers, in which off-screen rays intersect objects."""
 
 
 class Objects:
-    """Places the objects for rays and in the view, by triangles or by rasterized layers.
+    """Objects for rays and in the view, as triangles or rasterized layers.
 
     Attributes
     ----------
     version : int
-        Number of states that the objects have had. A view compares it with that of its last frame.
+        Number of states of the objects so far. A view compares it with its last frame's.
     bvh : ObjectBvh or None
-        What rays meet; None: they meet layers.
+        Hierarchy for rays; None: rays intersect layers.
     screen, equirect : TracedLayers or None
-        The layers of the view, and those around the capture centre.
+        Layers of the view, and around the capture centre.
     bounds : (N, 2, 4) float32
-        `object_bounds()`; `device_bounds` holds it on the device, `materials` `material_table()`.
+        `object_bounds()`; `device_bounds` is its copy on the device, `materials`
+        `material_table()`.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Objects:
         features: Features,
         hierarchy: Callable[[ComputeDevice, Sequence[Instance]], ObjectBvh] = ObjectBvh,
     ) -> None:
-        """`hierarchy`: makes that of the objects, or finds one that other views use."""
+        """Create the buffers; `hierarchy` returns the objects' hierarchy, possibly shared."""
         self._device, self._instances, self._features = device, instances, features
         self.version = 1
         self._panorama = panorama
@@ -75,9 +76,9 @@ class Objects:
             self._place_layers_around(min(panorama.height, MAX_LAYER_ROWS))
         rays = features.primary_rays
         # Until objects come into view, when both ways to draw them are timed. On a CPU, OpenGL is
-        # most often software too, and rays are faster.
+        # mostly software too, and rays are faster.
         self._undecided = rays and features.settings.gbuffer == "auto" and not device.is_cpu
-        # Primary rays need the hierarchy too, where other rays meet layers.
+        # Primary rays need the hierarchy even if other rays intersect layers.
         self._triangles = hierarchy(device, instances) if features.bvh or rays else None
         self.bvh = self._triangles if features.bvh else None
         self._visibility: Visibility | None = None
@@ -97,7 +98,7 @@ class Objects:
         self.equirect = TracedLayers(self._device, self._layer_view, "equirect layers")
 
     def move(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects from the next `place` on. Nothing is done if none has moved."""
+        """Move the objects from the next `place` on. Does nothing if none has moved."""
         still = same_places(self._instances, instances)
         self._instances = instances
         if still:
@@ -119,14 +120,14 @@ class Objects:
     def place(
         self, visible: VisibleLayer, view: View, previous: View, context: FrameContext
     ) -> None:
-        """Follow the objects, and find what the view shows of them.
+        """Update the objects, and draw them in the view.
 
         Parameters
         ----------
         visible : VisibleLayer
-            To be filled.
+            Output.
         view, previous : View
-            Those of `context`.
+            Views of `context`.
 
         Raises
         ------
@@ -153,7 +154,7 @@ class Objects:
     def _ways(
         self, visible: VisibleLayer, view: View, previous: View | None, context: FrameContext
     ) -> dict[str, Callable[[], None]]:
-        """What draws the view, unless `previous` is None; two until it is known which is faster."""
+        """Return the candidate ways to draw the view; none of them draws if `previous` is None."""
         ways: dict[str, Callable[[], None]] = {}
         rasterizer, visibility = self._rasterizer, self._visibility
         if rasterizer is not None:
@@ -172,7 +173,7 @@ class Objects:
         return ways
 
     def _fastest(self, ways: dict[str, Callable[[], None]]) -> dict[str, Callable[[], None]]:
-        """The faster way to draw the view. What the other one needs is released."""
+        """Return the faster way to draw the view, and release the buffers of the other."""
         times = timed_ways(self._device, ways)
         fastest = min(times, key=times.__getitem__)
         told = ", ".join(f"{name} {ms:.2f} ms" for name, ms in times.items())
@@ -213,7 +214,7 @@ class Objects:
             self.equirect.load(layers, self._layer_constants)
 
     def _open_rasterizer(self, context: FrameContext) -> None:
-        """OpenGL, which follows the video. Where it is missing and rays serve, they are chosen."""
+        """Open OpenGL. Where it is missing and rays can replace it, choose rays."""
         if self._rasterizer is None:
             from iprt.raster.rasterizer import Rasterizer
 

@@ -1,4 +1,4 @@
-"""Primary rays: the objects in the view, in place of the rasterizer."""
+"""Primary rays: visibility of the objects in the view, in place of the rasterizer."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ MOTION, FRONT, MATERIAL, MET, DISPLACED = BUFFERS = (
 
 
 class Visibility:
-    """Fills a `VisibleLayer` by tracing primary rays.
+    """Visibility pass that fills a `VisibleLayer` by tracing primary rays.
 
     Attributes
     ----------
     motion : (3 M, 4) float32
-        Per material of all instances: rows that take world points of its object to where they were
-        before the last `follow`, if its vertices had not moved.
+        Per material of all instances: rows of the map from world points of its object to their
+        positions before the last `follow`, without deformation.
     front, material : (H, W, 4) float32
-        Planes of the last `run`, before edge pixels are lent surfaces: `iprt.raster.layers.Layer`.
+        Planes of the last `run`, before edge pixels borrow surfaces: `iprt.raster.layers.Layer`.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Visibility:
         instances: Sequence[Instance],
         samples: int,
     ) -> None:
-        """`instances` are those of `bvh`; coverage takes `samples` a side of a pixel."""
+        """Create the buffers for the `instances` of `bvh`; `samples` per pixel side."""
         self._device = device
         self._bvh = bvh
         self._samples = samples
@@ -64,15 +64,17 @@ class Visibility:
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
         self._met = device.empty(MET, (view.height, view.width, 2), np.int32)
-        # What the last run filled, and where.
+        # Output and regions of the last run.
         self._shown: tuple[VisibleLayer, list[Rect]] | None = None
         self._displaced: cla.Array | None = None
         if bvh.deforming:
             self._displaced = device.empty(DISPLACED, (view.height, view.width, 4))
 
     def follow(self, instances: Sequence[Instance]) -> None:
-        """Follow the objects: call it before the first `run`, once per frame while they move, and
-        once more. Where they are in the first call, they have not moved.
+        """Update the objects' motion.
+
+        Call it before the first `run`, once per frame while they move, and once more. The first
+        call sets their positions without motion.
         """
         before = instances if self._instances is None else self._instances
         moved = [
@@ -85,7 +87,7 @@ class Visibility:
         self._instances = instances
 
     def close(self) -> None:
-        """Its buffers, which go with it, are no longer accounted for."""
+        """Unregister its buffers from the memory account."""
         for name in BUFFERS:
             self._device.buffers.pop(name, None)
 
@@ -102,12 +104,12 @@ class Visibility:
     ) -> None:
         """Trace the view and unpack it into the planes of `visible`.
 
-        Only rectangles around objects are touched, and what was filled in the last run.
+        Only rectangles around objects, and the regions filled in the last run, are touched.
 
         Parameters
         ----------
         constants, previous : (16,) float32
-            `View.kernel_constants()` of the view and of the frame before.
+            `View.kernel_constants()` of the view and of the previous frame.
         bounds, boxes : (N, 2, 4) float32
             `object_bounds()`, and the same on the device.
         materials : `material_table()` on the device
@@ -130,7 +132,7 @@ class Visibility:
             "displaced": self._displaced,
         }
         around = regions_of(view, bounds)
-        # A run may be abandoned: then it is not known what planes hold.
+        # A run may be abandoned: then the contents of the planes are unknown.
         last, self._shown = self._shown, None
         known = last is not None and last[0] is visible
         regions = merge(around + last[1]) if last is not None and known else around
@@ -156,10 +158,11 @@ class Visibility:
 
 
 def regions_of(view: View, bounds: NDArray[np.float32]) -> list[Rect]:
-    """Rectangles that hold all pixels in which a view can show boxes, (N, 2, 4): none is empty."""
+    """Return non-empty rectangles around all pixels in which a view can show boxes (N, 2, 4)."""
     seen_at = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
     return merge([rect for rects in seen_at for rect in rects])
 
 
 def corners(rect: Rect) -> tuple[int, int, int, int]:
+    """Return the corners (x0, y0, x1, y1) of a rectangle of the rasterizer."""
     return rect.x0, rect.y0, rect.x1, rect.y1

@@ -1,0 +1,1 @@
+"""Real scene on the device: panorama, background, lights, irradiance and highlights."""

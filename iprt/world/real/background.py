@@ -1,4 +1,4 @@
-"""The background: the farthest surfaces that a static camera's video has shown."""
+"""Background: the farthest surfaces that a static camera's video has shown."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from iprt.settings.trace import TraceSettings
 
 OTHER_LIGHT = 0.25
-"""Share of the panorama's flux which, if it changes at once, was light that went on or off: what is
-remembered looks otherwise now."""
+"""Sudden change of the panorama's flux, as a share, that means light was switched: the remembered
+radiance is no longer valid."""
 
 
 class Background:
-    """A second layer of surfaces, behind those of the video's frame, that rays find.
+    """Second layer of surfaces for rays, behind the video's frame.
 
-    It holds what the frames since the last cut have shown farthest away in each direction; where
-    nothing nearer hides that, it is the frame's own. See `cl/world/real/remember.cl`.
+    It holds the farthest surfaces that frames since the last cut have shown in each direction.
+    Where nothing nearer hides them, they equal the frame's own. See `cl/world/real/remember.cl`.
 
     Attributes
     ----------
@@ -36,17 +36,17 @@ class Background:
     color : (H, W, 3) float32
         Linear radiance.
     around : (H, W) float32
-        Depth around which `depth` moves; negative where `color` may hold some of what is nearer.
+        Slow mean of `depth`; negative where `color` may be mixed with a nearer surface's.
     marks : (H, W) uint8
         `SURFACE_OPENING`, `SURFACE_HIDDEN`, `SURFACE_AIMED` of `cl/lib/world/real/real.h`.
     hidden_light : (H, W) float32
-        Luminance of what is hidden and brighter than what hides it, else 0.
+        Luminance of the background where a darker surface hides it, else 0.
     surface, range
-        As those of `Panorama`.
+        As in `Panorama`.
     farthest : float
         Farthest finite depth, in metres.
     first : bool
-        Nothing is remembered but the last frame, which hides nothing.
+        Only the last frame is remembered, which hides nothing.
     """
 
     def __init__(
@@ -56,8 +56,10 @@ class Background:
         pyramid: PyramidShape,
         trace: TraceSettings,
     ) -> None:
-        """`surfaces` are those of the frame; `trace.thickness` decides by how much what hides the
-        background is nearer.
+        """Create the buffers.
+
+        `surfaces` are the frame's. `trace.thickness` is the least distance between the background
+        and a surface that hides it.
         """
         self._device = device
         self._trace = trace
@@ -87,14 +89,14 @@ class Background:
         farthest: float,
         forget: bool,
     ) -> None:
-        """Follow the video to a frame; all but the coarser levels of `range`.
+        """Load a frame of the video; fills all but the coarser levels of `range`.
 
         Parameters
         ----------
         radiance, range_, scale, farthest
-            As `Panorama` has them.
+            As in `Panorama`.
         forget : bool
-            What was seen has nothing to do with this frame, or lies elsewhere.
+            Earlier frames are unrelated to this one, or lie elsewhere.
         """
         self.first = forget or not self._seen
         self._seen = True
@@ -128,7 +130,7 @@ class Background:
             )
 
     def arguments(self) -> dict[str, Any]:
-        """`BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h`."""
+        """Return `BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h`."""
         return {
             "back_surface": self.surface,
             "back_range": self.range,

@@ -1,4 +1,4 @@
-"""How the 360° camera moved since the frame before, on the device."""
+"""Motion of the 360° camera since the previous frame, on the device."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.pose import camera_motion
 
 STILL = np.eye(4)[:3]
-"""(3, 4) motion of a camera that stays."""
+"""Motion (3, 4) of a static camera."""
 
 
 class CameraMotion:
@@ -18,8 +18,8 @@ class CameraMotion:
     Attributes
     ----------
     rows : (12,) float32
-        Affine map, row by row, from the axes of the frame's capture centre to those of the frame
-        before: `cl/lib/gbuffer/camera.h`.
+        Affine map, row by row, from the axes of the frame's capture centre to the previous
+        frame's: `cl/lib/gbuffer/camera.h`.
     """
 
     def __init__(self, device: ComputeDevice, pose: NDArray[np.float64]) -> None:
@@ -29,7 +29,7 @@ class CameraMotion:
         self.rows = device.upload("camera motion", STILL.astype(np.float32).ravel())
 
     def step(self, pose: NDArray[np.float64]) -> bool:
-        """Begin a view frame with the camera at (4, 4) `pose`; whether `rows` have changed."""
+        """Begin a view frame with the camera at (4, 4) `pose`; return whether `rows` changed."""
         motion = camera_motion(self._before, pose)
         self._before = pose
         if np.array_equal(motion, self._held):

@@ -1,4 +1,4 @@
-"""How light on still surfaces changed between two video frames, by cells of an equirect grid."""
+"""Change of light on static surfaces between two video frames, in cells of an equirect grid."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from iprt.world.real.panorama import Panorama
 
 TEXELS = 4
-"""A cell has at most so many per side, about: more say nothing new."""
+"""Samples per side of a cell, about: more add no information."""
 DARK = 1e-2
-"""Radiance over the panorama's mean below which a cell is noise and no light."""
+"""Radiance, relative to the panorama's mean, below which a cell is only noise."""
 DISTRUST = 0.5
-"""Share of a change that may be none of the light: highlights, screens, noise."""
+"""Share of a change that may have other causes than light: highlights, screens, noise."""
 
 
 class CellLight:
-    """Samples of the light of two frames, and what changed between them.
+    """Light samples of two frames, and the change between them.
 
-    What a diffuse surface sends is in proportion to its irradiance, so that both change by one
+    The radiance of a diffuse surface is proportional to its irradiance, so both change by one
     factor. It is measured on texels whose surface stayed.
 
     Parameters
@@ -60,7 +60,7 @@ class CellLight:
         )
 
     def follow(self, panorama: Panorama) -> None:
-        """Go on to the frame that the panorama holds."""
+        """Sample the frame that the panorama holds."""
         self._now, self._before = self._before, self._now
         rows, columns, _ = self._shape
         self._sample(
@@ -72,14 +72,14 @@ class CellLight:
         )
 
     def change(self, changed: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Factor of the irradiance per cell, and the relative error of that.
+        """Return the factor of the irradiance per cell, and its relative error.
 
-        From the frame before to the last one; both from the same capture centre.
+        The change is from the previous to the last frame, both with the same capture centre.
 
         Parameters
         ----------
         changed : float
-            Share of the panorama's flux that changed: the error where it is too dark to tell.
+            Share of the panorama's flux that changed: the error where it is too dark to measure.
 
         Returns
         -------
@@ -98,7 +98,7 @@ def light_change(
     count: NDArray[np.float64],
     changed: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """`CellLight.change` by sums (cells, 3) of radiance over (cells,) so many samples."""
+    """Return `CellLight.change` from sums (cells, 3) of radiance over (cells,) samples."""
     lights = [sums / np.maximum(count, 1.0)[:, None] for sums in (before, now)]
     dark = DARK * float(np.mean(lights)) + 1e-30
     factor = (lights[1] + dark) / (lights[0] + dark)

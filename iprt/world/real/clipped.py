@@ -1,4 +1,4 @@
-"""What the picture shows where lights were clipped, on the device."""
+"""Displayed colours where lights were clipped, on the device."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.clipped_texels import ClippedTexels
 
 NOTHING_CLIPPED: dict[str, Any] = {}
-"""`ShownTexels.arguments` where the picture shows what rays find."""
+"""`ShownTexels.arguments` where the displayed picture equals the radiance for rays."""
 
 
 class ShownTexels:
-    """Texels that the picture shows otherwise than rays find them: a quarter of a byte a texel of
-    the panorama, and the colours of those (`cl/lib/world/real/panorama.h`).
+    """Texels whose displayed colour differs from the radiance for rays.
+
+    They take a quarter of a byte per texel of the panorama, and a colour for each of them
+    (`cl/lib/world/real/panorama.h`).
 
     Parameters
     ----------
@@ -25,7 +27,7 @@ class ShownTexels:
     Attributes
     ----------
     arguments : dict
-        What kernels that show the picture take besides `Panorama.color`.
+        Arguments of kernels that show the picture, besides `Panorama.color`.
     """
 
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
@@ -33,11 +35,11 @@ class ShownTexels:
         self.arguments = NOTHING_CLIPPED
 
     def load(self, clipped: ClippedTexels | None) -> None:
-        """Go on to those of a frame; None: it has none."""
+        """Load the texels of a frame; None: it has none."""
         self.arguments = NOTHING_CLIPPED
         if clipped is None:
             return
-        # Kernels load a row for each texel, after the last of these too.
+        # Kernels load a vector of four, past the last colour too.
         colors = np.concatenate([clipped.color, np.zeros((1, 3), np.float32)])
         self.arguments = {
             "panorama_clipped": self._device.share("panorama.clipped", clipped.words(self._count)),

@@ -1,4 +1,4 @@
-"""The maps between a video frame's colours and those that rays find, on the device."""
+"""Maps between a video frame's colours and the colours for rays, on the device."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from iprt.device.compute import ComputeDevice
 
 
 class ColorMap:
-    """`Frame.color_map` of the frame that is shown, for `cl/lib/world/real/color_map.h`.
+    """`Frame.color_map` of the current frame, for `cl/lib/world/real/color_map.h`.
 
     Attributes
     ----------
     rows : (6, 4) float32 or None
-        Rows of the map to the reference's colours, and of its inverse; None where the frame has no
-        map.
+        Rows of the map to the reference's colours, and of its inverse; None: no map.
     """
 
     def __init__(self, device: ComputeDevice) -> None:
@@ -25,7 +24,7 @@ class ColorMap:
         self.rows: cla.Array | None = None
 
     def load(self, color_map: NDArray[np.float64] | None) -> None:
-        """Go on to another frame's map (3, 3), which can be undone, or none."""
+        """Load another frame's invertible map (3, 3), or none."""
         self.rows = None
         if color_map is None:
             return

@@ -1,4 +1,4 @@
-"""Highlights on glossy real surfaces, taken off what the camera saw: on the video's clock."""
+"""Separation of highlights on glossy real surfaces from the captured radiance, per video frame."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from iprt.world.real.panorama import Panorama
 CELL_RAYS = 32
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
-"""Levels of the filter; an even number, so that the result ends up where it began."""
+"""Levels of the filter; even, so that the result ends up in the first buffer."""
 
 
 class Highlight:
-    """Splits the panorama into what surfaces radiate to all sides and what only the camera saw.
+    """Split of the panorama into diffuse radiance and specular radiance towards the camera.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Highlight:
         panorama: Panorama,
         features: Features,
     ) -> None:
-        """`panorama` was built with gloss."""
+        """Create the kernels; `panorama` was built with gloss."""
         materials = features.real_materials
         self._device = device
         self._panorama = panorama
@@ -63,7 +63,7 @@ class Highlight:
             device.empty(f"highlight {name}", cells) for name in ("seen", "specular", "irradiance")
         ]
         self.table = device.upload("real materials", material_table(materials))
-        # Nothing is known of a conductor but its reflection: there is nothing to compare it with.
+        # A conductor only reflects: it has no diffuse part to compare with.
         self._coated = np.array([False, *(material.kind == "plastic" for material in materials)])
         reflectance = [(*material.albedo, 0.0) for material in materials]
         self.reflectance = device.upload(
@@ -71,7 +71,7 @@ class Highlight:
         )
 
     def run(self) -> None:
-        """Fill the panorama's `highlight` and `radiated` for the video frame that it holds."""
+        """Fill the panorama's `highlight` and `radiated` for its current video frame."""
         device, panorama = self._device, self._panorama
         settings, gloss = self._settings, panorama.gloss
         highlight, radiated = panorama.highlight, panorama.radiated
@@ -128,7 +128,7 @@ class Highlight:
             )
 
     def arguments(self) -> dict[str, Any]:
-        """`GLOSS_PARAMETERS` of `cl/lib/world/world.h`."""
+        """Return `GLOSS_PARAMETERS` of `cl/lib/world/world.h`."""
         rows, columns, _ = self.gain.shape
         return {
             "real_gloss": self._panorama.gloss,
@@ -140,7 +140,7 @@ class Highlight:
         }
 
     def _calibrate(self, real: Mapping[str, Any]) -> None:
-        """Fill `gain`; `real` is what rays meet."""
+        """Fill `gain`; `real` holds the arguments of the real layer."""
         rows, columns, _ = self.gain.shape
         seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(

@@ -1,11 +1,11 @@
-"""How much of a computed highlight the camera can have seen.
+"""Limit on computed highlights from the captured picture.
 
-What a glossy floor reflects towards the capture centre, the capture centre need not see: the sky
-above the window's upper edge, above all, which is extrapolated
+The light that a glossy floor reflects towards the capture centre may lie outside its view. Above
+all this is the sky above a window's upper edge, which is extrapolated
 (`iprt.footage.window_environment`) and may be several times too bright, or of another hue. The
-camera's own picture of the highlight tells. A surface of one material is taken to have, in each
-place, at least the diffuse reflectance of its darker parts: what the camera saw beyond that is all
-that the highlight can have been.
+captured picture of the highlight limits it. A surface of one material is assumed to have everywhere
+at least the diffuse reflectance of its darker parts. Captured radiance beyond that bounds the
+highlight.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from scipy.ndimage import gaussian_filter
 Cells = NDArray[np.float64]
 
 DARKER = 0.25
-"""Quantile of a material's diffuse reflectance that all its places have at least."""
+"""Quantile of a material's diffuse reflectance that bounds it from below everywhere."""
 FAINT = 0.25
-"""Highlights up to this fraction of what was seen are faint: they leave the diffuse reflectance
-visible, and can be told from it only roughly."""
+"""Highlights up to this fraction of the captured radiance are faint: they leave the diffuse
+reflectance visible, and can be separated from it only roughly."""
 LEAST = 0.5
-"""Even a dark speck of a material has so much of the diffuse reflectance of its darker parts."""
+"""Least diffuse reflectance of a dark speck, relative to the material's darker parts."""
 REACH = 1.5
-"""Cells: deviation of the Gaussian that evens out texture."""
+"""Standard deviation, in cells, of the Gaussian that averages texture."""
 
 
 def highlight_gain(
     seen: Cells, specular: Cells, irradiance: Cells, gloss: NDArray[np.integer]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Factor on the computed highlight, in [0, 1], and what it must leave, per cell and colour.
+    """Return the factor on the computed highlight, in [0, 1], and its least remainder per cell.
 
     Parameters
     ----------
     seen, specular : (rows, columns, 3)
-        Means over a cell's glossy texels: radiance that the camera saw; highlight as computed.
+        Means over a cell's glossy texels: captured radiance; computed highlight.
     irradiance : (rows, columns, 3)
         Over π.
     gloss : (rows, columns)
@@ -44,9 +44,9 @@ def highlight_gain(
     Returns
     -------
     gain : (rows, columns, 4) float32
-        1 where no cell near has gloss. The fourth is 0.
+        1 where no cell nearby has gloss. The fourth is 0.
     min_base : (rows, columns, 4) float32
-        Radiance that the highlight leaves wherever that much was seen.
+        Radiance that the highlight leaves wherever the captured radiance reaches it.
     """
     base = np.zeros(seen.shape)
     for index in range(1, int(gloss.max(initial=0)) + 1):
@@ -60,7 +60,7 @@ def highlight_gain(
     )
     there = (computed > 0.0) & (mean > 0.0)
     could = np.divide(mean - dark, computed, out=np.ones(seen.shape), where=there)
-    # Faint highlights drown in what is uncertain of the base: they are believed.
+    # Faint highlights are below the uncertainty of the base: they are kept.
     strength = np.divide(computed, FAINT * mean, out=np.zeros(seen.shape), where=there)
     trust = np.minimum(strength, 1.0) ** 2
     gain, min_base = np.zeros((2, *gloss.shape, 4), np.float32)
@@ -70,7 +70,7 @@ def highlight_gain(
 
 
 def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
-    """(3,) diffuse reflectance of the darker parts of a material, from cells (N, 3) of it."""
+    """Return (3,) diffuse reflectance of the darker parts of a material, from its cells (N, 3)."""
     faint = specular.sum(axis=-1) <= FAINT * seen.sum(axis=-1)
     if np.count_nonzero(faint) >= 0.1 * len(seen):
         seen, specular, irradiance = seen[faint], specular[faint], irradiance[faint]
@@ -79,7 +79,7 @@ def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
 
 
 def _blurred(cells: Cells) -> Cells:
-    """Gaussian mean; around in azimuth, not over the poles."""
+    """Return the Gaussian mean; wraps around in azimuth, not over the poles."""
     return np.asarray(
         gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
     )

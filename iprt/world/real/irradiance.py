@@ -1,4 +1,4 @@
-"""E_R, the irradiance of real surfaces without objects, kept in panorama space."""
+"""E_R, the irradiance of real surfaces without objects, cached in panorama space."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 
 BLACK = 1e-6
-"""E_R up to this fraction of the panorama's mean radiance is black: what is relative to it is
-noise."""
+"""E_R that counts as black, relative to the panorama's mean radiance: ratios to it are noise."""
 
 SURFACES = 2
 """Surfaces of a cell: `CACHE_SURFACES` of `cl/lib/world/real/irradiance.h`."""
@@ -33,28 +32,27 @@ FOREVER = 1e6
 """More samples than a cell ever has."""
 
 MOVED_SAMPLES = 64.0
-"""Samples that a cell is worth at most that was fetched from where a moving camera saw it before.
-Each time it is mixed with its neighbours a little, and light may have changed."""
+"""Most samples of a cell that is reprojected because the camera moved. Each reprojection mixes it
+with its neighbours a little, and light may have changed."""
 
 
 class IrradianceCache:
     """Grid of E_R around the capture centre, refined where traced pixels need it.
 
-    It depends on the video only: all views share it, and the objects do not enter.
+    It depends on the video only, not on objects, and all views share it.
 
     Attributes
     ----------
     rows, columns : int
     plane : (2 * rows * columns, 4) float32
-        Tangent plane g (g·x = 1) at each cell's centre, 1 + samples that were forgotten; all 0:
-        no surface there, or a window. Then, per cell, that of a thin surface which no centre around
-        shows; all 0: none.
+        Tangent plane g (g·x = 1) at each cell's centre, 1 + forgotten samples; all 0: open sky or
+        a window. Then, per cell, a thin surface that no centre nearby shows; all 0: none.
     point : (2 * rows * columns, 4) float32
-        Where those surfaces are, in metres; 0.
+        Positions of those surfaces, in metres; 0.
     mean, irradiance : (4 * rows * columns, 4) float32
-        E_R / π as sampled, and after smoothing; number of samples. Then, for each surface again,
-        the sum of all directions by the luminance / π that they bring, from which the irradiance
-        of other normals follows (`turned` of `cl/lib/world/real/irradiance.h`); 0.
+        E_R / π as sampled, and after smoothing; number of samples. Then, per surface again, the
+        sum of all directions times their luminance / π. The irradiance at other normals follows
+        from it (`turned` of `cl/lib/world/real/irradiance.h`); 0.
     """
 
     def __init__(self, device: ComputeDevice, panorama: Panorama, features: Features) -> None:
@@ -62,7 +60,7 @@ class IrradianceCache:
         self._features = features
         self.settings = features.settings.irradiance
         self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
-        # Where objects are layers, an equirect view has those around it alone.
+        # With objects as layers, an equirect view has only the layers around the capture centre.
         equirect = features.equirect_view and features.traced_layers
         defines = plane_defines(equirect=equirect) | features.real_defines()
 
@@ -120,19 +118,18 @@ class IrradianceCache:
         changed: float,
         cut: bool,
     ) -> None:
-        """Follow the video to its next frame: forget what is elsewhere, and follow the light.
+        """Update the cache to the next video frame: reset moved surfaces, and rescale by the light.
 
         Parameters
         ----------
         panorama : Panorama
             Holds the next frame.
         motion : (3, 4) float64
-            `camera_motion` since the frame before. Where the camera moved, cells are fetched from
-            where their surfaces were.
+            `camera_motion` since the previous frame. Where the camera moved, cells are reprojected.
         changed : float
             Share of the panorama's flux that changed, in [0, 1].
         cut : bool
-            They show different things, and nothing that is known holds.
+            The frames show different scenes: all cells are reset.
         """
         grid = (self.columns, SURFACES * self.rows)
         still = np.array_equal(motion, STILL)
@@ -159,14 +156,14 @@ class IrradianceCache:
                 self._relight(*self._light.change(changed))
 
     def forget(self) -> None:
-        """Forget all samples, as if no view had asked for any."""
+        """Drop all samples, as in a new cache."""
         for grid in (self.mean, self.irradiance):
             self._device.fill_zero(grid)
 
     def _relight(self, factor: NDArray[np.float32], error: NDArray[np.float32]) -> None:
-        """Change E_R by (cells, 3) factors, known to (cells,) relative errors.
+        """Scale E_R by (cells, 3) factors with (cells,) relative errors.
 
-        A mean of so many samples that its own error is as large is kept.
+        Each mean's number of samples is limited to one that corresponds to that error.
         """
         factor, error = np.tile(factor, (SURFACES, 1)), np.tile(error, SURFACES)
         plane, mean, smooth = (
@@ -185,7 +182,7 @@ class IrradianceCache:
             self._device.write(grid, values)
 
     def _named(self, suffix: str) -> dict[str, cla.Array]:
-        """The grids by the names of kernels' parameters."""
+        """Return the grids by the names of kernel parameters."""
         grids = {"plane": self.plane, "mean": self.mean, "smooth": self.irradiance}
         return {name + suffix: grid for name, grid in grids.items()}
 
@@ -200,10 +197,8 @@ class IrradianceCache:
     ) -> None:
         """Refine the cells around the pixels that `mask` has listed.
 
-        `traced` holds `World.arguments`.
-
-        A few rays do where objects have no noticeable influence yet, and none are needed where
-        objects span less than `min_solid_angle` sr.
+        `traced` holds `World.arguments`. Few rays are used where objects have no noticeable
+        influence yet, and none where objects span less than `min_solid_angle` sr.
         """
         layout = guide.layout
         self._count, self._next_count = self._next_count, self._count
@@ -227,13 +222,13 @@ class IrradianceCache:
             self._smooth((self._entries,), known)
 
     def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
-        """E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has asked for it."""
+        """Return E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has needed it."""
         planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
         self._show(guide.layout.size, guide.arguments(), self.arguments(panorama), shown=planes)
         return planes
 
     def arguments(self, panorama: Panorama) -> dict[str, Any]:
-        """`CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h`."""
+        """Return `CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h`."""
         return {
             "cache_plane": self.plane,
             "cache_irradiance": self.irradiance,

@@ -1,4 +1,4 @@
-"""Radiance of real surfaces, learned online: local linear models in a uniform grid."""
+"""Online learning of the radiance of real surfaces: local linear models in a uniform grid."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ GRID = tuple(constant(HEADER, f"GRID_{axis}") for axis in "XYZ")
 """Cells of the table along each axis."""
 CELLS = GRID[0] * GRID[1] * GRID[2]
 MOST_PLACES = 27
-"""Cells that a model may reach."""
+"""Most cells that a model reaches."""
 LEAST_WEIGHT = float_constant(HEADER, "LEAST_WEIGHT")
 ALIKE_NORMAL = float_constant(HEADER, "ALIKE_NORMAL")
 WIDEST = 1.0 / np.sqrt(-2.0 * np.log(LEAST_WEIGHT))
-"""Bandwidth of a model that reaches as far as the search radius, over this."""
+"""Bandwidth, over the search radius, of a model that reaches just as far as that."""
 
 LEAST_REACH = 0.1
-"""How far a new model reaches at least, over the search radius."""
+"""Least reach of a new model, over the search radius."""
 PRIOR = 1e-5
 """Inverse of the diagonal of the first P (section IV-A)."""
 FIRST_FORGETTING = 0.97
 """Forgetting factor of a model's first sample (section IV-A)."""
 RATE = 1.0
-"""Step of the gradient descent. The paper has its own in a supplement."""
+"""Step of the gradient descent. The paper's is in a supplement."""
 SLOPES_PENALTY = 1e-3
 """γ_1 of Eq. 8, of coefficients over the search radius."""
 BANDWIDTH_PENALTY = 1e-10
@@ -55,7 +55,7 @@ class Learning:
     radius : float
         Search radius, metres.
     metre : float
-        What is a metre in a room, metres.
+        Length in metres of one metre in a room.
     unit : float
         Radiance that errors are relative to, together with the model's own.
     forgetting, first_forgetting : float
@@ -81,16 +81,16 @@ class Learner:
     Parameters
     ----------
     samples : int
-        That are learned at a time.
+        Samples per batch.
     capacity : int
-        Models that there may be.
+        Most models.
 
     Attributes
     ----------
     count : int
-        Models that there are.
+        Number of models.
     learned : int
-        Samples that were drawn from panoramas so far.
+        Samples drawn from panoramas so far.
     """
 
     def __init__(self, device: ComputeDevice, samples: int, capacity: int) -> None:
@@ -122,7 +122,7 @@ class Learner:
         self._places = 0
 
     def arguments(self) -> dict[str, Any]:
-        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
+        """Return `LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
         return {
             "learned_models": self._models,
             "learned_start": self._start,
@@ -132,28 +132,28 @@ class Learner:
         }
 
     def models(self) -> Float:
-        """(count, MODEL_PARTS, 4) as in `cl/lib/world/real/learned.h`."""
+        """Return the models (count, MODEL_PARTS, 4), as in `cl/lib/world/real/learned.h`."""
         read: Float = self._device.read(self._models)[: self.count]
         return read
 
     @property
     def nbytes(self) -> int:
-        """Bytes that the models, their information matrices and their places in the grid take."""
+        """Bytes of the models, their information matrices and their entries in the grid."""
         model = 4 * (4 * MODEL_PARTS + 6)
         return model * self.count + 4 * (self._places + CELLS + 1)
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Drop all models."""
         self.count = self._places = 0
         self._device.fill_zero(self._start)
 
     def place(self, pose: NDArray[np.float64] | None) -> None:
-        """Where the capture centre is: (4, 4) to the world's axes; None: these are its own."""
+        """Set the (4, 4) pose from the capture centre's axes to the world's; None: identity."""
         rows = (np.eye(4) if pose is None else pose)[:3]
         self._device.write(self._pose, rows.astype(np.float32).ravel())
 
     def draw(self, surfaces: Surfaces, radiance: cla.Array) -> Float:
-        """The next samples of a panorama with this radiance, (H, W, 3) float32.
+        """Draw the next samples of a panorama with this radiance, (H, W, 3) float32.
 
         Returns
         -------
@@ -168,18 +168,18 @@ class Learner:
             surface=surfaces.surface,
             radiance=radiance,
         )
-        # The kernel takes it as a signed number, which may not run over.
+        # The kernel takes it as a signed number, which must not overflow.
         self.learned = (self.learned + self._samples) % 2**30
         drawn: Float = self._device.read(self._drawn)
         return drawn
 
     def learn(self, samples: Float, how: Learning) -> None:
-        """Update the models that samples lie in, and add models where none does.
+        """Update the models around samples, and add models where there is none.
 
         Parameters
         ----------
         samples : (N, SAMPLE_PARTS, 4) float32
-            As `draw` returns them; those that are no surfaces or not finite are left out.
+            From `draw`; entries without a surface or not finite are left out.
         how : Learning
         """
         device = self._device
@@ -209,19 +209,19 @@ class Learner:
         self._index(how.radius)
 
     def ask(self, samples: Float) -> tuple[Float, NDArray[np.bool_]]:
-        """What was learned where samples are, of which there are no more than are drawn.
+        """Return the learned radiance at samples, at most as many as are drawn at a time.
 
         Returns
         -------
         radiance : (N, 3) float32
         known : (N,) bool
-            Where something was learned; elsewhere `radiance` is 0.
+            False where nothing was learned; `radiance` is 0 there.
         """
         predicted, _ = self._asked(samples)
         return predicted[:, :3], predicted[:, 3] > 0.0
 
     def _asked(self, samples: Float) -> tuple[Float, Float]:
-        """(N, 4) and (N,) of `ask_models.cl`; the device then holds the samples."""
+        """Return (N, 4) and (N,) of `ask_models.cl`, and leave the samples on the device."""
         device, count = self._device, len(samples)
         padded = np.zeros(self._drawn.shape, np.float32)
         padded[:count] = samples
@@ -230,13 +230,13 @@ class Learner:
         return device.read(self._predicted)[:count], device.read(self._greatest)[:count]
 
     def _cell(self, points: Float) -> NDArray[np.int64]:
-        """(..., 3) coordinates of the cells of points, as `grid_cell` computes them."""
+        """Return (..., 3) coordinates of the cells of points, as `grid_cell` computes them."""
         scaled = points * np.float32(self._inverse_radius)
         cells: NDArray[np.int64] = np.floor(np.clip(scaled, -(2.0**31), 2.0**31 - 1.0)).astype(int)
         return cells
 
     def _create(self, samples: Float, how: Learning) -> None:
-        """Models at samples that none covers, each where the ones before do not cover it."""
+        """Create models at samples not yet covered, neither by old models nor by new ones."""
         chosen = _thinned(samples, how.radius)[: self._capacity - self.count]
         if not len(chosen):
             return
@@ -266,7 +266,7 @@ class Learner:
         low = self._cell(centre - reach[:, None])
         steps = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(-1, 3)
         cells = low[:, None] + steps
-        # A little farther, as kernels round otherwise.
+        # A little farther, because kernels round differently.
         nearest = np.clip(centre[:, None], cells * radius, (cells + 1) * radius)
         apart = np.linalg.norm(nearest - centre[:, None], axis=-1)
         model, step = np.nonzero(apart <= 1.001 * reach[:, None])
@@ -280,20 +280,20 @@ class Learner:
 
 
 def _place(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) places in the table of cells (N, 3), as `grid_place` computes them."""
+    """Return (N,) indices in the table of cells (N, 3), as `grid_place` computes them."""
     wrapped = cell & (np.array(GRID) - 1)
     place: NDArray[np.int64] = wrapped @ np.array([1, GRID[0], GRID[0] * GRID[1]])
     return place
 
 
 def _starts(place: NDArray[np.int64]) -> NDArray[np.int32]:
-    """(CELLS + 1,) where the part of each cell begins in a list that is sorted by places."""
+    """Return (CELLS + 1,) starts of each cell's part in a list sorted by index."""
     counts: NDArray[np.int64] = np.bincount(place, minlength=CELLS)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
 
 def _thinned(samples: Float, radius: float) -> Float:
-    """Samples in their order, without those within the radius of one before that faces alike."""
+    """Return samples in order, each outside the radius of earlier ones that face alike."""
     if not len(samples):
         return samples
     points, normals = samples[:, 0, :3].astype(np.float64), samples[:, 1, :3]

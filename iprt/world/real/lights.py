@@ -1,4 +1,4 @@
-"""The table by which rays are aimed at the bright parts of the panorama."""
+"""Table for light sampling: rays aimed at the bright parts of the panorama."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 
 LIGHT_ROWS = 256
-"""Rows of the table, at most: cells of 0.7 degrees."""
+"""Most rows of the table: cells of 0.7 degrees."""
 
 
 class Lights:
@@ -21,7 +21,7 @@ class Lights:
     ----------
     rows, columns : int
     count : int
-        Cells that rays are aimed at; 0 where the panorama is even.
+        Cells with a positive density; 0 where the panorama is even.
     luminance : (rows, columns) float32
         Means over the cells.
     """
@@ -42,9 +42,9 @@ class Lights:
         self.count = 0
 
     def load(self, radiance: cla.Array, hidden: cla.Array | None = None) -> None:
-        """Make the table of a panorama (H, W, 4), linear radiance.
+        """Build the table of a panorama (H, W, 4), linear radiance.
 
-        `hidden` (H, W) is the luminance of lights that are remembered behind it, else 0.
+        `hidden` (H, W) is the luminance of lights in the hidden background, else 0.
         """
         height, width, _ = radiance.shape
         with self._device.profile.section("lights"):
@@ -67,7 +67,7 @@ class Lights:
             self._device.write(self._density, density.astype(np.float32))
 
     def arguments(self) -> dict[str, Any]:
-        """`LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`, which begin with its name."""
+        """Return `LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`, prefixed by the name."""
         prefix = self._name.replace(" ", "_")
         return {
             f"{prefix}_cumulative": self._cumulative,
@@ -80,7 +80,7 @@ class Lights:
 
 
 def no_lights(name: str) -> dict[str, Any]:
-    """Return `Lights.arguments` for rays that are not aimed."""
+    """Return `Lights.arguments` for rays without light sampling."""
     prefix = name.replace(" ", "_")
     return {
         f"{prefix}_cumulative": None,
@@ -95,11 +95,11 @@ def no_lights(name: str) -> dict[str, Any]:
 def light_table(
     luminance: NDArray[np.floating],
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """Sampling densities in proportion to what a cell's luminance exceeds the mean by.
+    """Return sampling densities proportional to the excess of cells' luminance over the mean.
 
-    Where the light is even, BRDF sampling is the better strategy, so the mean is taken off (*MIS
-    compensation*, Karlík et al., "MIS Compensation: Optimizing Sampling Techniques in Multiple
-    Importance Sampling", SIGGRAPH Asia 2019).
+    BRDF sampling is better for even light, so the mean is subtracted (*MIS compensation*, Karlík et
+    al., "MIS Compensation: Optimizing Sampling Techniques in Multiple Importance Sampling",
+    SIGGRAPH Asia 2019).
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def light_table(
     edges = np.cos(np.arange(rows + 1) / rows * np.pi)
     solid_angle = np.repeat((edges[:-1] - edges[1:]) * (2.0 * np.pi / columns), columns)
     average = float((mean * solid_angle).sum() / (4.0 * np.pi))
-    # Rounding is no light: what an even panorama leaves is 0.
+    # Rounding errors are not light: an even panorama gives 0.
     excess = np.where(mean > average * (1.0 + 1e-4), mean - average, 0.0)
     total = float((excess * solid_angle).sum())
     cells = np.flatnonzero(excess).astype(np.int32)

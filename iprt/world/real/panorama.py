@@ -1,4 +1,4 @@
-"""The real scene on the device: what depends on the video frame only."""
+"""Panorama on the device: everything that depends on the video frame only."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from iprt.settings.trace import TraceSettings
 
 COARSEST_COLUMNS = 8
-"""Cells span at most π/4 of azimuth, so that one plane per meridian decides a crossing."""
+"""Fewest columns of a level: cells span at most π/4 of azimuth, so that one plane per meridian
+decides a crossing."""
 START_BIAS = 1e-3
-"""Metres, in a room: tolerance of a ray's start against the surface it starts from."""
+"""Tolerance, in metres of a room, of a ray's start against the surface it starts from."""
 
 
 class Panorama:
@@ -35,24 +36,24 @@ class Panorama:
     color : (H, W, 3) float32
         `Frame.color`.
     radiance : (H, W, 3) float32
-        `Frame.radiance`: `color` itself, or a buffer of its own where frames may have a map.
+        `Frame.radiance`: `color` itself, or a separate buffer where frames may have a map.
     clipped : ShownTexels
-        What of `color` the picture shows otherwise.
+        Texels of `color` with a different displayed colour.
     surfaces : Surfaces
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
-        What lies behind windows, as a distant environment, where asked for.
+        Distant environment behind windows, if requested.
     gloss : (H, W) int32 or None
-        0 where the surface is diffuse, else 1 + index of its real material, where asked for.
+        0 where the surface is diffuse, else 1 + index of its real material, if requested.
     highlight : (H, W, 3) float32 or None
         With `gloss`: the part of `radiance` that is specular reflection towards the capture centre
         (`Highlight`).
     radiated : (H, W, 3) float32
-        What rays find where they meet a real surface: `radiance` itself, but without highlights
-        where surfaces are glossy (`Highlight`).
+        Radiance of real surfaces for rays: `radiance` itself, but without highlights where
+        surfaces are glossy (`Highlight`).
     range : (cells, 2) float32
         Min/max pyramid of radial distances, level 0 first.
     background : Background or None
-        What the video has shown behind all this, where that is remembered.
+        Surfaces hidden by this frame that the video has shown before, if remembered.
     median_depth, nearest, farthest : float
         Median, least and largest finite depth, in metres; `farthest` is 0 where all is open sky.
     flux : Flux
@@ -71,9 +72,11 @@ class Panorama:
         share: bool = False,
         background: TraceSettings | None = None,
     ) -> None:
-        """`color_map`: frames may have one; `share`: pictures stay in the host's memory where the
-        device reads that, and no frame has a map; `background`: what frames hide is remembered, by
-        the thickness that surfaces are assumed to have.
+        """Create the buffers.
+
+        `color_map`: frames may have one. `share`: pictures stay in the host's memory where the
+        device shares it, and no frame has a map. `background`: hidden surfaces are remembered, with
+        the assumed thickness of surfaces.
         """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
@@ -104,7 +107,7 @@ class Panorama:
         self.median_depth = self.nearest = self.farthest = 0.0
 
     def load(self, frame: Frame) -> None:
-        """Upload a video frame and build what the tracer needs of it."""
+        """Upload a video frame and build the tracer's data."""
         device = self._device
         self._load_light(frame)
         normal = None if frame.normal is None else self._enlarged(frame.normal)
@@ -145,9 +148,9 @@ class Panorama:
             self.clipped.load(clipped)
 
     def remember(self, *, forget: bool) -> None:
-        """Follow with what the loaded frame hides of those before, where that is remembered.
+        """Update the background with the loaded frame, if it is remembered.
 
-        `forget`: they have nothing to do with it, or were seen from elsewhere.
+        `forget`: earlier frames are unrelated, or have another capture centre.
         """
         if self.background is None:
             return
@@ -168,14 +171,17 @@ class Panorama:
 
     @property
     def color(self) -> cla.Array:
+        """`Picture.texels` of the frame's colour."""
         return self._color.texels
 
     @property
     def radiance(self) -> cla.Array:
+        """`Picture.texels` of the frame's radiance."""
         return self._radiance.texels
 
     @property
     def radiated(self) -> cla.Array:
+        """Radiance of real surfaces for rays."""
         return self.radiance if self._radiated is None else self._radiated
 
     def arguments(self, trace: TraceSettings) -> dict[str, Any]:
@@ -201,13 +207,13 @@ class Panorama:
 
     @property
     def hidden_light(self) -> cla.Array | None:
-        """`Background.hidden_light`; None where nothing can be hidden."""
+        """`Background.hidden_light`; None without a background."""
         background = self.background
         return None if background is None or background.first else background.hidden_light
 
     @property
     def mean_radiance(self) -> float:
-        """Over the sphere and the three channels."""
+        """Mean radiance over the sphere and the three channels."""
         return self.flux.mean
 
     @property
@@ -217,5 +223,5 @@ class Panorama:
 
     @property
     def scale(self) -> float:
-        """Length in metres of what is one metre in a room (whose median depth is two)."""
+        """Length in metres of one metre in a room (whose median depth is two)."""
         return 0.5 * self.median_depth

@@ -1,4 +1,4 @@
-"""Min/max depth pyramids, over the panorama and over the layers of the virtual objects."""
+"""Min/max depth pyramids over the panorama and over the layers of the virtual objects."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PyramidShape:
 
     @classmethod
     def of(cls, width: int, height: int, coarsest_columns: int) -> PyramidShape:
-        """Halve until a level would have fewer than `coarsest_columns` columns."""
+        """Return levels, halved until the next would have fewer than `coarsest_columns` columns."""
         columns, rows = [width], [height]
         while columns[-1] > 1 and (columns[-1] + 1) // 2 >= coarsest_columns:
             columns.append((columns[-1] + 1) // 2)
@@ -35,17 +35,18 @@ class PyramidShape:
 
     @property
     def levels(self) -> int:
+        """Number of levels."""
         return len(self.columns)
 
     @property
     def offsets(self) -> tuple[int, ...]:
-        """First cell of each level in the concatenated buffer, and the total as last entry."""
+        """First cell of each level in the concatenated buffer, with the total as last entry."""
         sizes = np.multiply(self.columns, self.rows)
         return tuple(int(n) for n in np.concatenate([[0], np.cumsum(sizes)]))
 
 
 class Pyramid:
-    """Builds the coarser levels in place over a buffer whose finest level is filled."""
+    """Kernel that builds the coarser levels in place over a filled finest level."""
 
     def __init__(self, device: ComputeDevice) -> None:
         self._device = device
@@ -66,7 +67,7 @@ class Pyramid:
 
 
 def equirect_edges(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Edges of the texels of an equirect image, for the marches of `cl/lib/maths/grid.h`.
+    """Return the edges of an equirect image's texels, for the marches of `cl/lib/maths/grid.h`.
 
     Returns
     -------
@@ -83,7 +84,7 @@ def equirect_edges(width: int, height: int) -> tuple[NDArray[np.float32], NDArra
 
 
 def equirect_centres(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Cosine and sine of azimuths (width, 2) and polar angles (height, 2) of texel centres."""
+    """Return cosine and sine of texel centres' azimuths (width, 2) and polar angles (height, 2)."""
     phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
     theta = (np.arange(height) + 0.5) / height * np.pi
     azimuth = np.stack([np.cos(phi), np.sin(phi)], axis=-1).astype(np.float32)

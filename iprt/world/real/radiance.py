@@ -1,4 +1,4 @@
-"""Pictures of the panorama on the device, and what their flux is."""
+"""Panorama pictures on the device, and their flux."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Flux:
     mean : float
         Radiance over the sphere and the three channels.
     change : float
-        Share by which it differs from that of the picture before, in [0, 1].
+        Relative difference from the previous picture, in [0, 1].
     """
 
     mean: float
@@ -38,11 +38,11 @@ class Picture:
     Attributes
     ----------
     name : str
-        The name of its buffer.
+        Name of its buffer.
     texels : (H, W, 3) float32 or None
-        None: there is none yet.
+        None: nothing was loaded.
     loaded : bool
-        `texels` holds a picture.
+        Whether `texels` holds a picture.
     """
 
     name: str
@@ -51,15 +51,15 @@ class Picture:
 
 
 class PictureLoader:
-    """Brings pictures to the device, and tells what their flux is (`cl/world/real/radiance.cl`).
+    """Loader of pictures that also computes their flux (`cl/world/real/radiance.cl`).
 
     Parameters
     ----------
     device : ComputeDevice
     width, height : int
     share : bool
-        Where the device reads the host's memory, pictures stay there. They are not mapped then,
-        and each occupies the host as long as it is loaded. Else they are copied.
+        Where the device shares the host's memory, pictures stay there without a map, and occupy
+        it as long as they are loaded. Otherwise they are copied.
     """
 
     def __init__(self, device: ComputeDevice, width: int, height: int, *, share: bool) -> None:
@@ -77,7 +77,7 @@ class PictureLoader:
         )
 
     def picture(self, name: str) -> Picture:
-        """A picture that nothing is loaded to yet."""
+        """Return a picture without contents."""
         shape = self._height, self._width, 3
         return Picture(name, None if self._share else self._device.empty(name, shape))
 
@@ -87,13 +87,13 @@ class PictureLoader:
         values: NDArray[np.float32],
         color_map: NDArray[np.float64] | None = None,
     ) -> None:
-        """Let a picture show `values` (H, W, 3), mapped by `color_map` (3, 3)."""
+        """Load `values` (H, W, 3), mapped by `color_map` (3, 3), into a picture."""
         before = picture.texels if picture.loaded else None
         picture.loaded = True
         if not self._share:
             self._copy(picture, values, color_map, before)
             return
-        assert color_map is None, "would change what is the host's"
+        assert color_map is None, "a map would change the host's picture"
         picture.texels = self._device.share(picture.name, values)
         with self._device.profile.section("upload"):
             self._load(
@@ -134,7 +134,7 @@ class PictureLoader:
                 )
 
     def flux(self) -> Flux:
-        """Wait for the device, and return the flux of the picture that was loaded last."""
+        """Wait for the device, and return the flux of the last loaded picture."""
         sums = self._device.read(self._sums).sum(axis=1, dtype=np.float64)
         rows = np.sin((np.arange(self._height) + 0.5) / self._height * np.pi)
         apart, larger, total, _ = rows @ sums

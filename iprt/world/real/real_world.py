@@ -1,4 +1,4 @@
-"""The real scene on a device: what depends on the video alone, whatever views show of it."""
+"""Real scene on a device: everything that depends on the video alone, not on a view."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from iprt.world.real.panorama import Panorama
 
 
 class RealWorld:
-    """The current frame of a video, prepared for rays. It knows nothing of views.
+    """Current frame of a video, prepared for rays. It is independent of views.
 
     Parameters
     ----------
@@ -33,10 +33,10 @@ class RealWorld:
     ----------
     frame : Frame
     version : int
-        Number of frames loaded. A view compares it with the version of its last picture.
+        Number of frames loaded. A view compares it with its last picture's.
     cut_version : int
-        The version since which the video shows one scene under one light; nothing that was
-        accumulated before holds.
+        The version since which the video shows one scene under one light. Accumulated state
+        from before is invalid.
     panorama : Panorama
     lights : Lights or None
     irradiance : IrradianceCache or None
@@ -71,14 +71,14 @@ class RealWorld:
         return None if self._color_map is None else self._color_map.rows
 
     def load(self, frame: Frame) -> None:
-        """Go on to another frame of the video, of the same size and with the same openings.
+        """Load another frame of the video, of the same size and with the same openings.
 
-        Nothing is done if it is the frame that is held: another view has loaded it.
+        Does nothing for the current frame: another view has loaded it.
 
         Raises
         ------
         ValueError
-            It has a pose and the frame before has none, or the other way round.
+            Only one of it and the previous frame has a pose.
         """
         if frame is not self.frame or not self._complete:
             self._load(frame)
@@ -86,7 +86,7 @@ class RealWorld:
     def _load(self, frame: Frame) -> None:
         features, before = self._features, self.frame
         motion = camera_motion(before.pose, frame.pose)
-        # After an update that was abandoned, nothing that was accumulated holds.
+        # After an abandoned update, accumulated state is invalid.
         abandoned, self._complete = not self._complete and self.version > 0, False
         mapped = features.objects and frame.color_map is not None
         assert features.color_map or not mapped, "no buffer for it"
@@ -108,7 +108,7 @@ class RealWorld:
         self.frame, self._complete = frame, True
 
     def split_highlights(self) -> None:
-        """Take highlights off the panorama before its first use, where surfaces are glossy."""
+        """Separate highlights from the panorama before its first use, where surfaces are glossy."""
         if self.highlight is None or self._split_version == self.version:
             return
         self.highlight.run()

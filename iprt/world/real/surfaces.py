@@ -1,4 +1,4 @@
-"""Tangent planes of a panorama and how they are joined, made of depth on the device."""
+"""Tangent planes of a panorama and their joints, computed from depth on the device."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ from iprt.footage.normals import Tap, window_taps
 from iprt.world.real.pyramid import equirect_centres, equirect_edges
 
 BAND_TEXELS = 2**19
-"""Texels of the rows that are prepared at a time, or a little more: what is between one kernel and
-the next stays in caches."""
+"""Texels, about, in the rows processed at a time: intermediate buffers stay in caches."""
 MARGIN = constant("lib/world/real/tangent.h", "MARGIN")
 LANES = constant("lib/maths/lanes.h", "WIDE_LANES")
-"""Texels that a work item takes where vectors are wide."""
+"""Texels per work item where vectors are wide."""
 TAP = np.dtype([("scale", "f4"), ("a", "f4"), ("b", "f4"), ("line", "i4")])
 """`Tap` of `cl/world/real/planes.cl`."""
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Where the rows of a panorama are in a buffer, each continued as far as windows reach.
+    """Layout of a panorama's rows in a buffer, each continued by the reach of windows.
 
     Attributes
     ----------
     table : (H, 4) int32
-        Place of column 0; columns that the line goes on to the left, and to the right; 0.
+        Index of column 0; columns that the line continues to the left, and to the right; 0.
     taps : (H, 25) TAP
-        The window of each row.
+        Window of each row.
     size : int
         Floats of the buffer.
     """
@@ -44,6 +43,7 @@ class Lines:
 
     @classmethod
     def of(cls, width: int, height: int) -> Lines:
+        """Return the lines of a panorama of this size."""
         taps = window_taps(width, height)
         beyond = np.full((2, height), 2)
         for tap in taps:
@@ -154,7 +154,7 @@ class Surfaces:
         Parameters
         ----------
         depth, opening, normal
-            As `Frame` holds them.
+            As in `Frame`.
         tolerance : float
             `Frame.fit_tolerance`.
         range_ : (cells, 2) float32
@@ -170,7 +170,7 @@ class Surfaces:
             with device.profile.section("surface"):
                 self._invert((self.width, band), first=first)
         for first in bands(self.height, self.width):
-            # One row beyond either end, with which those at the ends are joined.
+            # One more row beyond either end, to join the rows at the ends with.
             with device.profile.section("surface"):
                 self._fit(self.items(band + 2), first=first - 1, tolerance=tolerance)
             if normal is not None:
@@ -180,11 +180,11 @@ class Surfaces:
                 self._build(self.items(band), first=first, fitted=fitted, range=range_)
 
     def items(self, rows: int) -> tuple[int, int]:
-        """Work items of kernels that are built with WIDE, over some rows."""
+        """Return the work items, over some rows, of kernels built with WIDE."""
         return -(-self.width // LANES) if self._device.wide else self.width, rows
 
     def _take_given(self, normal: NDArray[np.float32], first: int) -> None:
-        """Replace planes of the rows from `first` on by those of given normals."""
+        """Replace planes of the rows from `first` on by planes of given normals."""
         device, rows = self._device, self._band + 2
         if self._normal is None:
             self._normal = device.empty("panorama.normal", (rows, self.width, 3))
@@ -198,18 +198,18 @@ class Surfaces:
 
 
 def band_rows(height: int, width: int) -> int:
-    """Rows of a band."""
+    """Return the number of rows in a band."""
     return min(max(BAND_TEXELS // width, 1), height)
 
 
 def bands(height: int, width: int) -> list[int]:
-    """The first rows of the bands. All have one size: the last may begin in the one before."""
+    """Return the first rows of the bands of equal size; the last may overlap the one before."""
     rows = band_rows(height, width)
     return [min(first, height - rows) for first in range(0, height, rows)]
 
 
 def _images(pairs: NDArray[np.float32], size: int) -> NDArray[np.float32]:
-    """Two lines of `size` of pairs (N, 2), with room on both sides for a work item's texels."""
+    """Return two lines of `size` from pairs (N, 2), with padding for a work item's texels."""
     images = np.zeros((2, size), np.float32)
     images[:, : len(pairs)] = pairs.T
     return np.pad(images.ravel(), (MARGIN, LANES))

@@ -1,5 +1,5 @@
-// Rays against a two-level bounding volume hierarchy: a tree over instances, whose leaves are trees
-// over triangles in object space (iprt/bvh/). The nearest hit, front to back, with a short stack.
+// Ray tracing of a two-level bounding volume hierarchy: a tree over instances, whose leaves are trees over
+// triangles in object space (iprt/bvh/). Finds the nearest hit, front to back, with a short stack.
 //
 // Boxes:     slabs, four at once, made conservative after T. Ize, "Robust BVH Ray Traversal",
 //            JCGT 2(2), 2013.
@@ -8,8 +8,8 @@
 //
 //   nodes      BVH_NODE_ROWS float4 per node, a column per child: low x, high x, low y, high y,
 //              low z, high z of its box, inverted where there is no child; then references as int
-//              bits: a node, or ~leaf. Those of the tree over instances come first, node 0 is its
-//              root, its leaves are instances; leaves of the other trees are packets.
+//              bits: a node, or ~leaf. Nodes of the tree over instances come first: node 0 is its
+//              root, its leaves are instances. Leaves of the other trees are packets.
 //   packets    BVH_PACKET_ROWS float4 per packet, a column per triangle: x, y, z of the first
 //              corner, the second, the third; NaN where there is no triangle.
 //   instances  BVH_INSTANCE_ROWS float4 per instance: 3 rows object from world; 3 rows world from
@@ -19,14 +19,14 @@
 
 #include "maths/work.h"
 
-// -D BVH_STACK: three for each level of both trees, which the host bounds (iprt/bvh/build.py): a
-// level leaves at most three children to come back to.
+// -D BVH_STACK: three entries for each level of both trees, whose depth the host bounds
+// (iprt/bvh/build.py). A level leaves at most three children on the stack.
 #define BVH_NODE_ROWS 7
 #define BVH_PACKET_ROWS 9
 #define BVH_INSTANCE_ROWS 7
 
-// Steps after which a ray keeps what it has found: a hundred times what any needs in a tree that is
-// one. No buffer, however spoilt, can hold a kernel up.
+// Steps after which a ray keeps its current hit: a hundred times more than any ray needs in a valid tree. A
+// corrupt buffer thus cannot hang the kernel.
 #ifndef BVH_STEP_CAP
 #define BVH_STEP_CAP 65536
 #endif
@@ -35,7 +35,7 @@ typedef struct {
     __global const float4 *nodes;
     __global const float4 *packets;
     __global const float4 *instances;
-    int count;           // of instances
+    int count;           // number of instances
     WORK_MEMBER
 } Bvh;
 
@@ -46,7 +46,7 @@ typedef struct {
     float u, v;          // weights of the second and third corner
 } BvhHit;
 
-// A ray in the space of the tree that is being descended.
+// A ray in the space of the current tree.
 typedef struct {
     float3 o;
     float3 inverse;      // of the direction, finite
@@ -54,8 +54,8 @@ typedef struct {
     int kx, ky, kz;
 } BvhRay;
 
-// Components kx, ky, kz of v, whole vectors at a time: compilers for GPUs put vectors that are indexed
-// one by one on the stack.
+// Return the components kx, ky, kz of v, by swizzles: compilers for GPUs put vectors with indexed
+// components on the stack.
 static inline float3 bvh_permuted(float3 v, int kz)
 {
     return kz == 2 ? v : kz == 1 ? v.zxy : v.yzx;
@@ -72,7 +72,7 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
     const float3 permuted = bvh_permuted(d, ray.kz);
     ray.sheared.z = 1.0f / permuted.z;
     ray.sheared.xy = permuted.xy * ray.sheared.z;
-    // Along an axis to which it is perpendicular the ray moves next to nothing: no 0 times infinity.
+    // Bounds the inverse of a component near 0, so that 0 is never multiplied by infinity.
     const float least = 1e-18f * fabs(permuted.z);
     ray.inverse.x = 1.0f / (size.x > least ? d.x : copysign(least, d.x));
     ray.inverse.y = 1.0f / (size.y > least ? d.y : copysign(least, d.y));
@@ -82,8 +82,8 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
 
 #define BVH_NO_CHILD 0x7f800000
 
-// Where the ray enters the four boxes of a node: bits of the distance, the last two replaced by the
-// column, so that integers sort children by distance; BVH_NO_CHILD where it does not before t_max.
+// Return where the ray enters the four boxes of a node: the distance as int bits, the last two replaced by
+// the column, so that children can be sorted as integers; BVH_NO_CHILD for boxes not entered before t_max.
 static inline int4 bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
 {
     const int x = ray.inverse.x < 0.0f, y = ray.inverse.y < 0.0f, z = ray.inverse.z < 0.0f;
@@ -93,7 +93,7 @@ static inline int4 bvh_enter(__global const float4 *node, const BvhRay ray, floa
     const float4 y1 = (node[3 - y] - ray.o.y) * ray.inverse.y;
     const float4 z0 = (node[4 + z] - ray.o.z) * ray.inverse.z;
     const float4 z1 = (node[5 - z] - ray.o.z) * ray.inverse.z;
-    // Comparisons rather than fmin and fmax, which take several instructions for the sake of NaN.
+    // Comparisons rather than fmin and fmax, which take several instructions to handle NaN.
     const float4 positive = z0 > 0.0f ? z0 : (float4)(0.0f);
     const float4 xy0 = x0 > y0 ? x0 : y0, xy1 = x1 < y1 ? x1 : y1;
     const float4 enter = xy0 > positive ? xy0 : positive;
@@ -108,10 +108,10 @@ static inline float bvh_column(float4 v, int column)
     return column & 1 ? half_of.y : half_of.x;
 }
 
-// Nearest hit among the four triangles of a packet, if it is nearer than hit->t.
+// Find the nearest hit among the four triangles of a packet, if nearer than hit->t.
 static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit *hit)
 {
-// The edge functions of neighbours must be each other's negative, bit for bit.
+// The edge functions of adjacent triangles must be each other's negative, bit for bit.
 #pragma OPENCL FP_CONTRACT OFF
     __global const float4 *a = bvh.packets + BVH_PACKET_ROWS * packet, *b = a + 3, *c = a + 6;
     const float3 o = bvh_permuted(ray.o, ray.kz);
@@ -127,7 +127,7 @@ static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit
         | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));
     if (!(inside.x | inside.y | inside.z | inside.w))
         return 0;
-    // NaN where all edge functions vanish: degenerate triangles and those seen edge-on.
+    // NaN where all edge functions vanish: degenerate triangles and triangles seen edge-on.
     const float4 sum = u + v + w;
     const float4 t = (u * az + v * bz + w * cz) * ray.sheared.z / sum;
     const int4 nearer = inside & (t > 0.0f) & (t < hit->t);
@@ -150,8 +150,8 @@ static inline float3 bvh_transform(__global const float4 *rows, float3 v, float 
     return (float3)(dot(rows[0], p), dot(rows[1], p), dot(rows[2], p));
 }
 
-// Nearest triangle along o + t d with 0 < t < t_max; 1 if there is one. o and d must be finite and
-// d have a length.
+// Find the nearest triangle along o + t d with 0 < t < t_max. Returns 1 if there is one. o and d must be
+// finite, and d not 0.
 static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhHit *hit)
 {
     COUNT_RAY(bvh.work, WORK_OBJECTS);

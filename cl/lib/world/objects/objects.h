@@ -1,16 +1,15 @@
-// The virtual objects as rays see them, in one of two representations with the same functions, or
-// none:
+// The virtual objects as rays see them, in one of two representations with the same functions, or none:
 //
 //   -D OBJECTS_BVH           objects_bvh.h     triangles, exactly
 //   -D DISTANT_ENVIRONMENT   objects_none.h    rays meet nothing
-//   without                  objects_raster.h  what is rasterized from the capture centre
+//   without                  objects_raster.h  layers rasterized from the capture centre
 //
-//   OBJECT_PARAMETERS, OBJECTS(view)   what kernels are given (iprt/world/world.py), and `Objects`
-//                                      made of it, with `bounds`: 2 float4 for each of its `objects`,
-//                                      opposite corners of a box around it, world
-//   trace_objects(objects, o, d, t_max, &hit)   nearest surface before t_max, hit.t; 1: there is one
+//   OBJECT_PARAMETERS, OBJECTS(view)   kernel parameters (iprt/world/world.py), and the struct
+//                                      `Objects` built from them. Its `bounds` holds 2 float4 for
+//                                      each of its `objects`: corners of the bounding box, world
+//   trace_objects(objects, o, d, t_max, &hit)   nearest surface before t_max, hit.t; 1: found
 //   object_point(objects, hit, o, d)            the surface there: Scatterer
-//   object_lift(objects, distance)              metres to leave what the view shows by
+//   object_lift(objects, distance)              offset in metres of rays from visible surfaces
 #ifndef IPRT_OBJECTS_H
 #define IPRT_OBJECTS_H
 

@@ -1,4 +1,4 @@
-// The virtual objects as rays see them: their triangles, in a bounding volume hierarchy.
+// The virtual objects as rays see them: triangles in a bounding volume hierarchy.
 #ifndef IPRT_OBJECTS_BVH_H
 #define IPRT_OBJECTS_BVH_H
 
@@ -7,13 +7,13 @@
 #include "maths/maths.h"
 #include "world/objects/scatterer.h"
 
-// Rays leave a surface this fraction of the largest coordinate around above it. A hit, computed from
-// the triangle's corners, and the ray's start in object space are each some units in the last place
-// (2^-24) of that coordinate off the plane: after C. Wächter and N. Binder, "A Fast and Robust Method
-// for Avoiding Self-Intersection", Ray Tracing Gems, 2019, but of the same size in all directions, so
-// that the unit of length does not matter.
+// Offset of rays above a surface, as a fraction of the largest coordinate involved. A hit, computed from
+// the triangle's corners, and the ray's start in object space are each a few units in the last place
+// (2^-24) of that coordinate off the plane. After C. Wächter and N. Binder, "A Fast and Robust Method for
+// Avoiding Self-Intersection", Ray Tracing Gems, 2019, but the same in all directions, so that it does not
+// depend on the unit of length.
 #define OBJECT_ULPS 0x1p-18f
-// The same for surfaces that the view shows, whose position comes from a picture of depth.
+// The same for surfaces in the view, whose position comes from a depth picture.
 #define OBJECT_DEPTH_ERROR 0x1p-14f
 
 typedef struct {
@@ -25,7 +25,7 @@ typedef struct {
     __global const float4 *bounds;       // 2 per object: corners of its box, world
     int objects;
     __global const float2 *uvs;          // per vertex; null without textures
-    __global const half *texels;         // 4 per texel: rgb, linear; likewise
+    __global const half *texels;         // 4 per texel: rgb, linear; null without textures
 } Objects;
 
 typedef BvhHit ObjectHit;
@@ -35,7 +35,7 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
     return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, hit);
 }
 
-// Bilinear, repeated; row 0 is at v = 1.
+// Return the bilinear value of a repeated texture; row 0 is at v = 1.
 static inline float3 object_texture(__global const half *texels, int4 image, float2 uv)
 {
     const float2 at = (uv - floor(uv)) * (float2)(image.y, -image.z) - 0.5f;
@@ -50,7 +50,7 @@ static inline float3 object_texture(__global const half *texels, int4 image, flo
     return mix(upper, lower, part.y).xyz;
 }
 
-// Albedo of a material of all instances, at weights of the corners of a triangle.
+// Return a material's albedo at barycentric weights of a triangle; `material` counts all instances'.
 static inline float3 object_albedo(const Objects world, int material, int4 vertices, float3 weights)
 {
     float3 albedo = world.albedos[2 * material].xyz;
@@ -69,7 +69,7 @@ static inline float3 packet_corner(__global const float4 *rows, int corner, int 
     return (float3)(x[0], x[4], x[8]);
 }
 
-// In world space, of unit length: by the inverse transpose of world from object.
+// Return the unit normal in world space, by the inverse transpose of world from object.
 static inline float3 vertex_normal(const Objects world, __global const float4 *rows, int vertex)
 {
     const float3 n = world.normals[vertex].xyz;
@@ -86,15 +86,15 @@ static inline float largest(float3 v)
 typedef struct {
     float3 position;
     float3 flat_normal;   // of the plane, towards the viewer
-    float3 normal;        // interpolated, outward as the mesh has it; flat_normal where it has none
-    float3 bulge;         // from position to the curved surface that the normals tell of, if outside
-    float reach;          // the largest coordinate that it was computed from
-    int4 vertices;        // and the material of the mesh
+    float3 normal;        // interpolated, outward in the mesh; flat_normal without normals
+    float3 bulge;         // from position to the curved surface implied by the normals, if outside
+    float reach;          // the largest coordinate in its computation
+    int4 vertices;        // w: the material of the mesh
     float3 weights;
-    int material;         // of all instances
+    int material;         // index among all instances' materials
 } ObjectSurface;
 
-// From x up to the plane through the origin with normal n, if x is below it.
+// Return the offset from x up to the plane through the origin with normal n, 0 if x is above it.
 static inline float3 above_plane(float3 x, float3 n) { return fmax(-dot(x, n), 0.0f) * n; }
 
 static inline ObjectSurface object_surface(const Objects world, const ObjectHit hit, float3 d)
@@ -127,15 +127,16 @@ static inline ObjectSurface object_surface(const Objects world, const ObjectHit 
     return at;
 }
 
-// Where the interpolated normals tell of a bulge, rays start on it (J. Hanika, "Hacking the Shadow
-// Terminator", Ray Tracing Gems II, 2021): a ball of triangles does not shade itself. Others that the
-// normal sends below the triangle meet it again from outside, so that none gets into a solid.
+// Return the scattering point of a hit. Where the interpolated normals imply a bulge, rays start on it (J.
+// Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), so that a tessellated ball does not
+// shade itself. Other rays that the normal sends below the triangle meet it again from outside, so that
+// none gets into a solid.
 static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
     const ObjectSurface at = object_surface(world, hit, d);
     Scatterer point;
     point.position = at.position + at.bulge + OBJECT_ULPS * at.reach * at.flat_normal;
-    // On the side that is seen; near silhouettes it may still face away.
+    // On the visible side; near silhouettes it may still face away.
     const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -at.normal : at.normal;
     point.normal = n - 2.0f * fmax(dot(n, d), 0.0f) * d;
     point.albedo = object_albedo(world, at.material, at.vertices, at.weights);

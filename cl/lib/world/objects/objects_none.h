@@ -1,4 +1,4 @@
-// No objects that rays meet.
+// No objects: rays meet nothing.
 #ifndef IPRT_OBJECTS_NONE_H
 #define IPRT_OBJECTS_NONE_H
 

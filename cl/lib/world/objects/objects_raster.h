@@ -1,6 +1,6 @@
-// The virtual objects as rays see them when they are rasterized from the capture centre: per
-// texel one solid interval, from the front layer's tangent plane to the back layer's. The screen
-// layers are tried first, the equirect layers serve what is off screen.
+// The virtual objects as rays see them when rasterized from the capture centre: per texel one solid
+// interval, from the tangent plane of the front layer to the back layer's. The screen layers are
+// tried first. The equirect layers cover the space outside the screen.
 #ifndef IPRT_OBJECTS_RASTER_H
 #define IPRT_OBJECTS_RASTER_H
 
@@ -9,11 +9,11 @@
 #include "world/objects/scatterer.h"
 #include "gbuffer/view.h"
 
-// A texel's tangent plane may leave its centre depth by this many footprints.
+// Most footprints by which a texel's tangent plane may leave its centre depth.
 #define OBJECT_SLOPE 6.0f
-// Rays leave a surface this many texel footprints of its layer above it.
+// Offset of rays above a surface, in texel footprints of its layer.
 #define OBJECT_LIFT 2.0f
-// Depth errors up to this many texel footprints are no entry into a solid.
+// Depth errors up to this many texel footprints do not count as entry into a solid.
 #define OBJECT_TOLERANCE 1.0f
 
 typedef struct {
@@ -31,17 +31,17 @@ typedef struct {
 #endif
     ObjectLayer equirect;
     __global const float *view;           // lib/gbuffer/view.h
-    int4 rectangle;                       // of the screen that objects cover: x0, y0, x1, y1
+    int4 rectangle;                       // x0, y0, x1, y1 of the screen that objects cover
     __global const float4 *bounds;        // 2 per object: corners of its box, world
     int objects;
 } Objects;
 
 typedef struct {
     float t;
-    int index;        // into geometry and material, the layer included
-    int on_screen;    // which ObjectLayer
+    int index;        // into geometry and material, including the layer
+    int on_screen;    // the ObjectLayer
     int outside;      // 0 while the ray is still inside the solid that it started in
-    int from;         // where the ray comes from: FROM_*
+    int from;         // the side that the ray comes from: FROM_*
 } ObjectHit;
 
 #define FROM_NOWHERE 0   // beside the objects: nothing is rasterized in the last direction
@@ -54,10 +54,9 @@ static inline float plane_radius(float4 plane, float gx, float r, float slope)
     return clamp(radius, plane.w * (1.0f - slope), plane.w * (1.0f + slope));
 }
 
-// The solid interval of one texel against the part [t0, t1] of the ray, whose radii there are r0
-// and r1. A ray enters once it is deeper than the tolerance, in this texel or in one after: solids
-// thinner than that, such as the shell that the camera sees from inside, are met because the ray
-// came from their other side.
+// Intersect the solid interval of one texel with the segment [t0, t1] of the ray, whose radii are r0 and
+// r1. A ray enters once it is deeper than the tolerance, in this texel or a later one. Solids thinner than
+// that, such as a shell seen from inside, are hit because the ray came from their other side.
 static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int texel, float t0, float t1,
                        float r0, float r1, ObjectHit *hit)
 {
@@ -71,7 +70,7 @@ static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int t
     const float tolerance = OBJECT_TOLERANCE * layer.footprint * front.w;
     const float go = dot(front.xyz, o), gd = dot(front.xyz, d);
     const float ho = dot(back.xyz, o), hd = dot(back.xyz, d);
-    // How far past the front, and how far before the back.
+    // Distance past the front, and distance before the back.
     const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, slope);
     const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, slope);
     const float before0 = plane_radius(back, ho + t0 * hd, r0, slope) - r0;
@@ -82,8 +81,8 @@ static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int t
         if (inside)
             return 0;
     }
-    // A step no larger than the steepest plane's is the same surface; past others, and from beside
-    // the objects, the ray is where it is.
+    // A step no larger than the steepest plane's stays on the same surface. Past a larger step, and from
+    // beside the objects, the ray's side follows from its position.
     const float step = slope * front.w;
     if (hit->from == FROM_NOWHERE || (hit->from == FROM_FRONT ? past0 : before0) > step) {
         const int nearer = past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f);
@@ -120,8 +119,8 @@ static inline int equirect_leaf(const ObjectLayer layer, const ObjectRay line, c
                        ray.b * at.root1, hit);
 }
 
-// Cells that the ray passes at one side of all that is in them; not where it comes from the other
-// side, because a thin solid might lie between.
+// Return whether the ray passes a cell on one side of all its surfaces. A ray from the other side does not
+// skip it, because a thin solid might lie between.
 static inline int object_skip(float near, float far, float2 range, ObjectHit *hit)
 {
     const int empty = range.x > range.y;
@@ -151,7 +150,7 @@ static inline int trace_equirect_objects(const ObjectLayer layer, float3 o, floa
         return 0;
     PolarRay ray = polar_ray(o, d);
     if (!(ray.b > 1e-6f * fabs(ray.od))) {
-        // Through the capture centre: any perpendicular serves as direction of closest approach.
+        // Through the capture centre, any perpendicular can be the direction of closest approach.
         ray.m = normalize(fabs(d.y) < 0.9f ? (float3)(-d.z, 0.0f, d.x) : (float3)(0.0f, -d.z, d.y));
         ray.b = fmax(1e-6f * fabs(ray.od), 1e-20f);
     }
@@ -161,7 +160,7 @@ static inline int trace_equirect_objects(const ObjectLayer layer, float3 o, floa
 }
 
 #ifndef VIEW_EQUIRECT
-// Cuts [*t0, *t1] to where a + t b >= 0.
+// Clip [*t0, *t1] to the part where a + t b >= 0.
 static inline void clip_half_space(float a, float b, float *t0, float *t1)
 {
     const float t = -a / b;
@@ -173,7 +172,7 @@ static inline void clip_half_space(float a, float b, float *t0, float *t1)
         *t1 = -INFINITY;
 }
 
-// The part of the ray that projects into the rectangle of the screen that objects cover.
+// Return the part of the ray that projects into the screen rectangle covered by objects.
 static inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
 {
     const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
@@ -186,8 +185,8 @@ static inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, 
     return (float2)(t0, t1);
 }
 
-// Hierarchical march through the screen layers; o and d in view space. Cell edges are planes
-// through the capture centre, so crossings are exact in t.
+// March hierarchically through the screen layers; o and d in view space. Cell edges are planes through the
+// capture centre, so crossings are exact in t.
 static inline int march_screen_objects(const Objects world, float3 o, float3 d, float t0, float t1,
                                 float3 o_world, float3 d_world, ObjectHit *hit)
 {
@@ -209,7 +208,7 @@ static inline int march_screen_objects(const Objects world, float3 o, float3 d, 
         const int columns = cells_along(width, level), rows = cells_along(height, level);
         const float x = min((column + rightward) << level, width) - cx;
         const float y = min((row + downward) << level, height) - cy;
-        // Edges are crossed the way the ray moves, or not at all.
+        // A ray crosses edges in its own direction only.
         const float x_speed = focal * d.x + x * d.z, y_speed = focal * d.y - y * d.z;
         const float t_x = -(focal * o.x + x * o.z) / x_speed;
         const float t_y = -(focal * o.y - y * o.z) / y_speed;
@@ -267,7 +266,7 @@ static inline int march_screen_objects(const Objects world, float3 o, float3 d, 
 }
 #endif
 
-// The stretch of the ray that lies in the objects' boxes.
+// Return the part of the ray inside the bounding boxes of the objects.
 static inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_max)
 {
     float2 interval = (float2)(INFINITY, -INFINITY);
@@ -283,8 +282,8 @@ static inline float2 bounds_interval(const Objects world, float3 o, float3 d, fl
     return interval;
 }
 
-// Nearest virtual surface along the ray before t_max, 1 if there is one. `outside` = 0 for a ray
-// that starts on an object and might start below its rasterized surface.
+// Find the nearest virtual surface along the ray before t_max. Returns 1 if there is one. `outside` = 0 for
+// a ray that starts on an object and might start below its rasterized surface.
 static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
 {
     if (!is_ray(o, d))
@@ -303,7 +302,7 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
     float2 seen = clip_to_rectangle(world, o_view, d_view, reach.x, reach.y);
     if (!(seen.x < seen.y))
         seen = (float2)(reach.y);
-    // Before, on and after the screen. A loop, because each march is inlined where it is called.
+    // Before, on and after the screen. A loop, because each call of a march is inlined.
     for (int part = 0; part < 3; part++) {
         const float t0 = part == 0 ? reach.x : part == 1 ? seen.x : seen.y;
         const float t1 = part == 0 ? seen.x : part == 1 ? seen.y : reach.y;
@@ -323,13 +322,13 @@ static inline Scatterer object_point(const Objects world, const ObjectHit hit, f
 #ifdef VIEW_EQUIRECT
 #define OF_LAYER(member) world.equirect.member
 #else
-// Members one by one: compilers put structs that are chosen from on the stack.
+// Members are selected singly: compilers put structs selected by a condition on the stack.
 #define OF_LAYER(member) (hit.on_screen ? world.screen.member : world.equirect.member)
 #endif
     __global const float4 *geometries = OF_LAYER(geometry);
     const int texels = OF_LAYER(grid.width) * OF_LAYER(grid.height);
-    // Beside the layers, where the solid's flank is, the one that faces the ray stands for it: off
-    // the other, the ray would be scattered into the solid.
+    // The solid's flank lies between the layers and is not stored. The layer that faces the ray stands for
+    // it: the other one would scatter the ray into the solid.
     const int opposite = hit.index < texels ? hit.index + texels : hit.index - texels;
     const int flank = dot(geometries[hit.index].xyz, d) > 0.0f
         && dot(geometries[opposite].xyz, d) < 0.0f;
@@ -346,7 +345,7 @@ static inline Scatterer object_point(const Objects world, const ObjectHit hit, f
 
 #undef OF_LAYER
 
-// Metres by which rays leave the object that the view shows at this distance, along its normal.
+// Return the offset in metres, along the normal, of rays that leave an object seen at this distance.
 static inline float object_lift(const Objects world, float distance)
 {
 #ifdef VIEW_EQUIRECT

@@ -3,7 +3,7 @@
 #define IPRT_SCATTERER_H
 
 typedef struct {
-    float3 position;   // just off the surface: rays that leave it do not meet it
+    float3 position;   // just off the surface: rays from it do not meet it
     float3 normal;     // towards the viewer
     float3 albedo;
     int material;

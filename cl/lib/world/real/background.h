@@ -1,14 +1,15 @@
-// Rays behind the first layer, where the video has shown what is there. Included by real.h.
+// Rays behind the first layer, where the video has shown surfaces. Included by real.h.
 //
-// A texel whose background is hidden has two surfaces: that of the first layer, as thick as is
-// assumed of all, but no thicker than up to the background; and the background. In all others the
-// two are one, though joined to their neighbours' in two ways: the floor that a ball hides goes on
-// beside it, while the ball ends there. Both are watertight across joined edges. No back faces are
-// assumed (BASSRT) where it is known what else is there.
+// A texel with a hidden background has two surfaces: the first layer, with the assumed thickness but no
+// thicker than the gap to the background, and the background. In all other texels the two coincide, but
+// their joins differ: the floor that a ball hides continues beside it, while the ball ends there. Both
+// surfaces are watertight across joined edges. No back faces are assumed (BASSRT) where the background is
+// known.
 #ifndef IPRT_BACKGROUND_H
 #define IPRT_BACKGROUND_H
 
-// Where a radius lies in a texel: before the first layer, in it, between, in the background, behind.
+// Return where a radius lies in a texel: 0 before the first layer, 1 in it, 2 between, 3 in the background,
+// 4 behind.
 static inline int place_of(float r, float front, float solid, float back, float back_solid)
 {
     return (r > front) + (r > front + solid) + (r > back) + (r > back + back_solid);
@@ -22,8 +23,8 @@ static inline int side_of(int place)
                       : SIDE_WITHIN;
 }
 
-// What happens to a ray in a texel with a hidden background; `edge` is the flag of the edge that it
-// came in by. As real_leaf().
+// Intersect a ray with a texel that has a hidden background. `edge` is the flag of the edge that the ray
+// entered by. Otherwise as real_leaf().
 static inline int hidden_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int edge,
                               float4 front, float4 back, int *side, RealHit *hit)
 {
@@ -47,7 +48,7 @@ static inline int hidden_leaf(const RealLayer layer, const PolarRay ray, const S
     float u = at.u0;
     hit->kind = HIT_SURFACE;
     if (at.entry == ENTRY_START) {
-        // A start just below a surface counts as on it: it hits if it heads deeper.
+        // A start just below a surface counts as on it: the ray hits if it heads deeper.
         met_front = in == 1 && r0 - f0 <= layer.bias && r1 - f1 > r0 - f0;
         met_back = in == 3 && r0 - b0 <= layer.bias && r1 - b1 > r0 - b0;
     } else if (before == SIDE_FRONT && in > 0 && front_joined) {
@@ -92,7 +93,7 @@ static inline int hidden_leaf(const RealLayer layer, const PolarRay ray, const S
     return 1;
 }
 
-// A ray that starts behind the first layer and heads away from the capture centre.
+// Intersect a ray that starts behind the first layer and heads away from the capture centre.
 static inline int radial_background(const RealLayer layer, const PolarRay ray, int texel,
                                     RealHit *hit)
 {
@@ -110,7 +111,7 @@ static inline int radial_background(const RealLayer layer, const PolarRay ray, i
     return 1;
 }
 
-// Does something stand before open sky in this texel?
+// Return whether a surface stands before open sky in this texel.
 static inline int sky_behind(const RealLayer layer, int texel)
 {
     const int flags = (int)layer.back_surface[texel].w;

@@ -1,8 +1,8 @@
-// Linear maps between the colours of a video frame and those of its reference frame.
+// Linear maps between the colours of a video frame and of its reference frame.
 #ifndef IPRT_COLOR_MAP_H
 #define IPRT_COLOR_MAP_H
 
-// First rows, xyz each, of the map to the reference's colours, and of that back to the frame's.
+// First rows, xyz each, of the map to the reference's colours, and of its inverse.
 #define TO_REFERENCE 0
 #define TO_FRAME 3
 

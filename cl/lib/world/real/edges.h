@@ -1,10 +1,10 @@
-// Depth edges of the panorama between its texels, where texels mix the colours of two surfaces.
+// Depth edges of the panorama at subtexel precision, where texels mix the colours of two surfaces.
 //
-// In a window of 4x4 texels around a place, the gap nearest to it parts two sides, the first and the second,
-// in either order. Texels at gaps are mixed; the others of each side are pure, and their means are the two
-// colours. A side that is too thin to have any has the colour of its texel that differs most from the other
-// side. What a mixed texel holds of the first side, its coverage, is the least-squares solution between the
-// colours. The edge is where the bilinear blend of levels, which follow from coverages, is 1/2.
+// In a window of 4x4 texels around a point, the gap nearest to the point separates two sides, the first and
+// the second, in either order. Texels at gaps are mixed. The others of each side are pure, and their means
+// are the two colours. A side too thin for pure texels has the colour of its texel that differs most from
+// the other side. The coverage of a mixed texel, its share of the first side, is the least-squares solution
+// between the colours. The edge is the 1/2 isoline of bilinearly blended levels, a function of coverage.
 //
 // Element k of a vector of 16, and bit k of a mask, stand for the texel in row k / 4 and column k % 4.
 #ifndef IPRT_EDGES_H
@@ -13,24 +13,24 @@
 #include "world/real/real.h"
 #include "world/real/reconstruct.h"
 
-#define FARTHEST_GAP 2.25f // squared distance in texels of the gaps that count
-#define PRIOR 0.01f        // least weight of what is expected, over the square of the brightest colour
-#define MIXTURE 0.01f      // squared residual, over the squared contrast, of what is half taken for a mixture
+#define FARTHEST_GAP 2.25f // squared distance limit of gaps, in texels
+#define PRIOR 0.01f        // least weight of the expected coverage, over the square of the brightest colour
+#define MIXTURE 0.01f      // squared residual, over the squared contrast, at which a texel is half a mixture
 #define ALIKE 1e-5f        // the same over the square of the brightest colour
-#define WHOLE 0.97f        // coverage from which a texel shows nothing else
+#define WHOLE 0.97f        // coverage from which a texel shows one side only
 #define RADIUS 0.83f       // of a pixel's filter, in pixels
 #define FADED 1e-3f        // least weight of a column or row
-#define NEAR 0.1f          // squared distance in texels that counts as near
-#define STEEP 2.25f        // change of coverage with the share of neighbours on the first side
+#define NEAR 0.1f          // squared distance in texels below which weights saturate
+#define STEEP 2.25f        // change of coverage per share of neighbours on the first side
 
-#define INNER 0x0660       // the four texels around the place
+#define INNER 0x0660       // the four texels around the point
 #define WITHOUT_LAST_COLUMN 0x7777
 #define WITHOUT_LAST_ROW 0x0fff
 #define NUMBERS ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 
 typedef struct {
     int16 texels;
-    float x, y;               // the place; 0: centres of the first column and row
+    float x, y;               // the point; 0: centres of the first column and row
     float4 across, down;      // weights of cubic convolution
     float16 red, green, blue;
 } Window;
@@ -52,7 +52,7 @@ static inline ALWAYS_INLINE int16 in_mask(int mask)
     return ((int16)(mask) >> NUMBERS & 1) != 0;
 }
 
-// All bits of the elements for which something holds.
+// Return the union of `bits` over the elements where `is` holds.
 static inline ALWAYS_INLINE int bits_where(int16 is, int16 bits)
 {
     const int16 held = select((int16)(0), bits, is);
@@ -66,7 +66,7 @@ static inline ALWAYS_INLINE int mask_of(int16 is)
     return bits_where(is, (int16)(1) << NUMBERS);
 }
 
-// Number of the least of what is not negative, to 19 bits; the first if several are.
+// Return the index of the smallest element, all >= 0, compared to 19 bits; the first of equal ones.
 static inline ALWAYS_INLINE int number_of_least(float16 v)
 {
     const uint16 marked = (as_uint16(v) & ~15u) | as_uint16(NUMBERS);
@@ -75,13 +75,13 @@ static inline ALWAYS_INLINE int number_of_least(float16 v)
     return (int)(min(min(four.x, four.y), min(four.z, four.w)) & 15u);
 }
 
-// Element k, without an array: GPUs would put it into memory.
+// Return element k without an indexed array, which GPUs would put into memory.
 static inline ALWAYS_INLINE float element(float16 v, int k)
 {
     return sum_of(select((float16)(0.0f), v, NUMBERS == k));
 }
 
-// Whether a texel is at a gap. Open sky goes on in open sky.
+// Return whether a texel is at a gap. Open sky is continuous with open sky.
 static inline ALWAYS_INLINE int at_gap(int flags)
 {
     const int all = SURFACE_EAST | SURFACE_WEST | SURFACE_NORTH | SURFACE_SOUTH;
@@ -102,7 +102,7 @@ static inline ALWAYS_INLINE Window window_at(int width, int height, float2 uv)
     return w;
 }
 
-// From the texels' centres to the place.
+// Return offsets from the texels' centres to the point.
 static inline ALWAYS_INLINE float16 columns_away(const Window *w)
 {
     return w->x - convert_float16(NUMBERS & 3);
@@ -129,7 +129,7 @@ static inline ALWAYS_INLINE Joints window_joints(__global const float4 *restrict
     const int none = mask_of((flags & SURFACE_NONE) != 0);
     int east = mask_of((flags & SURFACE_EAST) != 0) | (none & (none >> 1));
     int south = mask_of((flags & SURFACE_SOUTH) != 0) | (none & (none >> 4));
-    // Beyond the poles, and around small panoramas, a texel comes twice.
+    // Beyond the poles, and in small panoramas, the window repeats texels.
     const int16 t = w->texels;
     east |= mask_of(t == t.s123456789abcdeff);
     south |= mask_of(t == t.s456789abcdefcdef);
@@ -146,7 +146,7 @@ static inline ALWAYS_INLINE int grown(int side, Joints joints)
         | ((side & joints.south) << 4) | ((side >> 4) & joints.south);
 }
 
-// The two sides of the gap nearest to the place; both 0 if there is none within reach.
+// Return the two sides of the gap nearest to the point; both 0 if no gap is within reach.
 static inline ALWAYS_INLINE int2 sides_of_gap(const Window *w, Joints joints)
 {
     const float16 x = columns_away(w), y = rows_away(w);
@@ -180,7 +180,7 @@ static inline ALWAYS_INLINE float16 channel(Shown shown, int16 t, int c)
                      channel_of_row(shown, t.s89ab, c), channel_of_row(shown, t.scdef, c));
 }
 
-// What a picture shows in the window.
+// Fill the window with the picture's colours.
 static inline ALWAYS_INLINE void see(Window *w, Shown shown)
 {
     w->red = channel(shown, w->texels, 0);
@@ -188,7 +188,7 @@ static inline ALWAYS_INLINE void see(Window *w, Shown shown)
     w->blue = channel(shown, w->texels, 2);
 }
 
-// Weights that vanish where texels leave the window: what is found by them does not jump there.
+// Return weights that vanish where texels leave the window, so that results are continuous there.
 static inline ALWAYS_INLINE float16 fading(const Window *w)
 {
     const float4 number = (float4)(0.0f, 1.0f, 2.0f, 3.0f);
@@ -197,14 +197,14 @@ static inline ALWAYS_INLINE float16 fading(const Window *w)
     return across.xyzwxyzwxyzwxyzw * down.xxxxyyyyzzzzwwww;
 }
 
-// Mean over the window, weighted.
+// Return the weighted mean colour of the window.
 static inline ALWAYS_INLINE float3 mean_color(const Window *w, float16 weight)
 {
     return (float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue))
         / sum_of(weight);
 }
 
-// 1 in a mask, else 0.
+// Return 1 in a mask, else 0.
 static inline ALWAYS_INLINE float16 ones(int mask)
 {
     return select((float16)(0.0f), (float16)(1.0f), in_mask(mask));
@@ -216,14 +216,14 @@ static inline ALWAYS_INLINE float16 squared_distance(const Window *w, float3 col
     return red * red + green * green + blue * blue;
 }
 
-// The texel of a mask, as a mask, whose colour is the farthest from another.
+// Return a mask of the texel in `mask` whose colour is farthest from `from`.
 static inline ALWAYS_INLINE int farthest_color(const Window *w, int mask, float3 from)
 {
     const float16 near = 1.0f / (squared_distance(w, from) + FLT_MIN);
     return 1 << number_of_least(select((float16)(INFINITY), near, in_mask(mask)));
 }
 
-// Texels that show nothing but their side; 0 if neither side has any.
+// Return the pure texels of each side; 0 if neither side has any.
 static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int2 sides, int mixed)
 {
     int2 pure = sides & ~mixed;
@@ -234,22 +234,21 @@ static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int2 sides, int mi
     return pure;
 }
 
-// Mean squared distance of the colours from one, weighted.
+// Return the weighted mean squared distance of colours from `mean`.
 static inline ALWAYS_INLINE float color_variance(const Window *w, float16 weight, float3 mean)
 {
     return sum_of(weight * squared_distance(w, mean)) / sum_of(weight);
 }
 
-// What is expected of an inner texel's coverage by the sides of its neighbours: that of an edge that goes on
-// straight.
+// Return the coverage expected of an inner texel from the sides of its neighbours: a straight edge.
 static inline ALWAYS_INLINE float expected_coverage(int first, int k)
 {
     return 0.5f + STEEP * (popcount(first >> (k - 5) & 0x777) / 9.0f - 0.5f);
 }
 
-// Coverage of the window's texels by the first side, least squares between two colours; the less these vary,
-// the more they count. None is taken to show more of the other side than of its own. `mixtures`: how far the
-// texels at the place are mixtures of both colours, 1 to 0.
+// Return the coverage of the window's texels by the first side: least squares between two colours, which
+// count more the less they vary. A texel's coverage is at least 1/2 on its own side. `mixtures` gets how
+// well mixtures of both colours explain the texels at the point, 1 to 0.
 static inline ALWAYS_INLINE float16 find_coverage(
     const Window *w, int first, int2 pure, int mixed, float *mixtures)
 {
@@ -282,9 +281,9 @@ static inline ALWAYS_INLINE float16 find_coverage(
     return coverage;
 }
 
-// What to blend between texels' centres for coverages, so that 1/2 is on the edge: of an edge along the grid,
-// a texel of coverage f is cut f - 1/2 from its centre. Coverages themselves would put it there for f of 0,
-// 1/2 and 1 alone.
+// Return levels of coverages, blended between texels' centres so that 1/2 is on the edge: an edge along the
+// grid cuts a texel of coverage f at f - 1/2 from its centre. Blended coverages themselves would put the
+// edge there for f of 0, 1/2 and 1 alone.
 static inline ALWAYS_INLINE float4 edge_level(float4 coverage)
 {
     const float4 less = fmin(coverage, 1.0f - coverage);
@@ -292,8 +291,8 @@ static inline ALWAYS_INLINE float4 edge_level(float4 coverage)
     return select(1.0f - level, level, coverage < 0.5f);
 }
 
-// Share of a pixel on the first side of the edge, by a filter that falls as a parabola across the edge, the same
-// in all directions; `right`, `down`: what the pixel covers, in texels.
+// Return the share of a pixel on the first side of the edge. The filter is isotropic and falls as a
+// parabola across the edge. `right`, `down`: extent of the pixel, in texels.
 static inline ALWAYS_INLINE float pixel_coverage(
     const Window *w, float16 coverage, float2 right, float2 down)
 {
@@ -307,7 +306,7 @@ static inline ALWAYS_INLINE float pixel_coverage(
     return smoothstep(-RADIUS, RADIUS, (mix(upper, lower, y) - 0.5f) / fmax(across, 1e-6f));
 }
 
-// The pure texels, and those that are found to be covered by their side alone.
+// Return the pure texels, and the mixed ones that were found to be covered by their side alone.
 static inline ALWAYS_INLINE int2 whole_texels(int2 sides, int2 pure, float16 coverage)
 {
     return pure | (sides & (int2)(mask_of(coverage > WHOLE), mask_of(coverage < 1.0f - WHOLE)));
@@ -319,7 +318,8 @@ static inline ALWAYS_INLINE float16 squared_way(const Window *w)
     return x * x + y * y;
 }
 
-// Colour of a side at the place: by cubic convolution, other texels being like its own, the nearer the more.
+// Return the colour of a side at the point by cubic convolution, with the other side's texels extrapolated
+// from this side's, weighted by nearness.
 static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
 {
     const float16 is = ones(own), known = is * cubic_weight(w);
@@ -330,14 +330,14 @@ static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
                 0.0f);
 }
 
-// The texel of a mask that is nearest to the place.
+// Return the texel of a mask nearest to the point.
 static inline ALWAYS_INLINE int nearest_texel(const Window *w, int mask)
 {
     const float16 way = select((float16)(INFINITY), squared_way(w), in_mask(mask));
     return bits_where(NUMBERS == number_of_least(way), w->texels);
 }
 
-// What of the first side is in the window's cubic convolution.
+// Return the first side's share in the window's cubic convolution.
 static inline ALWAYS_INLINE float blurred_coverage(const Window *w, float16 coverage)
 {
     return clamp(sum_of(cubic_weight(w) * coverage), 0.0f, 1.0f);

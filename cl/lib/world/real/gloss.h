@@ -1,4 +1,4 @@
-// The gain of computed highlights (iprt/world/real/highlight_gain.py): cells of -D CELL x CELL texels.
+// Gain of computed highlights (iprt/world/real/highlight_gain.py), in cells of -D CELL x CELL texels.
 #ifndef IPRT_GLOSS_H
 #define IPRT_GLOSS_H
 
@@ -6,15 +6,15 @@
 #include "world/brdf.h"
 #include "world/real/panorama.h"
 
-// `at` in texels of the panorama, (0, 0) its upper left corner.
+// Return the gain at `at`, in texels of the panorama; (0, 0) is its upper left corner.
 static inline float3 gain_at(__global const float4 *restrict gain, int columns, int rows, float2 at)
 {
     return equirect_bilinear((__global const float *)gain, 4, columns, rows,
                              at / ((float)CELL * (float2)((float)columns, (float)rows)));
 }
 
-// How much of a computed reflection in a real surface at p the camera can have seen, of a panorama of that
-// size. Of a conductor nothing else was seen that would tell.
+// Return the share of a computed reflection in a real surface at p that the camera can have seen, for a
+// panorama of that size. A conductor has no diffuse part to estimate it from.
 static inline float3 seen_share(const Material material, __global const float4 *gain, int columns, int rows,
                                 int width, int height, float3 p)
 {

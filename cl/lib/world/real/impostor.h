@@ -1,25 +1,25 @@
-// The distance impostor: a cube map of what is around a point, radiance and inverse distance, by which
-// rays from other points find the real surfaces (L. Szirmay-Kalos, B. Aszódi, I. Lazányi, M. Premecz,
-// "Approximate Ray-Tracing on the GPU with Distance Impostors", Computer Graphics Forum 24(3), 2005).
+// Distance impostor: a cube map of radiance and inverse distance around a point, in which rays from other
+// points find real surfaces (L. Szirmay-Kalos, B. Aszódi, I. Lazányi, M. Premecz, "Approximate Ray-Tracing
+// on the GPU with Distance Impostors", Computer Graphics Forum 24(3), 2005).
 //
-// Inverse distances are blended between texels, as those of a plane are linear across a face but for
-// the length of the direction; that of open sky is 0. Faces are blended each by itself.
+// Inverse distances are blended between texels: on a plane they are linear across a face, up to the length
+// of the direction. In open sky they are 0. Faces are not blended with each other.
 #ifndef IPRT_IMPOSTOR_H
 #define IPRT_IMPOSTOR_H
 
 #include "maths/cube.h"
 #include "world/real/panorama.h"
 
-// Points this many times as far from the centre as what it sees in their direction are hidden from it.
+// Points this many times as far from the centre as the surface in their direction are hidden from it.
 #define IMPOSTOR_HIDDEN 1.25f
 
 typedef struct {
     __global const float4 *texels;   // [6 * side * side] rgb radiance, w inverse distance, 1/m
-    __global const float *inverse;   // the inverse distance again
+    __global const float *inverse;   // w of `texels`
     float3 centre;                   // about the capture centre, metres
     int side;
-    int steps;                       // by which a hit is refined
-    float farthest;                  // metres along a ray beyond which all is open sky
+    int steps;                       // refinements of a hit
+    float farthest;                  // metres along a ray beyond which there is only open sky
 } Impostor;
 
 #define IMPOSTOR_PARAMETERS                                                                        \
@@ -33,7 +33,7 @@ typedef struct {
             impostor_farthest                                                                      \
     }
 
-// Four texels of a face around a direction of any length.
+// Return the four texels of a face around a direction of any length.
 static inline ALWAYS_INLINE Taps cube_taps(int side, float3 v)
 {
     const float3 size = fabs(v);
@@ -48,7 +48,7 @@ static inline ALWAYS_INLINE Taps cube_taps(int side, float3 v)
     return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, x - x0, y - y0};
 }
 
-// 1/m towards v, which leads from the impostor's centre.
+// Return the inverse distance, 1/m, towards v, relative to the impostor's centre.
 static inline ALWAYS_INLINE float impostor_inverse_distance(const Impostor impostor, float3 v)
 {
     return blend_texels(impostor.inverse, 1, 0, cube_taps(impostor.side, v));
@@ -62,17 +62,18 @@ static inline ALWAYS_INLINE float3 impostor_radiance(const Impostor impostor, fl
                     blend_texels(texels, 4, 2, t));
 }
 
-// Whether something hides the point x from the centre, about which it is.
+// Return whether a surface hides the point x, relative to the centre, from the centre.
 static inline ALWAYS_INLINE int impostor_hides(const Impostor impostor, float3 x)
 {
     return length(x) * impostor_inverse_distance(impostor, x) > IMPOSTOR_HIDDEN;
 }
 
-// Metres along the ray from x, about the impostor's centre, to what it meets; at most `farthest`.
+// Return the metres along the ray from x, relative to the impostor's centre, to its hit; at most
+// `farthest`.
 //
-// The first guess takes what is seen in the ray's direction for a plane across it. Each step looks up
-// how far the surface is in the direction of the last point: points before it and behind it, once both
-// are known, are joined by a secant; until then the point moves by what it is off.
+// The first guess is the plane perpendicular to the ray through the surface in the ray's direction. Each
+// step looks up the distance of the surface in the direction of the last point. Once points before and
+// behind the surface are known, the next one is their secant's; until then, the point moves by its error.
 static inline ALWAYS_INLINE float trace_impostor(const Impostor impostor, float3 x, float3 d)
 {
     const float least = 1.0f / impostor.farthest;

@@ -1,33 +1,33 @@
-// The irradiance cache: E_R / pi at the cells of a coarse equirect grid.
+// Irradiance cache: E_R / pi at the cells of a coarse equirect grid.
 //
-// A cell holds two surfaces: in the first `columns * rows` entries what the panorama shows at its centre, and in as
-// many more a thin one that no centre around shows, such as the side of a book.
+// A cell holds two surfaces. The first `columns * rows` entries are the panorama's surfaces at the cells'
+// centres. As many more follow for thin surfaces that no centre nearby shows, such as the side of a book.
 #ifndef IPRT_IRRADIANCE_H
 #define IPRT_IRRADIANCE_H
 
 #include "maths/equirect.h"
 #include "maths/maths.h"
 
-// Cells count for a point that lies within so much of its distance from their tangent plane...
+// A cell counts for points within this distance of its tangent plane, as a fraction of theirs ...
 #define CACHE_PLANE 0.02f
-// ... and whose normal agrees: cosine.
+// ... and with a similar normal: least cosine.
 #define CACHE_NORMAL 0.8f
 
-// Cosines of normals that have one irradiance, and that have all of what their flux tells.
+// Cosines of normals that share one irradiance, and of normals for which the flux counts fully.
 #define CACHE_LIKE 0.997f
 #define CACHE_UNLIKE 0.98f
-// Most by which irradiance changes from a cell's normal to that of a point.
+// Largest factor of irradiance from a cell's normal to a point's.
 #define CACHE_TURNED 4.0f
 
 #define CACHE_SURFACES 2
 
 typedef struct {
     __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w > 0: a surface
-    __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown. Then, of each entry again, xyz
-                                         // its flux: the sum of all directions by the luminance / pi that they bring
+    __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown. Then, per entry, xyz
+                                         // of the flux: sum over directions times their luminance / pi
     int columns;
     int rows;
-    float black;                         // irradiance up to this is none
+    float black;                         // irradiance up to this counts as black
 } IrradianceCache;
 
 #define CACHE_PARAMETERS                                                                           \
@@ -36,7 +36,7 @@ typedef struct {
 
 #define CACHE {cache_plane, cache_irradiance, cache_columns, cache_rows, cache_black}
 
-// Upper left one of the four cells around the direction p, and how far p lies past its centre.
+// Return the upper left of the four cells around direction p, and the offset of p from its centre.
 static inline int2 cache_corner(int columns, int rows, float3 p, float2 *past)
 {
     const float2 uv = equirect_uv(p);
@@ -57,7 +57,7 @@ static inline float3 cache_normal(float4 plane)
     return -plane.xyz * rsqrt(fmax(dot(plane.xyz, plane.xyz), 1e-30f));
 }
 
-// How far the cell's surface is the point's: 1 on its plane, 0 on another surface.
+// Return how far a cell's surface is the point's: 1 on its plane, 0 on another surface.
 static inline float cache_agreement(float4 plane, float3 p, float3 n)
 {
     const float inverse = rsqrt(fmax(dot(plane.xyz, plane.xyz), 1e-30f));
@@ -67,10 +67,10 @@ static inline float cache_agreement(float4 plane, float3 p, float3 n)
     return plane.w > 0.0f && facing > CACHE_NORMAL ? fmax(near, 0.0f) : 0.0f;
 }
 
-// What the flux of a cell with normal m tells of E / pi at a normal n, beyond that at m: the first derivative of
-// irradiance is the part of the flux that is perpendicular to m (rotational gradient; G. J. Ward, P. S. Heckbert,
-// "Irradiance Gradients", Eurographics Workshop on Rendering 1992). From cell to cell of one surface normals differ
-// by as much as CACHE_LIKE: there the noise of the flux would be all that is added.
+// Return the change of E / pi from normal m, a cell's, to normal n. The first derivative of irradiance is
+// the part of the flux perpendicular to m (rotational gradient; G. J. Ward, P. S. Heckbert, "Irradiance
+// Gradients", Eurographics Workshop on Rendering 1992). Normals of neighbouring cells of one surface differ
+// by up to CACHE_LIKE, where the flux would add only noise.
 static inline float turned(float3 flux, float3 m, float3 n)
 {
     const float facing = dot(n, m);
@@ -78,7 +78,7 @@ static inline float turned(float3 flux, float3 m, float3 n)
     return share * (dot(flux, n) - facing * dot(flux, m));
 }
 
-// E_R / pi at the point p with normal n; 0 where the cache knows nothing around it.
+// Return E_R / pi at the point p with normal n; 0 where no cell around it is known.
 static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, float3 n)
 {
     float2 past;
@@ -101,14 +101,14 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
         weights += weight;
         brightest = fmax(brightest, known > 0.0f ? value.xyz : (float3)(0.0f));
     }
-    // A leg or a fold that is thinner than a cell has one entry for all of its normals.
+    // A leg or a fold thinner than a cell has one entry for all of its normals.
     const float factor = clamp(1.0f + change / fmax(luminance(sum), 1e-30f), 1.0f / CACHE_TURNED, CACHE_TURNED);
-    // Surfaces that no cell holds take the most of what is around them: where they face may be brighter than
-    // what is known, and too little would make black specks of faint shadows.
+    // Surfaces in no cell take the brightest value around them: they may face brighter light, and an
+    // irradiance that is too small would turn faint shadows into black specks.
     return weights > 0.0f ? factor / weights * sum : brightest;
 }
 
-// 1 / (E_R / pi) of a point, per colour; 0 where it is black.
+// Return 1 / (E_R / pi) at a point, per colour; 0 where it is black.
 static inline float3 inverse_irradiance(const IrradianceCache cache, float3 p, float3 n)
 {
     const float3 irradiance = cached_irradiance(cache, p, n);

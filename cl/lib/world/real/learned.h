@@ -1,14 +1,14 @@
-// Radiance of real surfaces as learned from a video: local linear models, W. Lee et al., "Online
-// Illumination Learning for Interactive Global Illumination in Augmented Reality" (IEEE Access 2022).
+// Learned radiance of real surfaces: local linear models, W. Lee et al., "Online Illumination Learning for
+// Interactive Global Illumination in Augmented Reality" (IEEE Access 2022).
 //
 // A model is MODEL_PARTS float4, in the axes of the world:
 //   centre, bandwidth | normal, samples learned | radiance at the centre, sum of weights |
 //   slope along the first tangent, sum of squared errors | along the second, 0
-// Slopes are per search radius. Tangents are those of build_frame().
+// Slopes are per search radius. Tangents are build_frame()'s.
 //
-// Models are kept in a uniform grid, whose cells are as wide as the search radius. A cell lists those
-// that reach it. Its place in the table is that of its coordinates modulo the grid's size, so that the
-// grid has no end: what shares a place is far apart, and the distance tells it apart.
+// Models are kept in a uniform grid with cells as wide as the search radius. A cell lists the models that
+// reach it. Its index in the table is its coordinates modulo the grid's size, so that the grid is
+// unbounded: cells with the same index are far apart, and distances tell their models apart.
 #ifndef IPRT_LEARNED_H
 #define IPRT_LEARNED_H
 
@@ -21,17 +21,17 @@
 #define GRID_X 32
 #define GRID_Y 16
 #define GRID_Z 32
-// A model takes part where its weight is as much, epsilon of section IV-A.
+// Least weight of a model that takes part, epsilon of section IV-A ...
 #define LEAST_WEIGHT 0.1f
-// ... and the surface faces as its own: cosine.
+// ... and least cosine between the surface's normal and its own.
 #define ALIKE_NORMAL 0.7f
-// Models are asked once they have learned so many samples.
+// Samples that a model must have learned to be evaluated.
 #define ASKED_FROM 8.0f
 
 typedef struct {
     __global const float4 *models;
-    __global const int *start;       // of each cell's part of `list`, and the end of the last one's
-    __global const int *list;        // numbers of models
+    __global const int *start;       // first entry of each cell in `list`, and the end of the last one
+    __global const int *list;        // indices of models
     __global const float *pose;      // 3 x 4, row by row: from the capture centre's axes to the world's
     float inverse_radius;            // 1 / metres
 } Learned;
@@ -54,7 +54,7 @@ static inline float3 to_world(__global const float *pose, float3 v, float w)
                     pose[8] * v.x + pose[9] * v.y + pose[10] * v.z + pose[11] * w);
 }
 
-// Coordinates of the cell of a point; a point that is not finite has some cell, too.
+// Return the coordinates of a point's cell; points that are not finite get some cell, too.
 static inline int3 grid_cell(float3 p, float inverse_radius)
 {
     return convert_int3_sat_rtn(p * inverse_radius);
@@ -66,14 +66,15 @@ static inline int grid_place(int3 cell)
         + (cell.x & (GRID_X - 1));
 }
 
-// Weight of a model at a distance of d from its centre (Eq. 3).
+// Return the weight of a model at an offset of d from its centre (Eq. 3).
 static inline float model_weight(float3 d, float bandwidth)
 {
     return exp(-0.5f * dot(d, d) / (bandwidth * bandwidth));
 }
 
-// The weighted mean of what the models around p, in the world, predict (Eq. 4), times the sum of their
-// weights, which is the fourth. `greatest`: the greatest weight of any model there, asked or not.
+// Return the weighted mean of the predictions of the models around p, in the world (Eq. 4), times the sum
+// of their weights, which is the fourth. `greatest` gets the largest weight of any model there, evaluated
+// or not.
 static inline float4 ask_around(const Learned learned, float3 p, float3 n, float *greatest)
 {
     const int place = grid_place(grid_cell(p, learned.inverse_radius));
@@ -99,8 +100,8 @@ static inline float4 ask_around(const Learned learned, float3 p, float3 n, float
     return sum;
 }
 
-// What was learned of the radiance at p, with normal n, both in the axes of the capture centre; w: 1,
-// or 0 where nothing was.
+// Return the learned radiance at p with normal n, both in the axes of the capture centre; w: 1, or 0 where
+// it is unknown.
 static inline float4 learned_radiance(const Learned learned, float3 p, float3 n)
 {
     float greatest;

@@ -1,26 +1,26 @@
 // Light sampling of the panorama: directions towards its bright texels, from any point.
 //
-// A table of equirect cells holds densities about the capture centre, in proportion to what each
-// cell's luminance exceeds the mean by (the rest is left to BRDF sampling). A sample is a point y on
-// the real surface; its density per area is p0 cos_0 / |y|^2 with p0 the table's, and per solid
-// angle at x that times |y - x|^2 / cos_y, so that parallax is right. Whether y is visible from x
-// is for the same march to say that every other ray takes.
+// A table of equirect cells holds densities about the capture centre, proportional to the excess of each
+// cell's luminance over the mean; the rest is left to BRDF sampling. A sample is a point y on the real
+// surface. Its density per area is p0 cos_0 / |y|^2, where p0 is the table's. Its density per solid angle
+// at x is this times |y - x|^2 / cos_y, so that parallax is correct. Visibility of y from x is left to the
+// march of the ray.
 //
-// -D IMPOSTOR aims at the table's directions as they are: whatever a ray meets, its density is known.
+// -D IMPOSTOR aims at the table's directions as they are: the density is known whatever a ray meets.
 #ifndef IPRT_LIGHTS_H
 #define IPRT_LIGHTS_H
 
 #include "maths/maths.h"
 #include "world/real/real.h"
 
-// Surfaces that the capture centre sees at less than this cosine are not aimed at.
+// Surfaces that the capture centre sees at a smaller cosine are not aimed at.
 #define LIGHT_GRAZING 0.05f
-// Rays that meet a surface this far off the texel's plane, as a fraction of its distance from the
-// centre, met it where two planes are joined: nothing is aimed there.
+// Rays that hit a surface this far off the texel's plane, as a fraction of its distance from the centre,
+// hit the join of two planes, which is never aimed at.
 #define LIGHT_OFF_PLANE 1e-3f
 
 typedef struct {
-    __global const float *cumulative;   // [count + 1] of the listed cells' probabilities
+    __global const float *cumulative;   // [count + 1] cumulative probabilities of the listed cells
     __global const int *cell;           // [count] row * columns + column
     __global const float *density;      // [rows * columns] 1/sr about the capture centre
     int count;                          // 0: the panorama is too even to aim at anything
@@ -28,7 +28,7 @@ typedef struct {
     int rows;
 } Lights;
 
-// The table of the panorama, or of the impostor, which has one about its own centre.
+// The table of the panorama, or of the impostor, about its own centre.
 #ifdef IMPOSTOR
 #define LIGHT_NAME(name) impostor_light_##name
 #else
@@ -45,7 +45,7 @@ typedef struct {
     {LIGHT_NAME(cumulative), LIGHT_NAME(cell), LIGHT_NAME(density_table), LIGHT_NAME(count),       \
      LIGHT_NAME(columns), LIGHT_NAME(rows)}
 
-// Unit direction from the capture centre, with the table's density; u in [0, 1)^2.
+// Sample a unit direction from the capture centre with the table's density; u in [0, 1)^2.
 static inline float3 sample_light(const Lights lights, float2 u)
 {
     int low = 0, high = lights.count;   // cumulative[low] <= u.x < cumulative[high]
@@ -62,19 +62,19 @@ static inline float3 sample_light(const Lights lights, float2 u)
     const float top = unit_circle(0.5f * row / lights.rows).x;
     const float bottom = unit_circle(0.5f * (row + 1) / lights.rows).x;
     const float y = mix(top, bottom, u.y), s = sqrt(fmax(1.0f - y * y, 0.0f));
-    const float2 azimuth = unit_circle((column + within) / lights.columns);   // from -Z by half a turn
+    const float2 azimuth = unit_circle((column + within) / lights.columns);   // from -Z, by half a turn
     return (float3)(-s * azimuth.y, y, s * azimuth.x);
 }
 
 #ifdef BACKGROUND
-// Are rays in this direction aimed at the background, rather than at what stands before it?
+// Return whether rays in this direction aim at the background, rather than at its occluder.
 static inline int aims_behind(const RealLayer layer, int texel)
 {
     return ((int)layer.back_surface[texel].w & SURFACE_AIMED) != 0;
 }
 #endif
 
-// Direction from x to the point of the tangent plane that the panorama shows towards v, in `texel`.
+// Return the direction from x to the point of the tangent plane of `texel` in direction v.
 static inline float3 towards_light(const RealLayer layer, float3 v, int texel, float3 x)
 {
 #if defined(DISTANT_ENVIRONMENT) || defined(IMPOSTOR)
@@ -103,7 +103,7 @@ static inline int light_cell(const Lights lights, float3 v)
         + min((int)(uv.x * lights.columns), lights.columns - 1);
 }
 
-// Density per solid angle at x with which light sampling sends a ray along d to what it has hit.
+// Return the density per solid angle at x with which light sampling samples d, given the ray's hit.
 static inline float light_density(const Lights lights, const RealLayer layer, const RealHit hit,
                                   float3 x, float3 d)
 {

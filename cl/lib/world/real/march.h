@@ -1,19 +1,20 @@
-// Exact hierarchical march of a ray through an equirect image. Included once per kind of layer,
-// with these macros defined by the includer:
+// Exact hierarchical march of a ray through an equirect image. Included once per kind of layer, with these
+// macros defined by the includer:
 //   MARCH_NAME                            name of the function
 //   MARCH_LAYER                           type of the layer, with a member `grid`
-//   MARCH_STATE                           type of what is carried from cell to cell
+//   MARCH_STATE                           type of the state carried from cell to cell
 //   MARCH_HIT                             type of the hit
-//   MARCH_WORK                            what its rays are counted as (lib/maths/work.h)
-//   MARCH_SKIP(state, near, far, range, cell)   may a cell of the pyramid, whose depths lie in
-//                                         `range`, be skipped by a ray that spans the radii
-//                                         [near, far] in it? May update the state.
+//   MARCH_WORK                            counter of its rays (lib/maths/work.h)
+//   MARCH_SKIP(state, near, far, range, cell)   nonzero if a ray that spans the radii [near, far]
+//                                         may skip a cell of the pyramid with depths in `range`;
+//                                         may update the state
 //   MARCH_LEAF(layer, ray, segment, &state, hit)   nonzero if the ray hits in this texel
-// The function returns 1 on a hit, 0 when the ray leaves [t_min, t_max] without one, and -1 when
-// it reaches the step cap.
 //
-// Cells are carried as integers. A descent takes the child next to the edge just crossed (the
-// other axis by sign tests), an ascent happens only when the parent changes.
+// The function returns 1 on a hit, 0 when the ray leaves [t_min, t_max] without one, and -1 when it reaches
+// the step cap.
+//
+// Cells have integer coordinates. A descent takes the child next to the edge just crossed (the other axis
+// by sign tests). An ascent happens only when the parent changes.
 
 static inline ALWAYS_INLINE int MARCH_NAME(
     const MARCH_LAYER layer, const PolarRay ray, float t_min, float t_max, MARCH_STATE state,
@@ -29,7 +30,7 @@ static inline ALWAYS_INLINE int MARCH_NAME(
     at.u0 = polar_u(ray, t_min);
     at.root0 = sqrt(1.0f + at.u0 * at.u0);
     at.entry = ENTRY_START;
-    // A little ahead, because a start on the polar axis has the azimuth that it moves to.
+    // A little ahead: a start on the polar axis has the azimuth of its direction.
     float2 uv = equirect_uv(ray.m + (at.u0 + 1e-6f * at.root0) * ray.d);
     at.column = clamp((int)(uv.x * width), 0, width - 1);
     at.row = clamp((int)(uv.y * height), 0, height - 1);

@@ -1,16 +1,16 @@
-// Radiance lookups in the panorama, and what the picture shows where lights were clipped.
+// Radiance lookups in the panorama, and its displayed colours where lights were clipped.
 #ifndef IPRT_PANORAMA_H
 #define IPRT_PANORAMA_H
 
 #include "maths/tracing.h"
 
-// Four texels around a direction, and where it lies between them.
+// Four texels around a direction, and their bilinear coordinates.
 typedef struct {
     int a, b, below_a, below_b;
     float fx, fy;
 } Taps;
 
-// At uv: wraps around in azimuth, holds the first and last row at the poles.
+// Return the taps at uv. Wraps around in azimuth, clamps to the first and last row at the poles.
 static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
 {
     const float x = uv.x * width - 0.5f, y = clamp(uv.y * height - 0.5f, 0.0f, height - 1.0f);
@@ -28,7 +28,7 @@ static inline ALWAYS_INLINE float blend_taps(
     return mix(mix(a, b, t.fx), mix(below_a, below_b, t.fx), t.fy);
 }
 
-// The blend of four texels' channel `c`, of `stride` to a texel.
+// Return the blend of channel `c` of four texels of `stride` channels.
 static inline ALWAYS_INLINE float blend_texels(
     __global const float *restrict color, int stride, int c, Taps t)
 {
@@ -36,8 +36,8 @@ static inline ALWAYS_INLINE float blend_texels(
                       color[stride * t.below_a + c], color[stride * t.below_b + c]);
 }
 
-// The first three channels at uv, bilinear, of `stride` to a texel. Channel by channel, so that PoCL
-// vectorizes it.
+// Return the first three channels at uv, bilinear, of texels of `stride` channels. Channel by channel, so
+// that PoCL vectorizes it.
 static inline ALWAYS_INLINE float3 equirect_bilinear(
     __global const float *restrict color, int stride, int width, int height, float2 uv)
 {
@@ -46,7 +46,7 @@ static inline ALWAYS_INLINE float3 equirect_bilinear(
                     blend_texels(color, stride, 2, t));
 }
 
-// The same of a picture of the panorama, which has three.
+// Return the same for a picture of the panorama, of three channels.
 static inline ALWAYS_INLINE float3 panorama_bilinear(
     __global const float *restrict color, int width, int height, float2 uv)
 {
@@ -55,12 +55,12 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
 
 // A picture of the panorama. Without clipped lights, `clipped` is 0.
 typedef struct {
-    __global const float *color;         // what is sent, 3 a texel
-    __global const uint *clipped;        // 2 for 32 texels: which of them were clipped; how many before
-    __global const float *clipped_color; // as the picture shows them, 3 each; and one more
+    __global const float *color;         // radiance, 3 a texel
+    __global const uint *clipped;        // 2 for 32 texels: bits of clipped ones; count of those before
+    __global const float *clipped_color; // displayed colours of clipped texels, 3 each; and one more
 } Shown;
 
-// Channel `c` of a texel as the picture shows it.
+// Return channel `c` of a texel as displayed.
 static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
 {
     const float sent = shown.color[3 * texel + c];

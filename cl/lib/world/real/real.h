@@ -1,13 +1,13 @@
-// The real scene as rays see it: one tangent plane per panorama texel, with a finite thickness,
-// joined to its neighbours where the depth is continuous.
+// The real scene as rays see it: one tangent plane per panorama texel, with a finite thickness, joined to
+// its neighbours where the depth is continuous.
 //
-// surface[texel].xyz = g, with g.x = 1 for the points x of the tangent plane (radial distance
-// along the unit direction v: 1 / (g.v)); g = 0 where nothing is. surface[texel].w holds flags.
+// surface[texel].xyz = g, with g.x = 1 for the points x of the tangent plane (radial distance along the
+// unit direction v: 1 / (g.v)); g = 0 where there is no surface. surface[texel].w holds flags.
 //
-// -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown
-// there (remember.cl), which is the first one's own where nothing nearer hides it (background.h).
-// -D LEARNED_RADIANCE: what the video has shown of the surfaces' radiance is kept beside (learned.h).
-// -D IMPOSTOR: rays do not march, but meet what the distance impostor shows (impostor.h).
+// -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown there
+// (remember.cl). It equals the first layer where nothing nearer hides it (background.h).
+// -D LEARNED_RADIANCE: the radiance that was learned of surfaces is passed along (learned.h).
+// -D IMPOSTOR: rays do not march but intersect the distance impostor (impostor.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
 
@@ -24,24 +24,24 @@
 #define SURFACE_WEST 2
 #define SURFACE_NORTH 4
 #define SURFACE_SOUTH 8
-#define SURFACE_OPENING 16  // no depth in the source: a window; radiates, takes no shadow
+#define SURFACE_OPENING 16  // no depth in the source: a window; emits, takes no shadow
 #define SURFACE_NONE 32     // open sky
-#define SURFACE_HIDDEN 64   // of the background: behind what the first layer shows
-#define SURFACE_AIMED 128   // the same, and brighter: rays at lights are aimed at it instead
+#define SURFACE_HIDDEN 64   // of the background: hidden by the first layer
+#define SURFACE_AIMED 128   // the same, and brighter: light sampling aims at it instead
 
-#define HIT_SURFACE 0       // the ray meets a visible surface
-#define HIT_SIDE 1          // it enters the assumed thickness of one, from behind or beside
-#define HIT_BACK_FACE 2     // it meets an assumed back face
-#define HIT_SKY 3           // it leaves the scene through open sky
-#define HIT_UNKNOWN 4       // it leaves the scene behind visible surfaces, or at the step cap
+#define HIT_SURFACE 0       // a visible surface
+#define HIT_SIDE 1          // the assumed thickness of a surface, from behind or beside
+#define HIT_BACK_FACE 2     // an assumed back face
+#define HIT_SKY 3           // no hit: open sky
+#define HIT_UNKNOWN 4       // no hit: behind visible surfaces, or at the step cap
 
 typedef struct {
     Grid grid;
     __global const float4 *surface;
     float thickness;         // metres, at least
-    float thickness_ratio;   // of the radial distance, at least
-    int back_faces;          // they are assumed where the camera saw none
-    float bias;              // metres: a start this little behind a surface is in front of it
+    float thickness_ratio;   // least ratio to the radial distance
+    int back_faces;          // back faces are assumed where the camera saw none
+    float bias;              // metres: a start this little behind a surface counts as before it
     float nearest;           // smallest and largest finite depth, metres
     float farthest;
 #ifdef BACKGROUND
@@ -59,18 +59,18 @@ typedef struct {
 
 typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
-    float3 direction;   // where the panorama shows the radiance of what was hit; with an impostor,
+    float3 direction;   // towards the hit's radiance in the panorama; with an impostor,
                         // from its centre, of any length
-    int texel;          // there; with an impostor, in the ray's own direction
+    int texel;          // of `direction`; with an impostor, of the ray's own direction
     int kind;           // HIT_*
 #ifdef BACKGROUND
-    int behind;         // it is background that the first layer hides
+    int behind;         // the hit is background that the first layer hides
 #endif
 } RealHit;
 
 #define SIDE_FRONT 0    // between the capture centre and the surface
-#define SIDE_WITHIN 1   // started inside the thickness, and has not left it yet
-#define SIDE_BEHIND 2   // with a background: behind that too
+#define SIDE_WITHIN 1   // started inside the thickness and not out yet
+#define SIDE_BEHIND 2   // behind the first layer; with a background, behind that too
 #define SIDE_BETWEEN 3  // behind the first layer, before the background
 
 static inline float real_thickness(const RealLayer layer, float r)
@@ -78,7 +78,7 @@ static inline float real_thickness(const RealLayer layer, float r)
     return fmax(layer.thickness, layer.thickness_ratio * r);
 }
 
-// Index of the texel in a direction of any length.
+// Return the index of the texel in a direction of any length.
 static inline int texel_towards(const RealLayer layer, float3 d)
 {
     return equirect_texel(equirect_uv(d), layer.grid.width, layer.grid.height);
@@ -101,18 +101,18 @@ static inline int real_skip(const RealLayer layer, int *side, float near, float 
     return *side == SIDE_BEHIND && near > range.y + real_thickness(layer, range.y);
 }
 
-// Radial distance of the texel's surface in the direction of m + u d (root = |m + u d|).
+// Return the radial distance of the texel's surface in the direction of m + u d (root = |m + u d|).
 static inline float surface_radius(float gm, float gd, float u, float root, float2 range)
 {
     float inverse = gm + u * gd;
     return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
 }
 
-// Rays leave a real surface this many texel footprints above it.
+// Offset of rays above a real surface, in texel footprints.
 #define REAL_LIFT 2.0f
 
-// Where rays leave a real surface at p, with normal n. The texel at an edge shows one surface beyond the
-// next: a point there is brought before what it lies behind, or its rays would leave the scene.
+// Return the start of rays that leave a real surface at p with normal n. A texel at an edge shows one of
+// two surfaces. A point behind the other one is moved before it, or its rays would leave the scene.
 static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
 {
     const float lift = fmax(layer.bias, REAL_LIFT * IPRT_PI / layer.grid.height * length(p));
@@ -124,9 +124,9 @@ static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
     return r > radius && r <= radius + lift ? o * (radius / r) : o;
 }
 
-// The back face assumed behind the edge of a visible surface, IPRT Figure 4, in the plane of the
-// ray and the capture centre: it starts at the edge point g1 and is perpendicular to the surface.
-// The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and the hit when the
+// Intersect a ray with the assumed back face behind the edge of a visible surface, IPRT Figure 4, in the
+// plane of the ray and the capture centre. The back face starts at the edge point g1, perpendicular to the
+// surface. The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and the hit if the
 // panorama shows p' on that same surface.
 static inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at, float3 g,
                      float radius, RealHit *hit)
@@ -141,7 +141,7 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
     if (!(length_along > 1e-3f))
         return 0;
     along /= length_along;
-    // Into the surface, which is the way the ray's direction turns.
+    // Into the surface, the way the ray's direction turns.
     const float3 turning = ray.d - dot(ray.d, edge) * edge;
     along *= dot(along, turning) < 0.0f ? -1.0f : 1.0f;
     const float3 behind = normalize(outward - dot(outward, plane) * plane);
@@ -172,8 +172,8 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
 #include "world/real/background.h"
 #endif
 
-// What happens to a ray in one texel. Surfaces are watertight across connected edges, because a
-// ray that is on different sides of two connected neighbours has met the surface between them.
+// Intersect a ray with one texel. Surfaces are watertight across connected edges: a ray on different sides
+// of two connected neighbours has crossed the surface between them.
 static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Segment at, int *side,
                      RealHit *hit)
 {
@@ -205,8 +205,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     const int back_flags = (int)back.w;
     if (back_flags & SURFACE_HIDDEN)
         return hidden_leaf(layer, ray, at, edge, surface, back, side, hit);
-    // Here the first layer is the background, too, to which the ray may come from a texel where it
-    // was between the two.
+    // Here the first layer is also the background. The ray may come from a texel between the two.
     if (*side == SIDE_BETWEEN) {
         const int out = behind0 <= 0.0f && connected;
         *side = out ? SIDE_BEHIND : SIDE_FRONT;
@@ -219,7 +218,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     float u = at.u0;
     int found = 0;
     if (at.entry == ENTRY_START) {
-        // A start just below a surface counts as on it: it hits if it heads deeper.
+        // A start just below a surface counts as on it: the ray hits if it heads deeper.
         *side = behind0 <= thickness0 ? SIDE_WITHIN : SIDE_BEHIND;
         found = behind0 > 0.0f && behind0 <= layer.bias && behind1 > behind0;
     } else if (*side == SIDE_FRONT && behind0 > 0.0f) {
@@ -243,7 +242,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
         hit->kind = HIT_SURFACE;
         found = 1;
         u = (1.0f / ray.b - gm) / gd;
-        // Where the radius is clamped there is no plane to cross: the exit is close enough.
+        // Where the radius is clamped there is no plane to intersect: the exit is close enough.
         u = u >= at.u0 && u <= at.u1 ? u : at.u1;
     } else if (!found && *side == SIDE_BEHIND && behind1 <= thickness1) {
         hit->kind = HIT_SIDE;
@@ -270,8 +269,8 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
 #define MARCH_END(state) (state == SIDE_BEHIND ? -1 : 0)
 #include "world/real/march.h"
 
-// A ray whose line passes the capture centre so closely that the direction of closest approach is
-// rounding noise: it stays in the texel where it starts and in the one it heads for.
+// Intersect a ray whose line passes so close to the capture centre that the direction of closest approach
+// is rounding noise. It stays in the texel where it starts and in the one it heads for.
 static inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, RealHit *hit)
 {
     const float4 surface = layer.surface[texel];
@@ -290,8 +289,8 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
     return 1;
 }
 
-// Nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
-// scene takes what the panorama shows in its own direction.
+// Return the nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
+// scene takes the panorama's radiance in its own direction.
 static inline ALWAYS_INLINE RealHit trace_real_layer(
     const RealLayer layer, float3 o, float3 d, float t_max)
 {
@@ -329,7 +328,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #ifndef DISTANT_ENVIRONMENT
     COUNT_RAY(layer.grid.work, WORK_REAL);
     const PolarRay ray = polar_ray(o, d);
-    // Past this radius there is nothing left to meet.
+    // Beyond this radius there is nothing to hit.
     const float t_last = fmin(t_max, fabs(ray.od) + 1.25f * layer.farthest);
     if (!(layer.farthest > 0.0f))
         found = 0;

@@ -1,30 +1,31 @@
-// The panorama between its texels, and over the footprint of a pixel.
+// Reconstruction of the panorama between its texels and over a pixel's footprint.
 #ifndef IPRT_RECONSTRUCT_H
 #define IPRT_RECONSTRUCT_H
 
 #include "gbuffer/view.h"
 #include "world/real/panorama.h"
 
-#define MAX_POINTS 8  // across a pixel
-#define SPACING 1.5f  // texels between them: each lookup covers two
-#define OVERSHOOT 0.05f // of cubic convolution, as a share: textures need some, lights would get rings
+#define MAX_POINTS 8  // lookups across a pixel
+#define SPACING 1.5f  // texels between lookups: each covers two
+#define OVERSHOOT 0.05f // of cubic convolution, relative: textures need some, lights would get rings
 
-// Points across a pixel so that no texel under it is left out; 1: the view is about as fine, or finer.
+// Return the lookups across a pixel that leave out no texel under it; 1 if the view is about as fine as the
+// panorama, or finer.
 static inline ALWAYS_INLINE int points_across(__global const float *restrict view, int height)
 {
-    // In the middle of a perspective view, where pixels are largest.
+    // At the centre of a perspective view, where pixels are largest.
     const float rows = is_equirect(view) ? view[13] : IPRT_PI * view[9];
     const float texels = height / rows;
     return (int)clamp(ceil(texels / SPACING - 1e-3f), 1.0f, (float)MAX_POINTS);
 }
 
-// The panorama's uv in a pixel, to first order.
+// A pixel's uv in the panorama, to first order.
 typedef struct {
-    float3 direction;           // unit, world, of the middle
-    float2 middle, right, down; // in the middle; added by a pixel to the right, and down
+    float3 direction;           // unit, world, of the centre
+    float2 middle, right, down; // at the centre; change per pixel to the right, and down
 } Footprint;
 
-// Change of the uv of direction d where d changes by `by`; around a pole by half a turn at most.
+// Return the change of direction d's uv when d changes by `by`; at a pole, by half a turn at most.
 static inline ALWAYS_INLINE float2 uv_change(float3 d, float3 by)
 {
     const float flat = fmax(d.x * d.x + d.z * d.z, 1e-12f), level = sqrt(flat);
@@ -59,8 +60,8 @@ static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
                       shown_texel(shown, t.below_a, c), shown_texel(shown, t.below_b, c));
 }
 
-// Weights of four texels in a row, of which the second and third enclose the place: cubic convolution
-// with a = -1/2 (Keys 1981, Eq. 15), 0 <= t <= 1.
+// Weights of cubic convolution with a = -1/2 (Keys 1981, Eq. 15) for four texels in a row. The point is
+// between the second and third, 0 <= t <= 1.
 typedef struct {
     float a, b, c, d;
 } Cubic;
@@ -77,7 +78,7 @@ typedef struct {
     Cubic x, y;
 } CubicTaps;
 
-// At uv: wraps around in azimuth, holds the first and last row at the poles.
+// Return the taps at uv. Wraps around in azimuth, clamps to the first and last row at the poles.
 static inline ALWAYS_INLINE CubicTaps cubic_taps(int width, int height, float2 uv)
 {
     const Taps t = equirect_taps(width, height, uv);
@@ -101,7 +102,8 @@ static inline ALWAYS_INLINE float cubic_row(Shown shown, int c, int row, CubicTa
         + t.x.c * shown_texel(shown, row + t.b, c) + t.x.d * shown_texel(shown, row + t.right, c);
 }
 
-// Channel `c` by cubic convolution, hardly beyond the four texels around the place: lights have no rings.
+// Return channel `c` by cubic convolution, clamped almost to the range of the four texels around the point,
+// so that lights have no rings.
 static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
 {
     const float v00 = shown_texel(shown, t.upper + t.a, c), v10 = shown_texel(shown, t.upper + t.b, c);
@@ -112,7 +114,7 @@ static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
     return clamp(sum, (1.0f - OVERSHOOT) * low, (1.0f + OVERSHOOT) * high);
 }
 
-// What a pixel shows of a picture: by cubic convolution in its middle, or the mean of `points` x `points`
+// Return a picture's colour in a pixel: cubic convolution at its centre, or the mean of `points` x `points`
 // bilinear lookups all over it.
 static inline ALWAYS_INLINE float3 shown_in_pixel(
     Shown shown, int width, int height, Footprint inside, int points)

@@ -1,5 +1,6 @@
-// Uneven pixels: their colour blends texels of several planes, and no sharp edge is drawn. They lie at creases, on
-// rough depth and around objects of a few texels. Relit by their central texel alone, they would show its outline.
+// Uneven pixels: their colour blends texels of several planes without a sharp edge. They lie at creases, on
+// rough depth and around objects of a few texels. Relit by their central texel alone, they would show its
+// outline.
 //
 // Scalars only: PoCL vectorizes resampling.
 #ifndef IPRT_UNEVEN_H
@@ -9,10 +10,10 @@
 #include "world/real/reconstruct.h"
 
 #define UNEVEN (-2)      // marks uneven pixels in other_pixel (view/real_layer.cl)
-#define SAME_PLANE 0.05f // difference of two texels' planes, over the larger gradient, up to which they count as one
-#define TWO_PLANES 0.2f  // from which they count as two
+#define SAME_PLANE 0.05f // difference of planes, over the larger gradient, up to which they count as one
+#define TWO_PLANES 0.2f  // the same from which they count as two
 
-// Returns how different two texels' planes are, 0 to 1. The plane of open sky is at infinity.
+// Return the difference of two texels' planes, 0 to 1. The plane of open sky is at infinity.
 static inline ALWAYS_INLINE float plane_difference(
     __global const float4 *restrict panorama_surface, int one, int other)
 {
@@ -25,7 +26,7 @@ static inline ALWAYS_INLINE float plane_difference(
     return smoothstep(SAME_PLANE * SAME_PLANE, TWO_PLANES * TWO_PLANES, share);
 }
 
-// Returns whether the texels around a place show several planes.
+// Return whether the texels around a point show several planes.
 static inline ALWAYS_INLINE int is_uneven(__global const float4 *restrict panorama_surface, Taps around)
 {
     return plane_difference(panorama_surface, around.a, around.b)
@@ -33,8 +34,9 @@ static inline ALWAYS_INLINE int is_uneven(__global const float4 *restrict panora
         + plane_difference(panorama_surface, around.a, around.below_b) > 0.0f;
 }
 
-// Writes the shares of the four surrounding texels in the pixel's bilinear radiance, as far as their plane is not the
-// nearest texel's, and the pixels that show these texels. A texel outside of the view gets the pixel itself.
+// Write each surrounding texel's share in the pixel's bilinear radiance, weighted by the difference of its
+// plane from the nearest texel's, and the pixels that show these texels. A texel outside the view gets the
+// pixel itself.
 static inline ALWAYS_INLINE void store_corners(
     __global const float *restrict panorama_color, __global const float4 *restrict panorama_surface,
     int panorama_width, int panorama_height, Footprint inside, int x, int y, int width, int height,
