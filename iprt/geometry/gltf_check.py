@@ -1,7 +1,7 @@
-"""Checks of a glTF document before anything is read by it.
+"""Checks of a glTF document before its data is read.
 
 Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
-(materials). Only what is read is checked.
+(materials). Parts that are not read are not checked.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from pydantic.alias_generators import to_camel
 from iprt.files.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
 
 MAX_PARTS = 2**17
-"""A document has no more accessors, views or buffers."""
+"""Limit for accessors, buffer views and buffers of a document, each."""
 MAX_NODES = 2**14
-"""A document has no more nodes or primitives; trimesh takes a millisecond for each."""
+"""Limit for nodes and primitives of a document, each; trimesh takes a millisecond for each."""
 MAX_DEPTH = 256
-"""Nodes are nested no deeper; each is moved by all above it."""
+"""Limit for the nesting of nodes; each is transformed by all its ancestors."""
 
 _FLOAT32 = 5126
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _TRIANGLES, _STRIP = 4, 5
 READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
-"""Attributes of vertices that trimesh reads itself, and their types."""
+"""Vertex attributes that trimesh reads itself, with their types."""
 _INDEX_TYPES = (5121, 5123, 5125)
 
 Index = Annotated[int, Field(ge=0)]
@@ -40,7 +40,7 @@ Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
 
 
 class Part(BaseModel):
-    """A part of a document, which may have keys that are not read."""
+    """A part of a glTF document; unknown keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
 
@@ -49,11 +49,15 @@ Model = TypeVar("Model", bound=Part)
 
 
 class Buffer(Part):
+    """A buffer: binary data in a file or in the document."""
+
     uri: str | None = None
     byte_length: Bytes
 
 
 class BufferView(Part):
+    """A buffer view: a range of a buffer."""
+
     buffer: Index
     byte_offset: Bytes = 0
     byte_length: Bytes
@@ -61,6 +65,8 @@ class BufferView(Part):
 
 
 class Accessor(Part):
+    """An accessor: typed elements in a buffer view."""
+
     buffer_view: Index | None = None
     byte_offset: Bytes = 0
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
@@ -71,45 +77,59 @@ class Accessor(Part):
 
     @property
     def is_integer(self) -> bool:
+        """True for integer components."""
         return self.component_type != _FLOAT32
 
     @property
     def item_bytes(self) -> int:
+        """Size of an element in bytes."""
         return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
 
 
 class Image(Part):
+    """An image, in a file or in a buffer view."""
+
     uri: str | None = None
     buffer_view: Index | None = None
 
 
 class Sampler(Part):
+    """A texture sampler; only its wrap modes are read."""
+
     wrap_s: int = 10497
     wrap_t: int = 10497
 
 
 class TextureSource(Part):
+    """A texture's image in an extension."""
+
     source: Index | None = None
 
 
 class TextureExtensions(Part):
+    """Extensions of a texture."""
+
     webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
     basisu: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
 
 
 class Texture(Part):
+    """A texture: an image and a sampler."""
+
     source: Index | None = None
     sampler: Index | None = None
     extensions: TextureExtensions = Field(default=TextureExtensions())
 
     @property
     def image(self) -> int | None:
-        """Number of the image that is read: WebP, which Pillow reads, or the one of the core."""
+        """Index of the image to read: the WebP image, which Pillow reads, or else the core one."""
         webp = self.extensions.webp
         return self.source if webp is None or webp.source is None else webp.source
 
 
 class TextureTransform(Part):
+    """A transform of texture coordinates (KHR_texture_transform)."""
+
     offset: list[Number] = Field(default=[0.0, 0.0])
     rotation: Number = 0.0
     scale: list[Number] = Field(default=[1.0, 1.0])
@@ -122,28 +142,34 @@ class TextureTransform(Part):
 
 
 class ReferenceExtensions(Part):
+    """Extensions of a texture reference."""
+
     transform: TextureTransform | None = Field(default=None, alias="KHR_texture_transform")
 
 
 class TextureReference(Part):
+    """A material's reference to a texture."""
+
     index: Index
     tex_coord: Index = 0
     extensions: ReferenceExtensions = Field(default=ReferenceExtensions())
 
     @property
     def coordinates(self) -> int:
-        """Number of the set of texture coordinates that it asks for."""
+        """Index of the texture coordinate set."""
         transform = self.extensions.transform
         given = None if transform is None else transform.tex_coord
         return self.tex_coord if given is None else given
 
     @property
     def moved(self) -> bool:
-        """True where KHR_texture_transform changes texture coordinates."""
+        """True if KHR_texture_transform changes the texture coordinates."""
         return self.extensions.transform is not None and self.extensions.transform.changes
 
 
 class PbrMetallicRoughness(Part):
+    """The metallic-roughness parameters of a material."""
+
     base_color_factor: Quadruple | None = None
     metallic_factor: Number = 1.0
     roughness_factor: Number = 1.0
@@ -151,16 +177,22 @@ class PbrMetallicRoughness(Part):
 
 
 class SpecularGlossiness(Part):
+    """The specular-glossiness parameters of a material; only the texture is read."""
+
     diffuse_texture: TextureReference | None = None
 
 
 class MaterialExtensions(Part):
+    """Extensions of a material."""
+
     glossy: SpecularGlossiness | None = Field(
         default=None, alias="KHR_materials_pbrSpecularGlossiness"
     )
 
 
 class GltfMaterial(Part):
+    """A material."""
+
     name: str | None = None
     alpha_mode: str = "OPAQUE"
     emissive_factor: Triple | None = None
@@ -168,7 +200,7 @@ class GltfMaterial(Part):
     extensions: MaterialExtensions = Field(default=MaterialExtensions())
 
     def color_textures(self) -> list[TextureReference]:
-        """Return the textures that it takes its colour from."""
+        """Return the colour textures of this material."""
         pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
         given = [
             None if pbr is None else pbr.base_color_texture,
@@ -178,10 +210,14 @@ class GltfMaterial(Part):
 
 
 class PrimitiveExtensions(Part):
+    """Extensions of a primitive."""
+
     draco: Any = Field(default=None, alias="KHR_draco_mesh_compression")
 
 
 class Primitive(Part):
+    """A primitive: vertices and indices with one material."""
+
     attributes: dict[str, Index]
     extensions: PrimitiveExtensions = Field(default=PrimitiveExtensions())
     indices: Index | None = None
@@ -191,11 +227,15 @@ class Primitive(Part):
 
 
 class GltfMesh(Part):
+    """A mesh."""
+
     name: str | None = None
     primitives: Annotated[list[Primitive], Field(min_length=1)]
 
 
 class Node(Part):
+    """A node: a transform with a mesh, a skin and children."""
+
     name: str | None = None
     children: list[Index] = Field(default=[])
     mesh: Index | None = None
@@ -207,6 +247,8 @@ class Node(Part):
 
 
 class GltfScene(Part):
+    """A scene: the roots of its node trees."""
+
     nodes: list[Index] = Field(default=[])
 
 
@@ -231,33 +273,33 @@ class Gltf(Part):
     extensions_required: list[str] = Field(default=[])
 
     def uris(self) -> list[str]:
-        """Addresses of buffers and images outside the binary chunk."""
+        """Return the URIs of buffers and images outside the binary chunk."""
         named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
         return [uri for uri in named if uri is not None]
 
     def color_images(self) -> list[int]:
-        """Images that materials take their base colour from."""
+        """Return the indices of the images used as base colour."""
         images = [self.textures[texture.index].image for texture in self.color_textures()]
         return list(dict.fromkeys(image for image in images if image is not None))
 
     def color_textures(self) -> list[TextureReference]:
-        """Return the textures that materials take their colours from."""
+        """Return the colour textures of all materials."""
         return [texture for material in self.materials for texture in material.color_textures()]
 
 
 def parsed_gltf(document: Any) -> Gltf:
-    """Return a document whose parts have the right shapes; `check_gltf` tells whether they fit.
+    """Parse a document whose parts have the right shapes; `check_gltf` checks their references.
 
     Raises
     ------
     ValueError
-        The first fault, in one line.
+        The document is malformed; the message names the first fault in one line.
     """
     return parsed_part(Gltf, document, "")
 
 
 def check_gltf(gltf: Gltf) -> None:
-    """Raise ValueError, in one line, where parts of a document do not fit each other."""
+    """Raise a one-line ValueError where parts of a document are inconsistent."""
     _check_data(gltf)
     for number, mesh in enumerate(gltf.meshes):
         for primitive in mesh.primitives:
@@ -272,7 +314,7 @@ def check_gltf(gltf: Gltf) -> None:
 
 
 def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> Accessor:
-    """An accessor that is of one of these types and can be read; else ValueError in one line."""
+    """Return a readable accessor of one of these types, or raise a one-line ValueError."""
     _require("accessor", index, gltf.accessors, where)
     accessor = gltf.accessors[index]
     if accessor.buffer_view is None or accessor.sparse is not None:
@@ -283,7 +325,7 @@ def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> A
 
 
 def parsed_part(model: type[Model], value: Any, where: str) -> Model:
-    """Return a part of a document as a model; ValueError names the first fault in one line."""
+    """Parse a part of a document, or raise a ValueError that names the first fault in one line."""
     try:
         return model.model_validate(value)
     except ValidationError as error:
@@ -291,20 +333,20 @@ def parsed_part(model: type[Model], value: Any, where: str) -> Model:
 
 
 def _first_fault(error: ValidationError, where: str = "") -> str:
-    """One line for the first thing wrong with a part of a document, by its key below `where`."""
+    """Return the first validation error in one line, with its key below `where`."""
     fault = error.errors(include_url=False, include_input=False)[0]
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
     return f"{(where + key).lstrip('.') or 'document'}: {fault['msg']}"
 
 
 def _require(kind: str, index: int | None, known: Sized, where: str) -> None:
-    """Raise ValueError where a part refers to another one that does not exist."""
+    """Raise ValueError where a part refers to a missing part."""
     if index is not None and index >= len(known):
         raise ValueError(f"{where}: there is no {kind} {index}")
 
 
 def _check_data(gltf: Gltf) -> None:
-    """Buffers, views and accessors must lie in each other, and not add up to too much."""
+    """Check that buffers, views and accessors lie within each other and within the size limit."""
     total = sum(buffer.byte_length for buffer in gltf.buffers)
     for number, view in enumerate(gltf.buffer_views):
         _require("buffer", view.buffer, gltf.buffers, f"bufferViews[{number}]")
@@ -328,6 +370,7 @@ def _check_data(gltf: Gltf) -> None:
 
 
 def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
+    """Check the attributes, indices and material of a primitive."""
     if "POSITION" not in primitive.attributes:
         raise ValueError(f"{where}: a primitive without POSITION")
     for name, kind in READ_ATTRIBUTES.items():
@@ -341,7 +384,7 @@ def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
 
 
 def _check_nodes(gltf: Gltf) -> None:
-    """Nodes must form trees, and not repeat meshes too often."""
+    """Check that nodes form trees and that the meshes they repeat stay within the limits."""
     if gltf.scenes and gltf.scene >= len(gltf.scenes):
         raise ValueError(f"there is no scene {gltf.scene}")
     children: set[int] = set()
@@ -364,7 +407,7 @@ def _check_nodes(gltf: Gltf) -> None:
         if depth > MAX_DEPTH:
             raise ValueError(f"more than {MAX_DEPTH} levels of nodes")
         level = [child for node in nodes for child in node.children]
-    # All meshes are read, whether nodes show them or not.
+    # trimesh reads all meshes, with or without a node.
     for primitives, vertices, triangles in (shown, sizes.sum(axis=0)):
         if primitives > MAX_NODES:
             raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
@@ -376,7 +419,7 @@ def _check_nodes(gltf: Gltf) -> None:
 
 
 def _size(gltf: Gltf, mesh: GltfMesh) -> tuple[int, int, int]:
-    """Primitives, vertices and triangles of a mesh."""
+    """Return the numbers of primitives, vertices and triangles of a mesh."""
     vertices = triangles = 0
     for primitive in mesh.primitives:
         count = gltf.accessors[primitive.attributes["POSITION"]].count
