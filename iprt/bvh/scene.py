@@ -179,8 +179,7 @@ class SceneBuilder:
     """A builder of scene hierarchies that reuses trees between the states of a scene.
 
     An unchanged mesh keeps its tree. A mesh that replaces another with the same triangles gets the
-    old
-    tree, refitted to its vertices.
+    old tree, refitted to its vertices.
     """
 
     def __init__(self) -> None:
@@ -223,8 +222,7 @@ def object_bounds(instances: Sequence[Instance], *, margin: float) -> Floats:
     """Return the (N, 2, 4) float32 corners of each instance's world-space bounding box.
 
     Each box grows by `margin` of its diagonal on all sides. An instance without triangles has a
-    point
-    at its origin.
+    point at its origin.
     """
     bounds = np.zeros((len(instances), 2, 4), np.float32)
     for box, instance in zip(bounds, instances, strict=True):

@@ -78,10 +78,8 @@ def build_tree(low: Floats, high: Floats, *, leaf: int, max_depth: int) -> Tree:
     """Split primitives until each leaf has at most `leaf`.
 
     All leaves but one are full. Kernels test all primitives of a leaf at once, at the same cost,
-    and
-    the number of leaves, ceil(P / `leaf`), is known beforehand. Nodes are halved where the
-    heuristic
-    would exceed `max_depth` levels.
+    and the number of leaves, ceil(P / `leaf`), is known beforehand. Nodes are halved where the
+    heuristic would exceed `max_depth` levels.
 
     Parameters
     ----------

@@ -29,9 +29,8 @@ def with_normals(
     """Return vertices that all have a normal, adding normals where there are none.
 
     A vertex without a normal is split into as many as it needs. Smooth normals are means of the
-    faces
-    around a position up to the next sharp edges, weighted by the faces' angles there (Thürmer and
-    Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998).
+    faces around a position up to the next sharp edges, weighted by the faces' angles there (Thürmer
+    and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998).
 
     Parameters
     ----------

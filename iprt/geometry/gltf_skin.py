@@ -92,8 +92,8 @@ def resting_matrices(
 ) -> Iterator[tuple[Float, Any]]:
     """Yield geometries with their vertices' transforms at rest, without an animation.
 
-    Only joints place the vertices of a skin; the mesh's own node and its ancestors do not
-    (section 3.7.3.3).
+    Only joints place the vertices of a skin; the mesh's own node and its ancestors do not (section
+    3.7.3.3).
 
     Parameters
     ----------

@@ -98,8 +98,7 @@ def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) 
     """Raise SceneError unless these are the same objects, possibly moved.
 
     Objects are the same if their names, order, triangles and materials agree. The vertices must
-    agree
-    too unless the mesh deforms.
+    agree too unless the mesh deforms.
     """
     names, others = ([instance.name for instance in those] for those in (before, after))
     if names != others:

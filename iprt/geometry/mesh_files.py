@@ -118,12 +118,9 @@ class MeshFile:
         """Return the file's contents, rewritten for trimesh.
 
         OBJ loses its comments and STL the names of its solids, because trimesh takes format
-        keywords in
-        them for statements. glTF nodes are named by their indices. Joints, weights and colours of
-        vertices
-        get names that trimesh passes on: `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`. Integer
-        positions,
-        normals and texture coordinates become floats.
+        keywords in them for statements. glTF nodes are named by their indices. Joints, weights and
+        colours of vertices get names that trimesh passes on: `JOINT_KEYS`, `WEIGHT_KEYS`,
+        `COLOR_KEY`. Integer positions, normals and texture coordinates become floats.
 
         Raises
         ------

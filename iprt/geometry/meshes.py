@@ -75,12 +75,10 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     """Load a mesh with its materials, or with one material for all of it.
 
     Geometries of different materials are never merged. Missing normals become flat for glTF, and
-    smooth
-    up to a crease angle for other formats (`creases.py`). Degenerate and non-finite triangles are
-    removed. Skins of glTF files follow their joints at rest, without an animation (Khronos glTF
-    2.0,
-    section 3.7.3.3). Vertex colours become a texture. A warning is logged for each missing or
-    unsupported property of the file's materials that would change the look much.
+    smooth up to a crease angle for other formats (`creases.py`). Degenerate and non-finite
+    triangles are removed. Skins of glTF files follow their joints at rest, without an animation
+    (Khronos glTF 2.0, section 3.7.3.3). Vertex colours become a texture. A warning is logged for
+    each missing or unsupported property of the file's materials that would change the look much.
 
     Parameters
     ----------
@@ -95,8 +93,7 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     ------
     FormatError
         The file is missing, damaged, too large or without triangles, or a referenced file is
-        missing
-        or outside the folder.
+        missing or outside the folder.
     """
     file = MeshFile(path, within)
     dropped = file.unread_parts()

@@ -96,8 +96,7 @@ class WorldGeometry:
     """Vertices, triangles and materials of all instances in device memory.
 
     Vertices are transformed on the host in double precision when an instance moves. All passes and
-    both
-    projections therefore see the same float32 triangles.
+    both projections therefore see the same float32 triangles.
 
     Attributes
     ----------
@@ -107,8 +106,7 @@ class WorldGeometry:
         Index of the instance that each material belongs to.
     positions : moderngl.Buffer
         World-space corners, three per triangle. Unindexed drawing numbers the triangles at less
-        cost
-        than gl_PrimitiveID on software renderers.
+        cost than gl_PrimitiveID on software renderers.
     triangles, vertices, table : moderngl.Texture
         See `glsl/mesh.glsl` and `glsl/shade.frag`.
     displacements : moderngl.Texture or None

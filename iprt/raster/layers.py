@@ -48,9 +48,9 @@ class ObjectLayers:
     """The first solid interval behind each pixel centre, with coverage and motion vectors.
 
     `front` is the nearest surface of either orientation. `back` is the nearest back-facing surface
-    at or
-    beyond it, so that [front, back] is the first solid interval of a closed mesh; it is None if not
-    requested. Real surfaces do not occlude the layers, because hidden parts still cast shadows.
+    at or beyond it, so that [front, back] is the first solid interval of a closed mesh; it is None
+    if not requested. Real surfaces do not occlude the layers, because hidden parts still cast
+    shadows.
 
     Attributes
     ----------
@@ -58,9 +58,9 @@ class ObjectLayers:
         The arrays of `front`, and (coverage, motion x, motion y, fraction of the pixel covered by
         objects, occluded or not). None for layers that are only traced.
     coverage : (H, W) float32 or None
-        Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
-        Eq. 2). Every pixel touched by an object has a surface in `front`, borrowed from a neighbour
-        if the pixel's own centre misses the object. A borrowed surface, and no other, has a `front`
+        Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT Eq.
+        2). Every pixel touched by an object has a surface in `front`, borrowed from a neighbour if
+        the pixel's own centre misses the object. A borrowed surface, and no other, has a `front`
         without a `back`: tracing skips these pixels, so that objects do not grow. Slivers without a
         neighbour to borrow from count as 0.
     motion : (H, W, 2) float32 or None

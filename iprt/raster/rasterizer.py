@@ -107,8 +107,7 @@ class Rasterizer:
         """Start a frame with new transforms and vertices; the current ones become previous ones.
 
         Call it once per frame while objects move, and once more when they stop: motion is measured
-        from
-        the state before the last call.
+        from the state before the last call.
 
         Parameters
         ----------
@@ -130,8 +129,7 @@ class Rasterizer:
         ----------
         surface : (H, W, 4) float32
             Panorama; xyz = g such that the real surface is at radial distance 1 / (g . d) along the
-            unit
-            direction d (0 where there is none); finite. w is not read.
+            unit direction d (0 where there is none); finite. w is not read.
         """
         height, width = surface.shape[:2]
         with self._context:
@@ -218,8 +216,7 @@ class Rasterizer:
         """Draw triangles into the bound target; `program` knows its window.
 
         `side` is 1 for back-facing triangles, -1 for front-facing ones, 0 for all. OpenGL culls in
-        the
-        perspective projection; the equirect shaders cull themselves.
+        the perspective projection; the equirect shaders cull themselves.
         """
         context = self._context
         context.enable_only(moderngl.DEPTH_TEST)

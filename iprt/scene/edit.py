@@ -64,8 +64,8 @@ def new_scene(
     folder : Path
         Created if missing; must not hold a scene.
     color, depth : Path
-        Pictures, printf patterns for the frames of a video, or video files. Without `depth`,
-        the file of `color` holds it.
+        Pictures, printf patterns for the frames of a video, or video files. Without `depth`, the
+        file of `color` holds it.
     code : DepthCode
         Encoding of stored depth; required for integers.
     normal : Path or None
@@ -239,8 +239,7 @@ def changing(folder: Path) -> Iterator[None]:
     """Lock a scene folder against changes by other processes during the block.
 
     It waits for other processes. File systems without locks are not protected. A missing scene is
-    left
-    for the block to find.
+    left for the block to find.
 
     Raises
     ------

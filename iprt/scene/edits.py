@@ -149,9 +149,8 @@ def save_edits(
     """Write edits to a scene's `scene.toml`, and copy the files of new objects.
 
     New objects are added to views that list their objects, unless the view has a truth. If a view
-    with
-    a truth omits them, `look` is kept as the view `SAVED_VIEW`, which shows them. Views whose truth
-    shows edited objects are marked with `truth_outdated`.
+    with a truth omits them, `look` is kept as the view `SAVED_VIEW`, which shows them. Views whose
+    truth shows edited objects are marked with `truth_outdated`.
 
     Parameters
     ----------

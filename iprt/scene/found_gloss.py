@@ -87,10 +87,8 @@ def found_materials(
     """Return the undeclared glossy surfaces that `find_gloss` finds in a scene.
 
     Results are cached in `~/.cache/iprt/gloss`. The key has the table `[video]`, the declarations,
-    and
-    sizes and times of the frames' files. An unwritable folder is not an error. Neither is an
-    unreadable
-    frame, which is reported where it is needed.
+    and sizes and times of the frames' files. An unwritable folder is not an error. Neither is an
+    unreadable frame, which is reported where it is needed.
     """
     file = own_folder() / "gloss" / f"{_key(source, manifest)}.json"
     kept = _read(file)

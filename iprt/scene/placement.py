@@ -188,10 +188,8 @@ class RealSurfaces:
         """Return y of the highest upward-facing surface around (x, z), not above `top`.
 
         It is the area-weighted median of that surface, because the highest points would lift
-        objects by the
-        noise of depth. Surfaces with a small share of the local solid angle count as stray points,
-        however
-        large they would be at their depth.
+        objects by the noise of depth. Surfaces with a small share of the local solid angle count as
+        stray points, however large they would be at their depth.
 
         Returns
         -------
@@ -295,9 +293,8 @@ def set_down(
     """Place an object upright on the surface seen in a direction.
 
     Floors and tables are used as they are. At a wall, the object goes to the surface at the wall's
-    foot
-    and then away from the wall, to the nearest free place within the object's own size. If there is
-    none, it stays at the chosen place and intersects the wall.
+    foot and then away from the wall, to the nearest free place within the object's own size. If
+    there is none, it stays at the chosen place and intersects the wall.
 
     Raises
     ------

@@ -175,8 +175,7 @@ class Scene:
         """Prepare a raw frame for rendering.
 
         The frame is cleaned, its glossy surfaces are assigned, and the radiance of clipped lights
-        is
-        recovered.
+        is recovered.
         """
         frame = with_gloss(raw.sanitised(), self.real_materials)
         return ClippedLights(self.source.white)(frame)
@@ -193,15 +192,13 @@ class Scene:
         """Stream frames of the video, decoded and sanitised ahead on a thread, in the given order.
 
         An unreadable frame does not end the stream. Its missing parts are taken from the last good
-        frame
-        (`SteadyReader`), with one log message per run of such frames.
+        frame (`SteadyReader`), with one log message per run of such frames.
 
         Parameters
         ----------
         indices : iterable of int
             Numbers of frames; ascending order is fastest. The thread advances an iterator just
-            before
-            it decodes the next frame.
+            before it decodes the next frame.
         strict : bool
             Treat an unreadable frame as an error.
         drift : bool
@@ -213,8 +210,7 @@ class Scene:
         -------
         Ahead
             A context manager that yields an iterator over the frames, which may raise FormatError.
-            It
-            can be iterated once. Leaving the context ends the thread.
+            It can be iterated once. Leaving the context ends the thread.
 
         Raises
         ------
@@ -332,8 +328,7 @@ class Scene:
         """Return the objects of these names, by default all, at a time (`time_of`).
 
         Names, order, triangles and materials are the same at all times. Transforms, and vertices of
-        meshes
-        that deform, may differ.
+        meshes that deform, may differ.
         """
         return objects_at(
             (entry for entry in self.objects if names is None or entry.name in names), time_s

@@ -129,8 +129,7 @@ def picture_numbers(color: Path) -> range:
     """Return the frame numbers of a printf pattern as found on disk; 0 for a single picture.
 
     If the numbers rise in regular steps, the range has this step. Otherwise every number between
-    the
-    first and the last is a frame.
+    the first and the last is a frame.
 
     Raises
     ------

@@ -73,8 +73,7 @@ class Walls:
         """Return the base (3,) of a cylinder free of walls, near the chosen place.
 
         Repeated pushes are tried first. If they do not settle within `reach`, for example between
-        two
-        walls, the nearest free place on rings around `base` is taken.
+        two walls, the nearest free place on rings around `base` is taken.
 
         Parameters
         ----------
