@@ -117,7 +117,7 @@ def capture_panorama(
     samples = gathering.cloud.samples()
     if not len(samples):
         raise FormatError(
-            f"{sequence.shots[0].depth}: no surface, neither here nor in what follows"
+            f"{sequence.shots[0].depth}: no surface, neither here nor in later frames"
         )
     view = splat(samples, width)
     measured = view.depth > 0.0

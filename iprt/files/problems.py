@@ -155,8 +155,8 @@ def _video_problems(video: Any) -> Iterator[str]:
     picture = pattern or color.lower().endswith(PICTURE_SUFFIXES)
     if picture and "depth" not in video:
         yield (
-            "video.depth: required key is missing; name a file of depth (docs/footage.md says of "
-            "what kind), or that of color again where it is EXR and holds depth"
+            "video.depth: required key is missing; name a file of depth (see docs/footage.md), or "
+            "the file of color again if it is EXR and holds depth"
         )
     if not _integers(video.get("frames"), 2):
         return

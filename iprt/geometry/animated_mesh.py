@@ -153,7 +153,7 @@ def load_animated_mesh(
     if mesh.triangles.shape[0] == 0:
         raise FormatError(f"{path}: holds no triangles")
     if any("morph" in phrase for phrase in mesh.dropped):
-        LOG.warning("%s: morph targets are not read; what they change stays as it is", path)
+        LOG.warning("%s: morph targets are not read and have no effect", path)
     vertices = np.concatenate(flat)
     return AnimatedMesh(
         path, replace(mesh, deforms=True), clip, tuple(pieces), vertices[:, 0], vertices[:, 1:]

@@ -166,7 +166,7 @@ class MeshFile:
         Properties with little effect on the look are left out.
         """
         missing = [
-            f"refers to {name}, which is missing beside it; what it would colour is grey"
+            f"refers to {name}, which is missing beside it; its materials are grey"
             for name in dict.fromkeys(self._missing_libraries)
         ]
         return missing + ([] if self.gltf is None else list(unapplied_gltf(self.gltf)))

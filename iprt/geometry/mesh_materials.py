@@ -181,7 +181,7 @@ def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
             yield f"texture {printable(key)}"
         elif key == "tf":
             if min(_color(values[key])) < 1.0:
-                yield "a filter of what shines through (Tf)"
+                yield "a transmission filter (Tf)"
         elif _first(values[key], 1.0) != 0.0:
             yield f"'{printable(key)}' of its materials"
 

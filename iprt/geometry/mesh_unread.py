@@ -59,9 +59,9 @@ def unapplied_gltf(gltf: Gltf) -> Iterator[str]:
     materials = [material for number, material in enumerate(gltf.materials) if number in used]
     modes = {material.alpha_mode for material in materials}
     if "MASK" in modes:
-        yield "alphaMode MASK is not applied: what textures cut out is drawn opaque"
+        yield "alphaMode MASK is not applied: cut-out parts are drawn opaque"
     if "BLEND" in modes:
-        yield "alphaMode BLEND is not applied: what is transparent is drawn opaque"
+        yield "alphaMode BLEND is not applied: transparent parts are drawn opaque"
     if any(texture.moved for texture in gltf.color_textures()):
         yield "KHR_texture_transform is not applied: textures are not shifted, turned or scaled"
 

@@ -58,7 +58,8 @@ class TemporalSettings(BaseModel):
         default=0.2,
         gt=0.0,
         le=1.0,
-        description="The same for virtual surfaces while the scene changes: they may have moved.",
+        description="`plane_tolerance` of virtual surfaces while the scene changes: they may have "
+        "moved.",
     )
     normal_agreement: float = Field(
         default=0.9,
