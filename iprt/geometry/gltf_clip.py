@@ -15,7 +15,7 @@ from pydantic import Field
 from iprt.errors import FormatError
 from iprt.files.toml_text import printable
 from iprt.geometry.animation import Float, Skeleton, Track
-from iprt.geometry.gltf_check import MAX_PARTS, Gltf, Index, Part, parsed_part
+from iprt.geometry.gltf_document import MAX_PARTS, Gltf, Index, Part, parsed_part
 from iprt.geometry.gltf_skin import Bones, read_bones, scene_nodes, unit_quaternions
 from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_files import MeshFile

@@ -11,7 +11,7 @@ import shlex
 from pathlib import Path
 
 from iprt.errors import FormatError
-from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_document import Gltf
 
 _DRACO = "KHR_draco_mesh_compression"
 _BASISU = "KHR_texture_basisu"

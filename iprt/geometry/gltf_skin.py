@@ -15,7 +15,8 @@ from pydantic import Field
 
 from iprt.errors import FormatError
 from iprt.geometry.animation import Float, Node, Skeleton, Skin
-from iprt.geometry.gltf_check import MAX_NODES, Gltf, Index, Part, accessor_of, parsed_part
+from iprt.geometry.gltf_check import accessor_of
+from iprt.geometry.gltf_document import MAX_NODES, Gltf, Index, Part, parsed_part
 from iprt.geometry.gltf_numbers import INFLUENCES, JOINT_KEYS, WEIGHT_KEYS, part_node
 from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_files import MeshFile

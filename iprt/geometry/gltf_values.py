@@ -7,7 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from iprt.geometry.animation import Float
-from iprt.geometry.gltf_check import Gltf, accessor_of
+from iprt.geometry.gltf_check import accessor_of
+from iprt.geometry.gltf_document import Gltf
 
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

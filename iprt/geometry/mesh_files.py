@@ -24,8 +24,9 @@ from iprt.files.images import open_picture
 from iprt.files.path_safety import require_inside
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
-from iprt.geometry.gltf_check import READ_ATTRIBUTES, Gltf, check_gltf, parsed_gltf
+from iprt.geometry.gltf_check import READ_ATTRIBUTES, check_gltf
 from iprt.geometry.gltf_compressed import require_uncompressed
+from iprt.geometry.gltf_document import Gltf, parsed_gltf
 from iprt.geometry.gltf_numbers import CHUNK, FLOATS, numbered
 from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_unread import unapplied_gltf, unread_gltf, unread_obj, unread_ply

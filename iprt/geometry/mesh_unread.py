@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from iprt.files.toml_text import printable
-from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_document import Gltf
 
 _TRIANGLE_MODES = (4, 5)
 _REPEAT = 10497

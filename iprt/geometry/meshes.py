@@ -17,7 +17,7 @@ from iprt.errors import FormatError
 from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
 from iprt.geometry.animation import moved
 from iprt.geometry.creases import same_position, with_normals
-from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_document import Gltf
 from iprt.geometry.gltf_skin import resting_matrices
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh

@@ -77,8 +77,8 @@ class Settings(BaseModel):
         default=4,
         ge=1,
         le=8,
-        description="Samples along each side of a pixel, which smooth the outlines of objects. With "
-        "fewer than 4, pixels whose neighbours are covered count as covered.",
+        description="Samples along each side of a pixel, which smooth the outlines of objects. "
+        "With fewer than 4, pixels whose neighbours are covered count as covered.",
         json_schema_extra={"unit": "samples"},
     )
     check_kernels: bool = Field(

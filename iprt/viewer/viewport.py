@@ -40,8 +40,7 @@ ZOOM_STEP = 0.9
 class Viewport:
     """The camera and lens of a window, for use by one thread at a time.
 
-    No call waits for the device. Positions in the picture are fractions of its width and height,
-    from the upper left corner.
+    Positions in the picture are fractions of its width and height, from the upper left corner.
 
     Parameters
     ----------
@@ -167,10 +166,7 @@ class Viewport:
 
     @property
     def target_fps(self) -> float | None:
-        """Frames per second to hold during motion, at reduced quality if needed.
-
-        None keeps full quality. Pictures at rest always have full quality.
-        """
+        """Frames per second to hold during motion, at reduced quality; None keeps it full."""
         return self._motion.target_fps
 
     @target_fps.setter
