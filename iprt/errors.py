@@ -1,18 +1,18 @@
-"""The errors a user can cause. Each message says what, where, what is expected, what to do."""
+"""Errors that a user can cause. Messages name the fault, its place, and the remedy."""
 
 from __future__ import annotations
 
 
 class IprtError(Exception):
-    """A problem the user can act on. The command line prints it without a traceback.
+    """An error that the user can act on; the command line prints it without a traceback.
 
     Attributes
     ----------
     exit_code : int
-        Process exit status when the error reaches the command line: 2 bad input, 3 no device.
+        Exit status of the process: 2 for bad input, 3 for a missing device.
     several_lines : bool
-        Whether line feeds end lines of the message. Otherwise it is one line, and a line feed is
-        part of a name.
+        True if line feeds separate lines of the message. Otherwise the message is one line, and a
+        line feed is part of a name.
     """
 
     exit_code = 2
@@ -23,37 +23,38 @@ class IprtError(Exception):
 
     @property
     def lines(self) -> list[str]:
+        """The message by lines."""
         return str(self).split("\n") if self.several_lines else [str(self)]
 
 
 class SceneError(IprtError):
-    """A scene folder or its manifest does not hold what the format asks for."""
+    """An invalid scene folder or manifest."""
 
 
 class FormatError(IprtError):
-    """A file cannot be read as what it should be, or an output cannot be written."""
+    """An input file that cannot be read, or an output that cannot be written."""
 
 
 class OutputError(IprtError):
-    """Standard output cannot be written."""
+    """A failure to write to standard output."""
 
 
 class DeviceError(IprtError):
-    """No usable OpenCL device, an ambiguous choice of one, or no OpenGL context through EGL."""
+    """A missing or ambiguous OpenCL device, or no OpenGL context through EGL."""
 
     exit_code = 3
 
 
 class DeviceLostError(DeviceError):
-    """The driver has given up a context or queue; a new context may work."""
+    """The loss of a context or queue by the driver; a new context may work."""
 
 
 class DeviceHangError(DeviceError):
-    """A device did not answer in time. Whatever waits for it, its driver included, may hang too."""
+    """A device that did not answer in time; everything that waits for it may hang too."""
 
 
 class KernelError(IprtError):
-    """An OpenCL program did not build; the message, of several lines, is the whole report."""
+    """A failed build of an OpenCL program; the message holds the whole build log."""
 
     exit_code = 3
 

@@ -1,4 +1,4 @@
-"""Meshes as trees over packets of four triangles, in the layout of `cl/lib/world/objects/bvh.h`."""
+"""Bounding volume hierarchies of meshes, laid out as in `cl/lib/world/objects/bvh.h`."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ from iprt.geometry.mesh import Mesh
 Floats = NDArray[np.float32]
 
 PACKET = 4
-"""Triangles that are tested at once; a leaf is a packet."""
+"""Triangles that a kernel tests at once; a leaf is a packet."""
 PACKET_ROWS = constant("lib/world/objects/bvh.h", "BVH_PACKET_ROWS")
-"""float4 per packet: each coordinate of its corners."""
+"""float4 rows per packet, one for each coordinate of the corners."""
 MESH_DEPTH = 22
-"""Levels of a mesh's tree at most."""
+"""Largest depth of a mesh's tree."""
 MAX_TRIANGLES = PACKET << MESH_DEPTH
 _LINE = 2.0**-22
-"""Triangles lower than this fraction of their longest edge are lines, and not hit."""
+"""Triangles lower than this fraction of their longest edge count as lines and are never hit."""
 _PADDING = 2.0**-21
-"""Boxes grow by this fraction of the largest coordinate, several units in its last place."""
+"""Boxes grow by this fraction of the largest coordinate, which is several units in the last
+place."""
 
 
 @dataclass(frozen=True)
 class MeshBvh:
-    """The tree of one mesh.
+    """The bounding volume hierarchy of one mesh.
 
     Attributes
     ----------
     tree : Tree
-        Its leaves are packets.
+        Binary tree with packets as leaves.
     slots : (4 * L,) int32
-        Triangle of the mesh at each place of each packet; -1: none.
+        Triangle of the mesh at each place of each packet, or -1.
     nodes : (W, 7, 4) float32
-        References are numbers within this mesh.
+        Wide nodes; references count within this mesh.
     packets : (L, 9, 4) float32
     """
 
@@ -49,13 +50,13 @@ class MeshBvh:
     packets: Floats
 
     def refitted(self, positions: Floats, triangles: NDArray[np.int32]) -> MeshBvh:
-        """The same tree about moved vertices (V, 3); triangles are those of the mesh."""
+        """Return the tree refitted to moved vertices (V, 3) of the same triangles."""
         nodes, packets = _fitted(self.tree, self.slots, positions, triangles)
         return MeshBvh(self.tree, self.slots, nodes, packets)
 
 
 def drawable(positions: Floats, triangles: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Indices of the triangles whose corners are finite."""
+    """Return the indices of the triangles with finite corners."""
     finite = np.asarray(np.isfinite(positions).all(axis=1))
     if finite.all():
         return np.arange(len(triangles))
@@ -63,7 +64,7 @@ def drawable(positions: Floats, triangles: NDArray[np.int32]) -> NDArray[np.int6
 
 
 def packet_count(triangles: int) -> int:
-    """Packets of a mesh with so many drawable triangles."""
+    """Return the number of packets of a mesh with this many drawable triangles."""
     return -(-triangles // PACKET)
 
 
@@ -77,9 +78,9 @@ def build_mesh(
     Parameters
     ----------
     positions : (V, 3) float32
-        Positions of the mesh's vertices, as the tree shall hold them.
+        Vertex positions in the space of the tree.
     tree_of : callable, optional
-        In place of `mesh_tree`, of lower and upper corners (P, 3) of the drawable triangles.
+        Replaces `mesh_tree`; called with lower and upper corners (P, 3) of the drawable triangles.
     """
     used = drawable(positions, mesh.triangles)
     corners = positions[mesh.triangles[used]]
@@ -93,11 +94,12 @@ def build_mesh(
 
 
 def mesh_tree(low: Floats, high: Floats) -> Tree:
+    """Build a mesh's binary tree over the boxes (P, 3) of its triangles."""
     return build_tree(low, high, leaf=PACKET, max_depth=MESH_DEPTH)
 
 
 def _has_area(corners: Floats) -> NDArray[np.bool_]:
-    """(T, 1): which triangles (T, 3, 3) are more than lines, within rounding errors."""
+    """Return (T, 1) flags: the triangles (T, 3, 3) have an area above rounding errors."""
     exact = corners.astype(np.float64)
     edges = exact - np.roll(exact, 1, axis=1)
     longest = (edges**2).sum(axis=2).max(axis=1, keepdims=True)
@@ -108,10 +110,10 @@ def _has_area(corners: Floats) -> NDArray[np.bool_]:
 def _fitted(
     tree: Tree, slots: NDArray[np.int32], positions: Floats, triangles: NDArray[np.int32]
 ) -> tuple[Floats, Floats]:
-    """Nodes and packets of a tree about these vertices."""
+    """Return the nodes and packets of a tree refitted to these vertices."""
     filled = slots >= 0
     corners = positions[triangles[slots[filled]]]
-    # Leaf by leaf is the order of the slots: the tree's primitives are their filled ones.
+    # Filled slots are in leaf order, which is also the tree's order of primitives.
     low, high = np.empty_like(corners[:, 0]), np.empty_like(corners[:, 0])
     low[tree.order], high[tree.order] = corners.min(axis=1), corners.max(axis=1)
     padding = _PADDING * float(np.abs(corners).max())

@@ -1,4 +1,4 @@
-"""Trees of large meshes, kept on disk between runs."""
+"""Disk cache for the trees of large meshes."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from iprt.files.atomic import replacing
 Floats = NDArray[np.float32]
 
 VERSION = 1
-"""To be raised when `build_tree` makes other trees."""
+"""Raise this when `build_tree` changes its results."""
 WORTH_KEEPING = 20_000
-"""Triangles: smaller meshes are built as quickly as read."""
+"""Triangle count from which reading a tree is faster than building it."""
 
 
 def cached_tree(low: Floats, high: Floats) -> Tree:
-    """`mesh_tree` of these boxes, read from the cache where it holds it.
+    """Return `mesh_tree` of these boxes, from the cache if possible.
 
-    What the cache holds is checked: a tree that is not one over these boxes is built anew. A folder
-    that cannot be written is no error.
+    Cached trees are validated; a tree that does not fit the boxes is rebuilt. An unwritable cache
+    folder is not an error.
     """
     if len(low) < WORTH_KEEPING:
         return mesh_tree(low, high)
@@ -43,10 +43,10 @@ def cached_tree(low: Floats, high: Floats) -> Tree:
 
 
 def _read(file: Path, primitives: int) -> Tree | None:
-    """The tree in a file: the arrays of `Tree` one after the other, little-endian int32.
+    """Read a tree: the arrays of `Tree` in order, as little-endian int32; None if invalid.
 
-    All sizes follow from the number of primitives, so that nothing is believed that stands in the
-    file, and no more is read than a tree has.
+    All sizes follow from the number of primitives. No size in the file is trusted, and no more than
+    the size of a tree is read.
     """
     leaves = -(-primitives // PACKET)
     fixed = np.cumsum([primitives, leaves + 1, 2 * (leaves - 1)])
@@ -71,7 +71,7 @@ def _write(file: Path, tree: Tree) -> None:
 
 
 def is_tree(tree: Tree, primitives: int) -> bool:
-    """Whether this is a tree over so many primitives that kernels can walk through."""
+    """Return True if this is a tree over `primitives` that kernels can traverse."""
     arrays = (tree.order, tree.first, tree.children.ravel(), tree.levels)
     if any(array.dtype != np.int32 or array.ndim != 1 for array in arrays):
         return False
@@ -88,7 +88,7 @@ def is_tree(tree: Tree, primitives: int) -> bool:
         return False
     if not np.array_equal(np.sort(tree.order), np.arange(primitives)):
         return False
-    # Every node but the root, and every leaf, is a child once; nodes of the level above.
+    # Every node but the root, and every leaf, is a child of exactly one node in the level above.
     references = np.concatenate([np.arange(-leaves, 0), np.arange(1, leaves - 1)])
     if leaves > 1 and not np.array_equal(np.sort(tree.children.ravel()), references):
         return False

@@ -1,4 +1,4 @@
-"""The two-level hierarchy of a scene: trees of meshes, and a tree over their instances."""
+"""The two-level hierarchy of a scene: bottom-level trees of meshes, and a tree over instances."""
 
 from __future__ import annotations
 
@@ -36,18 +36,19 @@ Floats = NDArray[np.float32]
 Float = NDArray[np.float64]
 
 SCENE_DEPTH = (MAX_OBJECTS - 1).bit_length()
-"""Levels of the tree over instances at most."""
+"""Largest depth of the tree over instances."""
 INSTANCE_ROWS = constant("lib/world/objects/bvh.h", "BVH_INSTANCE_ROWS")
 STACK = STACK_PER_LEVEL * (-(-MESH_DEPTH // 2) + -(-SCENE_DEPTH // 2))
-"""Places on a ray's stack, `-D BVH_STACK`: what both trees together may need."""
+"""Entries on a ray's traversal stack, `-D BVH_STACK`, enough for both levels."""
 _SPREAD = 4.0
-"""Rounding errors of a transform may come back from object space this many times larger."""
+"""Largest factor by which a round trip through object space may amplify rounding errors."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Triangles as a tree holds them: a mesh, moved to the origin if far from it, or placed in the
-    world.
+    """The triangles of a bottom-level tree.
+
+    They are in object space, recentred if far from the origin, or baked into world space.
 
     Attributes
     ----------
@@ -60,19 +61,20 @@ class Shape:
 
     @property
     def key(self) -> tuple[int, bytes]:
-        """Equal for shapes that can share a tree."""
+        """Key that is equal for shapes that can share a tree."""
         return id(self.mesh), b"" if self.baked is None else self.baked.tobytes()
 
     def place(self) -> tuple[Floats, Float]:
-        """Vertices (V, 3) for the tree, and the (4, 4) matrix from there to the mesh's space, or
-        to the world's if baked.
+        """Return the tree's vertices (V, 3), and the (4, 4) matrix from there to object space.
+
+        The matrix leads to world space instead if the shape is baked.
         """
         points = self.mesh.positions.astype(np.float64)
         if self.baked is not None:
             points = transformed(self.baked, points)
         finite = points[np.isfinite(points).all(axis=1)]
         low, high = finite.min(axis=0), finite.max(axis=0)
-        # Only where that loses nothing: what is near the origin has digits to spare.
+        # Recentre only distant meshes: near the origin float32 has digits to spare.
         far = np.abs(0.5 * (low + high)) > high - low
         centre = np.where(far, 0.5 * (low + high), 0.0)
         back = np.eye(4)
@@ -80,14 +82,14 @@ class Shape:
         return (points - centre).astype(np.float32), back
 
     def displacements(self, before: Mesh) -> Floats:
-        """(V, 3), in the space of `place`: where the mesh's vertices were, less where they are."""
+        """Return (V, 3) offsets to the vertices of the mesh `before`, in the space of `place`."""
         step = before.positions.astype(np.float64) - self.mesh.positions
         if self.baked is not None:
             step = step @ self.baked[:3, :3].T
         return step.astype(np.float32)
 
     def normals(self) -> Floats:
-        """(V, 3), in the space of `place`."""
+        """Return the (V, 3) normals in the space of `place`."""
         if self.baked is None:
             return self.mesh.normals
         return (self.mesh.normals @ cofactors(self.baked[:3, :3]).T).astype(np.float32)
@@ -95,7 +97,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class SceneSizes:
-    """Rows of the buffers of a scene, known without building a tree."""
+    """Row counts of a scene's buffers, known without building a tree."""
 
     nodes: int
     packets: int
@@ -110,18 +112,18 @@ class SceneBvh:
     Attributes
     ----------
     nodes, packets, instances : (N, 7, 4), (L, 9, 4), (I, 7, 4) float32
-        See `cl/lib/world/objects/bvh.h`; I counts the instances that have triangles.
+        See `cl/lib/world/objects/bvh.h`; I is the number of instances with triangles.
     triangles : (4 L, 4) int32
-        Three vertices and the material of the mesh, per place of a packet.
+        Three vertices and the mesh's material, per place of a packet.
     normals : (V, 4) float32
     uvs : (V, 2) float32
     displacements : (V, 4) float32 or None
-        To where vertices were in the state before, by the space of their tree; None: all meshes are
-        those of then.
+        Offsets to the previous state's vertices, in the space of their tree. None if no mesh
+        deformed.
     instance_of : (I,) int32
-        Index of each among the instances given.
+        Index of each in the given instances.
     slots : (4 L,) int32
-        Triangle of the mesh per place of a packet; -1: none.
+        Triangle of the mesh per place of a packet, or -1.
     """
 
     nodes: Floats
@@ -136,12 +138,12 @@ class SceneBvh:
 
 
 def shapes_of(instances: Sequence[Instance]) -> list[Shape | None]:
-    """The shape of each instance; None where there is nothing to hit.
+    """Return the shape of each instance, or None for an instance without drawable triangles.
 
     Raises
     ------
     SceneError
-        Too many instances, or too many triangles in one.
+        There are too many instances, or one has too many triangles.
     """
     if len(instances) > MAX_OBJECTS:
         raise SceneError(
@@ -161,6 +163,7 @@ def shapes_of(instances: Sequence[Instance]) -> list[Shape | None]:
 
 
 def scene_sizes(shapes: Sequence[Shape | None]) -> SceneSizes:
+    """Return the row counts of the buffers of these shapes."""
     unique = {shape.key: shape.mesh for shape in shapes if shape is not None}
     packets = [packet_count(len(drawable(m.positions, m.triangles))) for m in unique.values()]
     instances = sum(shape is not None for shape in shapes)
@@ -173,16 +176,17 @@ def scene_sizes(shapes: Sequence[Shape | None]) -> SceneSizes:
 
 
 class SceneBuilder:
-    """Builds hierarchies of a scene that moves, from one state to the next.
+    """A builder of scene hierarchies that reuses trees between the states of a scene.
 
-    Trees of meshes that stay are kept; a mesh that takes the place of one with the same triangles
-    gets that one's tree, fitted to its vertices.
+    An unchanged mesh keeps its tree. A mesh that replaces another with the same triangles gets the
+    old tree, refitted to its vertices.
     """
 
     def __init__(self) -> None:
         self._before: dict[int, tuple[Shape, MeshBvh]] = {}
 
     def build(self, instances: Sequence[Instance]) -> SceneBvh:
+        """Build the hierarchy of the scene's current state."""
         shapes = shapes_of(instances)
         built: dict[tuple[int, bytes], int] = {}
         trees: list[tuple[Shape, MeshBvh]] = []
@@ -208,17 +212,17 @@ class SceneBuilder:
         return build_mesh(shape.mesh, shape.place()[0], cached_tree)
 
     def _bent_from(self, index: int, shape: Shape) -> Mesh | None:
-        """The mesh that an instance had in the state before, if its vertices have moved since."""
+        """Return the instance's previous mesh if its vertices have moved since, else None."""
         before = self._before[index][0].mesh if index in self._before else shape.mesh
         same = before is shape.mesh or before.positions.shape != shape.mesh.positions.shape
         return None if same else before
 
 
 def object_bounds(instances: Sequence[Instance], *, margin: float) -> Floats:
-    """(N, 2, 4) float32: opposite corners of each instance's box, world.
+    """Return the (N, 2, 4) float32 corners of each instance's world-space bounding box.
 
-    A box is enlarged by `margin` of its diagonal on all sides. It is a point, the instance's
-    origin, where there are no triangles.
+    Each box grows by `margin` of its diagonal on all sides. An instance without triangles has a
+    point at its origin.
     """
     bounds = np.zeros((len(instances), 2, 4), np.float32)
     for box, instance in zip(bounds, instances, strict=True):
@@ -244,7 +248,7 @@ def _assemble(
     numbers: Sequence[int],
     trees: Sequence[tuple[Shape, MeshBvh]],
 ) -> SceneBvh:
-    """Join the trees; `numbers` are those of the `present` instances."""
+    """Concatenate the trees; `numbers` gives the tree of each `present` instance."""
     first_node, first_packet, first_vertex = wide_count(max(len(present), 1)), 0, 0
     upper = np.zeros((first_node, NODE_ROWS, 4), np.float32)
     nodes, packets = [upper], [np.zeros((0, PACKET_ROWS, 4), np.float32)]
@@ -303,7 +307,7 @@ def _displacements(
 
 
 def _transforms(shape: Shape, instance: Instance) -> Floats:
-    """(6, 4): rows of object from world, then of world from object."""
+    """Return (6, 4): three rows of object from world, then three of world from object."""
     forward = shape.place()[1]
     if shape.baked is None:
         forward = instance.to_world @ forward
@@ -311,12 +315,12 @@ def _transforms(shape: Shape, instance: Instance) -> Floats:
 
 
 def _instance_tree(instances: Sequence[Instance]) -> Floats:
-    # Corners in object space are rounded, and so is the ray's start there.
+    # Object-space corners and the ray's origin there are rounded.
     boxes = object_bounds(instances, margin=1e-4)
     slack = np.float32(1e-5) * np.abs(boxes).max(axis=(1, 2))[:, None]
     low, high = boxes[:, 0, :3] - slack, boxes[:, 1, :3] + slack
     tree = build_tree(low, high, leaf=1, max_depth=SCENE_DEPTH)
-    # Leaves are instances: their number is that of the only primitive.
+    # Leaves are instances: a leaf's number becomes the number of its only primitive.
     nodes = widen(tree, *fit(tree, low, high))
     references = nodes[:, 6].view(np.int32)
     leaves = references < 0
@@ -325,7 +329,7 @@ def _instance_tree(instances: Sequence[Instance]) -> Floats:
 
 
 def _invertible(matrix: Float) -> bool:
-    """Whether float32 coordinates survive the way to object space and back."""
+    """Return True if float32 coordinates survive the transform to object space and back."""
     linear = matrix[:3, :3]
     if not np.linalg.cond(linear) < 1e12:
         return False

@@ -1,8 +1,8 @@
-"""Binary trees over boxes by the binned surface area heuristic, level by level in NumPy.
+"""Binary trees over boxes by the binned surface area heuristic, built level by level in NumPy.
 
-The heuristic is that of I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies"
-(Interactive Ray Tracing 2007), section 3: a node is split at one of a few planes between bins of
-centroids, where the areas of both halves, times the packets of primitives in them, are least.
+See I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies" (Interactive Ray
+Tracing 2007), section 3. A node is split at one of a few planes between bins of centroids. The
+chosen plane has the least sum of surface area times packet count over both sides.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _AXES = 3
 
 @dataclass(frozen=True)
 class Tree:
-    """The shape of a binary tree over primitives; boxes are computed by `fit`.
+    """The topology of a binary tree over primitives; `fit` computes the boxes.
 
     A reference is the number of an inner node, or ~leaf for a leaf. Inner nodes are numbered level
     by level from the root, node 0. A single leaf has no inner nodes.
@@ -45,20 +45,20 @@ class Tree:
 
     @property
     def depth(self) -> int:
-        """Inner nodes on the longest way from the root to a leaf."""
+        """Number of inner nodes on the longest path from the root to a leaf."""
         return len(self.levels) - 1
 
 
 @dataclass(frozen=True)
 class _Level:
-    """The nodes that are split together, and their primitives by centroid along each axis.
+    """The nodes of one level, with their primitives sorted by centroid along each axis.
 
     Attributes
     ----------
     by_axis : three (P,) int64
-        Primitives, those of one node side by side, along x, y, z within it.
+        Primitives grouped by node, sorted along x, y and z within a node.
     count, start, segment, rank
-        Primitives per node; where its first is; node of each place, and place within it.
+        Primitives and first place per node; node and rank within the node per place.
     """
 
     by_axis: list[Ints]
@@ -75,16 +75,16 @@ class _Level:
 
 
 def build_tree(low: Floats, high: Floats, *, leaf: int, max_depth: int) -> Tree:
-    """Split primitives until at most `leaf` remain together.
+    """Split primitives until each leaf has at most `leaf`.
 
-    All leaves but one are full: kernels test a leaf's primitives at once, at one price, and the
-    number of leaves, ceil(P / `leaf`), is known beforehand. Where the heuristic would need more
-    than `max_depth` levels, nodes are halved instead.
+    All leaves but one are full. Kernels test all primitives of a leaf at once, at the same cost,
+    and the number of leaves, ceil(P / `leaf`), is known beforehand. Nodes are halved where the
+    heuristic would exceed `max_depth` levels.
 
     Parameters
     ----------
     low, high : (P, 3) float32
-        Boxes, finite; P >= 1.
+        Corners of finite boxes; P >= 1.
     max_depth : int
         P must be at most `leaf` * 2^max_depth.
     """
@@ -128,14 +128,14 @@ def build_tree(low: Floats, high: Floats, *, leaf: int, max_depth: int) -> Tree:
 
 
 def fit(tree: Tree, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Boxes of both children of every node, from the boxes of the primitives, bottom up.
+    """Compute the boxes of both children of every node, bottom up from the primitives' boxes.
 
-    Serves a tree whose primitives have moved as well as a new one.
+    It serves new trees and refits trees to moved primitives.
 
     Parameters
     ----------
     low, high : (P, 3) float32
-        By primitive.
+        Box corners by primitive.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def fit(tree: Tree, low: Floats, high: Floats) -> tuple[Floats, Floats]:
 
 
 def _normalised(low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """The boxes in units of their common extent: areas neither overflow nor vanish."""
+    """Scale the boxes to their common extent, so that areas neither overflow nor vanish."""
     origin = low.min(axis=0)
     extent = np.float32(max(float((high.astype(np.float64) - origin).max()), 1e-37))
     return (low - origin) / extent, (high - origin) / extent
@@ -166,7 +166,7 @@ def _normalised(low: Floats, high: Floats) -> tuple[Floats, Floats]:
 def _choose_splits(
     level: _Level, low: Floats, high: Floats, centre: Floats, leaf: int, capacity: int
 ) -> tuple[Ints, Ints]:
-    """Per node: the axis, and how many primitives along it go left. `capacity` bounds each side."""
+    """Choose each node's split: the axis and the number of primitives to the left of the plane."""
     # Halving along the axis of the widest spread is always possible.
     last = level.start + level.count - 1
     spread = [
@@ -192,13 +192,13 @@ def _best_split(
     leaf: int,
     capacity: int,
 ) -> tuple[Floats, Ints]:
-    """Per node: the least cost along one axis (inf: none), and how many primitives go left."""
+    """Return each node's least cost along one axis (inf if none) and the primitives on the left."""
     ids, nodes = level.by_axis[axis], len(level.count)
     along = centre[ids, axis]
     start, last = along[level.start], along[level.start + level.count - 1]
     scale = np.divide(BINS, last - start, out=np.zeros_like(start), where=last - start > 1e-30)
     bins = ((along - start[level.segment]) * scale[level.segment]).astype(np.int64)
-    # Small nodes are tried at all places where full leaves can be parted.
+    # Small nodes are tried at every boundary between full leaves.
     small = (level.count <= BINS * leaf)[level.segment]
     bins = np.where(small, level.rank // leaf, np.minimum(bins, BINS - 1))
     key = level.segment * BINS + bins
@@ -224,14 +224,14 @@ def _best_split(
 
 
 def _swept_area(lower: Floats, upper: Floats) -> Floats:
-    """Half the surface area of the union of the first 1, 2, ... of (nodes, bins, 3) boxes."""
+    """Return half the surface area of the unions of the first 1, 2, ... (nodes, bins, 3) boxes."""
     size = np.maximum.accumulate(upper, axis=1) - np.minimum.accumulate(lower, axis=1)
-    size = np.maximum(size[:, :-1], 0.0)  # nothing yet: -inf
+    size = np.maximum(size[:, :-1], 0.0)  # empty unions are -inf
     return np.asarray(size[..., 0] * size[..., 1] + size[..., 2] * (size[..., 0] + size[..., 1]))
 
 
 def _split(level: _Level, axis: Ints, left: Ints) -> _Level:
-    """The children of all nodes; the order along each axis is kept within them."""
+    """Partition all nodes into their children, and keep the order along each axis."""
     goes_left = np.zeros(max(int(ids.max()) for ids in level.by_axis) + 1, bool)
     for candidate, ids in enumerate(level.by_axis):
         chosen = axis[level.segment] == candidate

@@ -1,4 +1,4 @@
-"""Trees with four children per node, for `cl/lib/world/objects/bvh.h`, from binary ones."""
+"""Conversion of binary trees to trees with four children, for `cl/lib/world/objects/bvh.h`."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ STACK_PER_LEVEL = 3
 
 
 def wide_count(leaves: int) -> int:
-    """Bound of the nodes of four children above so many leaves.
+    """Return an upper bound of the number of wide nodes above this many leaves.
 
-    Binary nodes of even depth remain; below each of odd depth there are at most two of them.
+    Binary nodes of even depth remain. Below each node of odd depth there are at most two of them.
     """
     return (2 * (leaves - 1) + 1) // 3
 
 
 def widen(tree: Tree, lower: Floats, upper: Floats) -> Floats:
-    """Join every other level with the one below it.
+    """Collapse each pair of binary levels into one level with four children per node.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def widen(tree: Tree, lower: Floats, upper: Floats) -> Floats:
     Returns
     -------
     (W, 7, 4) float32
-        Nodes, level by level; references count from the first node, leaves as in the tree.
+        Nodes, level by level. References count from the first node; leaves keep their numbers.
     """
     packed = [np.zeros((0, NODE_ROWS, 4), np.float32)]
     level = np.arange(min(len(tree.children), 1))
@@ -41,7 +41,7 @@ def widen(tree: Tree, lower: Floats, upper: Floats) -> Floats:
     while len(level) > 0:
         child = tree.children[level]
         inner = child >= 0
-        # (node, child, grandchild); a leaf takes the place of its first child.
+        # (node, child, grandchild); a leaf takes the place of its first grandchild.
         reference = np.full((*child.shape, 2), -1, np.int32)
         low = np.full((*reference.shape, 3), np.inf, np.float32)
         high = np.full((*reference.shape, 3), -np.inf, np.float32)
@@ -64,7 +64,7 @@ def widen(tree: Tree, lower: Floats, upper: Floats) -> Floats:
 
 
 def relocated(nodes: Floats, first_node: int, first_leaf: int) -> Floats:
-    """The nodes with references for buffers in which this tree's nodes and leaves start later."""
+    """Return the nodes with references offset to their place in shared buffers."""
     moved = nodes.copy()
     references = moved[:, 6].view(np.int32)
     references += np.where(references >= 0, first_node, -first_leaf).astype(np.int32)
@@ -72,5 +72,5 @@ def relocated(nodes: Floats, first_node: int, first_leaf: int) -> Floats:
 
 
 def relocated_root(nodes: Floats, first_node: int, first_leaf: int) -> int:
-    """Reference of the tree's root: its first node, or its only leaf."""
+    """Return the reference of a relocated tree's root: its first node, or its only leaf."""
     return first_node if len(nodes) else ~first_leaf

@@ -1,1 +1,1 @@
-"""Hand-held RGB-D sequences to a 360° scene."""
+"""Conversion of hand-held RGB-D sequences to a 360° scene."""

@@ -1,7 +1,7 @@
 """Samples of the real surfaces, in a hash grid with probabilistic replacement.
 
 After section 5 of *Natural Environment Illumination*, where an address holds one sample. Here it
-holds several: a cell of 5 cm is large beside the texels of a panorama.
+holds several, because a cell of 5 cm is large compared with the texels of a panorama.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 CELL_M = 0.05
 SLOTS = 32
-"""Samples of an address."""
+"""Samples per address."""
 BUCKETS = 2**17
-"""Addresses: room for 4 million samples."""
+"""Number of addresses, with room for 4 million samples."""
 _PRIMES = (73856093, 19349663, 83492791)
 
 Float = NDArray[np.float32]
@@ -24,7 +24,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Samples:
-    """What was seen of surfaces.
+    """Samples of the real surfaces.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class Samples:
     color : (N, 3) float32
         Linear radiance, in the colours of the first frame.
     normal : (N, 3) float32
-        Unit, facing the camera that saw it.
+        Unit vectors, facing the observing camera.
     radius : (N,) float32
-        Metres: half the distance to the neighbours in its frame.
+        Metres: half the distance to the neighbours in the sample's frame.
     clipped : (N,) bool
-        It may be brighter than its colour.
+        The surface may be brighter than its colour.
     """
 
     position: Float
@@ -50,22 +50,22 @@ class Samples:
         return len(self.position)
 
     def at(self, index: Indices) -> Samples:
-        """Some of them."""
+        """Return the samples of these indices."""
         return Samples(*(getattr(self, field.name)[index] for field in fields(self)))
 
 
 class Cloud:
     """A hash grid that never holds more than `buckets * slots` samples.
 
-    All samples that came to an address have the same chance to be held (Vitter's algorithm R): the
-    n-th takes a free slot, or a random one of those held with probability slots / n.
+    All samples that arrive at an address are equally likely to be kept (Vitter's algorithm R). The
+    n-th takes a free slot, or replaces a random one with probability slots / n.
 
     Parameters
     ----------
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     buckets, slots : int
-        Addresses, and samples of each.
+        Number of addresses, and of samples per address.
     """
 
     def __init__(self, seed: int = 0, *, buckets: int = BUCKETS, slots: int = SLOTS) -> None:
@@ -89,19 +89,19 @@ class Cloud:
 
     @property
     def positions(self) -> Float:
-        """(buckets * slots, 3), NaN where a slot is free; not to be changed."""
+        """(buckets * slots, 3) positions, NaN in free slots; do not modify them."""
         return self._held.position
 
     def samples(self) -> Samples:
-        """All that are held."""
+        """Return all samples."""
         return self._held.at(np.flatnonzero(np.isfinite(self._held.position[:, 0])))
 
     def at(self, slot: Indices) -> Samples:
-        """What these slots hold."""
+        """Return the samples in these slots."""
         return self._held.at(slot)
 
     def insert(self, samples: Samples) -> None:
-        """Offer samples, in their order."""
+        """Offer samples in order."""
         bucket = self._address(samples.position)
         order = np.argsort(bucket, kind="stable")
         bucket = bucket[order]
@@ -113,7 +113,7 @@ class Cloud:
         )
         kept = slot < self._slots
         place, source = (bucket * self._slots + slot)[kept], order[kept]
-        # Where several take the same slot, the last one stays.
+        # Among several samples for one slot, the last one wins.
         place, last = np.unique(place[::-1], return_index=True)
         source = source[::-1][last]
         for field in fields(samples):
@@ -121,7 +121,7 @@ class Cloud:
         self._arrived[bucket[starts]] += count
 
     def remove(self, slot: Indices) -> None:
-        """Free these slots; the next samples to come to their addresses take them."""
+        """Free these slots for the next samples at their addresses."""
         if not len(slot):
             return
         self._held.position[slot] = np.nan
@@ -138,7 +138,7 @@ class Cloud:
         cell = np.floor(position / np.float32(CELL_M)).astype(np.int64)
         mixed = (cell * np.array(_PRIMES)).astype(np.uint64)
         key = mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2]
-        # The final steps of MurmurHash3: the products alone leave rows of cells together.
+        # Finalise as in MurmurHash3: the products alone keep rows of cells together.
         key ^= key >> np.uint64(33)
         key *= np.uint64(0xFF51AFD7ED558CCD)
         key ^= key >> np.uint64(33)

@@ -15,17 +15,18 @@ from iprt.errors import FormatError
 
 CONVENTIONS: tuple[Convention, ...] = get_args(Convention)
 PAIRS, APART = 12, 10
-"""Number of sampled pairs, and most frames between the two of a pair. All are then compared."""
+"""Number of sampled pairs, and largest distance in frames within a pair. All sampled frames are
+then compared with each other."""
 ENOUGH = 300
 """Fewest cells seen by two frames that allow a decision."""
 FEW = 0.02
 """Overlap, relative to the convention with the most, below which agreement counts for less."""
 CLEARLY = 0.05
-"""Gain in the share of agreeing depths for which the layout's convention is given up. At most MUCH
-of the disagreeing ones may remain."""
+"""Gain in the share of agreeing depths that overrides the layout's convention. At most the fraction
+MUCH of the disagreeing ones may remain."""
 MUCH = 0.6
 AGREEING = 0.5
-"""Share of agreeing depths below which the poses do not belong to the pictures."""
+"""Share of agreeing depths below which poses and pictures do not match."""
 SAME_TURN = 1e-3
 """Tolerance for a first pose at the origin."""
 
@@ -101,7 +102,7 @@ def settle(source: str, glances: Sequence[Glance], poses: Matrix, guess: Convent
 
 
 def _agreement(glances: Sequence[Glance], poses: Matrix) -> tuple[int, int]:
-    """Count agreeing cells, and agreeing plus seen-through cells; hidden ones tell nothing."""
+    """Count agreeing cells, and agreeing plus seen-through cells; hidden cells are undecided."""
     agree = through = 0
     for i, glance in enumerate(glances):
         for j, other in enumerate(glances):

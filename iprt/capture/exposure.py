@@ -1,8 +1,8 @@
-"""Exposure, white balance and vignetting of frames, from the surfaces that several have seen.
+"""Exposure, white balance and vignetting of frames, from surfaces seen by several frames.
 
-Gains per frame and channel, and one vignette for all, are solved for at once: a chain from each
-frame to the next would add up errors from vignetting. After Goldman & Chen, "Vignette and Exposure
-Calibration and Compensation" (ICCV 2005), with the response known (sRGB).
+Gains per frame and channel, and one vignette for all, are solved for jointly: chaining each frame
+to the next would accumulate errors from vignetting. After Goldman & Chen, "Vignette and Exposure
+Calibration and Compensation" (ICCV 2005), with a known response (sRGB).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from iprt.capture.overlap import Glance, overlap
 from iprt.capture.pinhole import Pinhole, sampled
 
 NEAREST = 8
-"""Similar views that each frame is compared with, besides the frames 1, 2, 4, 8... later."""
+"""Number of similar views to compare each frame with, besides the frames 1, 2, 4, 8... later."""
 CELLS = 128
 """Most cells that are compared in a pair of frames."""
 ALIKE = 8
-"""Cells whose errors count as one: textures and lights are larger than cells."""
+"""Number of cells with correlated errors, as textures and lights are larger than cells."""
 STEPS = 8
 WIDEST, NARROWING = 1.0, 0.6
 """Initial width of the error kernel, in logarithms, and its factor per step (graduated
@@ -41,7 +41,7 @@ ENOUGH = 60
 MAX_GAIN = 16.0
 """Factor above or below the median brightness beyond which a frame is left out."""
 MAX_LEFT_OUT = 1 / 3
-"""Share of unmatched frames above which the matching itself is taken to be wrong."""
+"""Share of unmatched frames above which the matching itself is rejected."""
 
 Matrix = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -50,7 +50,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Exposures:
-    """Corrections that bring frames to the colours of the first one that matches.
+    """Corrections that bring frames to the colours of the first matching frame.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Exposures:
 
 
 def match_exposures(glances: list[Glance], poses: Matrix) -> Exposures:
-    """Estimate the gains by which frames agree about the surfaces they share.
+    """Estimate the gains that make frames agree on shared surfaces.
 
     Parameters
     ----------
@@ -104,8 +104,10 @@ def match_exposures(glances: list[Glance], poses: Matrix) -> Exposures:
 
 @dataclass(frozen=True)
 class _Comparisons:
-    """Cells seen by two frames: the frames, the logarithm of the second's radiance over the
-    first's, the difference of the vignette's terms, and the weight.
+    """Cells seen by two frames.
+
+    Each has the two frames, the logarithm of the second's radiance over the first's, the difference
+    of the vignette's terms, and the weight.
     """
 
     first: Indices
@@ -142,9 +144,9 @@ class _Comparisons:
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def solve(self, count: int) -> tuple[Matrix, Matrix, Matrix]:
-        """Return logarithms of brightness (count, 3) and vignette (2, 3), and errors (rows,).
+        """Return log brightness (count, 3), log vignette (2, 3) and the errors (rows,).
 
-        Robust least squares, with weights that narrow from all cells to the agreeing ones.
+        The solver is robust least squares, with weights that narrow to the agreeing cells.
         """
         row = np.arange(len(self.first))
         place = np.concatenate([row, row, row, row])
@@ -187,7 +189,7 @@ class _Comparisons:
 
 
 def _pairs(poses: Matrix) -> list[tuple[int, int]]:
-    """Return pairs of frames that may have seen the same: 1, 2, 4... apart, or of similar views."""
+    """Return pairs of frames that may overlap: 1, 2, 4... apart, or with similar views."""
     count = len(poses)
     pairs: set[tuple[int, int]] = set()
     lag = 1
@@ -203,7 +205,7 @@ def _pairs(poses: Matrix) -> list[tuple[int, int]]:
 
 
 def _radial(camera: Pinhole) -> Matrix:
-    """Return r^2 and r^4 (H, W, 2) of the distance r from the middle; r is 1 in the corners."""
+    """Return r^2 and r^4 (H, W, 2) of the distance r from the centre; r is 1 in the corners."""
     y, x = np.indices((camera.height, camera.width))
     square = (x - (camera.width - 1) / 2) ** 2 + (y - (camera.height - 1) / 2) ** 2
     square = square / ((camera.width / 2) ** 2 + (camera.height / 2) ** 2)

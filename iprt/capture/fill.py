@@ -1,7 +1,7 @@
-"""Texels between samples and those never seen, by push and pull.
+"""Filling of texels between samples, and of unseen ones, by push-pull.
 
-After Marroquim et al. (2007), as *Natural Environment Illumination* fills its pictures: means of
-what is known at half the size, again and again, fill what is not at the size above.
+After Marroquim et al. (2007), as in *Natural Environment Illumination*. Means of known texels at
+half the size, computed recursively, fill unknown texels at the size above.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 GAP_TEXELS = 4
-"""Gaps between samples are no wider than twice as much; what is wider was never seen."""
+"""Gaps between samples are at most twice this width; wider ones count as unseen."""
 
 Float = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
 def gaps(seen: Mask) -> Mask:
-    """Texels (H, W) of an equirect picture that were not seen, between those that were."""
+    """Return the texels (H, W) of an equirect picture that lie in gaps between seen ones."""
     size = 2 * GAP_TEXELS + 2
     rows = np.pad(seen, ((size, size), (0, 0)), mode="reflect" if len(seen) > size else "edge")
     wrapped = np.pad(rows, ((0, 0), (size, size)), mode="wrap")
@@ -29,9 +29,9 @@ def gaps(seen: Mask) -> Mask:
 
 
 def push_pull(values: Float, known: Mask) -> Float:
-    """Values (H, W, C) with those that are not known filled from around, over the seam too.
+    """Fill the unknown values (H, W, C) from their surroundings, across the seam too.
 
-    0 where nothing is known.
+    Without any known value, the result is 0.
     """
     return _filled(values.astype(np.float64) * known[..., None], known.astype(np.float64)).astype(
         np.float32
@@ -39,7 +39,7 @@ def push_pull(values: Float, known: Mask) -> Float:
 
 
 def _filled(total: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`total`: values times their weight, which is in [0, 1]."""
+    """Fill recursively; `total` is the values times their weight, which is in [0, 1]."""
     own = total / np.maximum(weight, 1e-12)[..., None]
     height, width = weight.shape
     if width == 1 and height == 1:
@@ -50,7 +50,7 @@ def _filled(total: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[
 
 
 def _halved(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of 2x2; odd sides are extended by what follows: around, or the last row again."""
+    """Average 2 x 2 blocks; odd sides are extended across the seam, or by the last row."""
     if values.shape[0] % 2:
         values = np.concatenate([values, values[-1:]], axis=0)
     if values.shape[1] % 2:
@@ -60,7 +60,7 @@ def _halved(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _doubled(values: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
-    """Bilinear, around the seam, to a size whose half this is."""
+    """Upsample bilinearly, across the seam, to twice the size, cropped to (height, width)."""
     above = np.concatenate([values[:1], values[:-1]])
     below = np.concatenate([values[1:], values[-1:]])
     tall = np.empty((2 * len(values), *values.shape[1:]))

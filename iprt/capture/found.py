@@ -69,7 +69,7 @@ class Found:
 
 @dataclass
 class Gatherer:
-    """Complete frames, and counts of incomplete ones."""
+    """A collection of complete frames, with counts of incomplete ones."""
 
     frames: list[Frame] = field(default_factory=list)
     skipped: Counter[str] = field(default_factory=Counter)
@@ -83,7 +83,7 @@ class Gatherer:
         *,
         has_pose: bool = True,
     ) -> None:
-        """Add a frame; None stands for a missing part, or a pose that is not finite."""
+        """Add a frame; None means a missing part, or a pose that is not finite."""
         if color is None:
             self.skipped["without colour"] += 1
         elif depth is None:

@@ -1,6 +1,6 @@
-"""A sequence's frames into a cloud, one by one; wrong surfaces are removed.
+"""Accumulation of a sequence's frames in a cloud, and removal of wrong surfaces.
 
-Section 5 of *Natural Environment Illumination*.
+See section 5 of *Natural Environment Illumination*.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from iprt.capture.planes import fit_planes
 from iprt.capture.sequence import Picture
 
 SEEN_THROUGH_M, SEEN_THROUGH = 0.1, 0.05
-"""A sample nearer than the depth picture by both, absolutely and relatively, is not there."""
+"""Absolute and relative distance in front of the depth picture from which a sample is removed; both
+must be exceeded."""
 Matrix = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 class _Sight:
-    """Samples of the cloud in a frame: their slots, pixels and depth."""
+    """Samples of the cloud within a frame: their slots, pixels and depth."""
 
     slot: Indices
     row: Indices
@@ -33,18 +34,18 @@ class _Sight:
 
 
 class Gathering:
-    """A cloud that grows by frames.
+    """A cloud that accumulates frames.
 
     Parameters
     ----------
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
 
     Attributes
     ----------
     cloud : Cloud
     removed : int
-        Samples that later frames saw through.
+        Number of samples that later frames saw through.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -57,9 +58,9 @@ class Gathering:
         Parameters
         ----------
         pose : (4, 4) float64
-            From the camera's axes to the scene's.
+            Transform from the camera's axes to the scene's.
         shown : bool
-            Add its surfaces; else it only removes surfaces in its lines of sight.
+            Add the frame's surfaces; otherwise it only removes samples in its lines of sight.
         """
         self._carve(self._sight(pose, picture.camera), picture.depth)
         if not shown:
@@ -80,7 +81,7 @@ class Gathering:
         )
 
     def _sight(self, pose: Matrix, camera: Pinhole) -> _Sight:
-        """All samples whose projections lie in the picture, hidden ones too."""
+        """Return all samples that project into the picture, hidden ones included."""
         positions = self.cloud.positions
         to_camera = pose[:3, :3].astype(np.float32)
         origin = (pose[:3, 3] @ pose[:3, :3]).astype(np.float32)
@@ -96,8 +97,8 @@ class Gathering:
         )
 
     def _carve(self, sight: _Sight, depth: NDArray[np.float32]) -> None:
-        """Remove the samples that the frame sees through."""
-        # A pixel beside an edge may be of either side: the nearest of its neighbours counts.
+        """Remove the samples that the frame sees through (space carving)."""
+        # A pixel at an edge may show either side, so the nearest of its neighbours counts.
         nearest = ndimage.minimum_filter(np.where(depth > 0.0, depth, np.inf), 3)
         nearest = np.where(depth > 0.0, nearest, 0.0)[sight.row, sight.column]
         gap = nearest - sight.z

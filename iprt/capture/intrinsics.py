@@ -1,4 +1,4 @@
-"""Cameras of a sequence, from `camera.toml` or from files of layouts and 3D libraries."""
+"""Cameras of a sequence, from `camera.toml` or from files of common layouts and 3D libraries."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
 
 
 class CameraTable(Table):
-    """Contents of `camera.toml`: a pinhole, and the pictures' paths where no layout gives them.
+    """The table of `camera.toml`: a pinhole, and the pictures' paths without a known layout.
 
     `fx`, `fy` and `cx`, `cy` are in pixels of colour; the centre of the first pixel is at (0, 0),
     as in OpenCV. Layouts with their own intrinsics may omit them. `up` is the axis of the poses'
@@ -50,7 +50,7 @@ class CameraTable(Table):
 
 
 def read_camera_table(path: Path) -> CameraTable:
-    """Read `camera.toml`; without such a file, the table is empty.
+    """Read `camera.toml`; the table is empty without the file.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def cameras_of_files(
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the object in a JSON file.
+    """Read the object in a JSON file.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _pinhole(source: Path, matrix: NDArray[np.float64], width: int, height: int)
 
 
 def checked(source: str, camera: Pinhole) -> Pinhole:
-    """Return a camera if its principal point lies in its pictures; `source` names it in errors."""
+    """Return a camera after checking its intrinsics; `source` names it in errors."""
     size = f"{camera.width}x{camera.height}"
     if not (camera.fx > 0.0 and camera.fy > 0.0):
         raise FormatError(f"{source}: focal lengths of {camera.fx:g} and {camera.fy:g} pixels")

@@ -52,12 +52,7 @@ def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
 def read_rows(folder: Path) -> Found | None:
     """Read folders of pictures, and a pose file with a line of 12 or 16 numbers for each.
 
-    None if the folder lacks any of them.
-
-    Raises
-    ------
-    FormatError
-        The pose file is damaged, or no frame is complete.
+    It returns None if the folder lacks any of them.
     """
     path = next((folder / name for name in POSE_FILES if is_file(folder / name)), None)
     colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
@@ -69,8 +64,10 @@ def read_rows(folder: Path) -> Found | None:
 
 
 def read_per_frame(folder: Path) -> Found | None:
-    """Read `frame-000000.color.png`, `.depth.png` and `.pose.txt` (7-Scenes), or `color/0.jpg`,
-    `depth/0.png` and `pose/0.txt` (exports of ScanNet); None if the folder has neither.
+    """Read numbered pictures with a pose file each; None if the folder has none.
+
+    The layouts are `frame-000000.color.png`, `.depth.png` and `.pose.txt` (7-Scenes), and
+    `color/0.jpg`, `depth/0.png` and `pose/0.txt` (exports of ScanNet).
 
     Raises
     ------
@@ -97,7 +94,7 @@ def read_per_frame(folder: Path) -> Found | None:
 def read_log(folder: Path) -> Found | None:
     """Read numbered pictures and a trajectory log of Open3D or Redwood.
 
-    Each pose is a line of three integers and four lines of a matrix. None if there is no log.
+    Each pose is a line of three integers and four lines of a matrix. It returns None without a log.
 
     Raises
     ------
@@ -121,7 +118,7 @@ def read_log(folder: Path) -> Found | None:
     colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
     depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
     if len(poses) == len(colors) and set(poses) != set(colors):
-        # Picture numbers may start at 1 or have gaps; the log counts its own.
+        # Picture numbers may start at 1 or have gaps, while the log counts from 0.
         poses = dict(zip(sorted(colors), (poses[n] for n in sorted(poses)), strict=True))
     if len(colors) == len(depths) and set(colors) != set(depths):
         # In Redwood's names, a time follows the number, and differs between the two.
@@ -131,7 +128,7 @@ def read_log(folder: Path) -> Found | None:
 
 
 def _rows(path: Path, colors: dict[int, Path]) -> Poses:
-    """Return one pose per line: for each picture, or each number from the first one's on."""
+    """Return one pose per line, for each picture or for consecutive numbers from the first."""
     rows = read_lines(path)
     first = min(colors)
     order = sorted(colors) if len(rows) == len(colors) else range(first, first + len(rows))

@@ -1,4 +1,4 @@
-"""Coarse views of frames, and their overlap when projected into each other."""
+"""Coarse versions of frames, and their overlap when projected into each other."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Glance:
-    """A frame reduced to a few cells.
+    """A frame downsampled to a few cells.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Glance:
 
     @classmethod
     def of(cls, depth: Float, color: Float, clipped: Mask, camera: Pinhole) -> Glance:
-        """Reduce a frame, given as arrays (H, W), (H, W, 3), (H, W) like a `Picture`'s."""
+        """Downsample a frame, given as arrays (H, W), (H, W, 3), (H, W) as in `Picture`."""
         step = max(1, -(-depth.shape[1] // COLUMNS))
         parts = np.asarray(blocks(depth, step))
         there = parts > 0.0
@@ -61,18 +61,18 @@ class Glance:
 
 @dataclass(frozen=True)
 class Overlap:
-    """Cells of a glance that lie in another one where it has depth.
+    """The cells of a glance that project into another one with known depth.
 
     Attributes
     ----------
     cell : (N,) intp
         Flat indices.
     column, row : (N,) float32
-        Their places in the other glance.
+        Positions in the other glance.
     z : (N,) float32
-        Depth at which the other camera should see them.
+        Expected depth in the other camera.
     seen : (N,) float32
-        Depth that the other glance has there.
+        Depth of the other glance there.
     """
 
     cell: Indices
@@ -83,12 +83,12 @@ class Overlap:
 
     @property
     def agree(self) -> Mask:
-        """Cells (N,) bool where both see one surface."""
+        """(N,) bool: both glances see the same surface."""
         return np.asarray(np.abs(self.z - self.seen) < AGREE_M + AGREE * self.seen)
 
     @property
     def seen_through(self) -> int:
-        """Count the cells that would have to hide surfaces seen by the other camera."""
+        """Number of cells that contradict the other glance, because it sees through them."""
         return int((self.z < self.seen)[~self.agree].sum())
 
 

@@ -1,4 +1,4 @@
-"""Pinhole cameras of pictures."""
+"""Pinhole cameras."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Float = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Pinhole:
-    """Focal lengths and principal point in pixels; the centre of the first pixel is (0, 0).
+    """A pinhole camera, in pixels; the centre of the first pixel is (0, 0).
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Pinhole:
     def reduced(self, step: int) -> Pinhole:
         """Return the camera of pictures whose pixels are blocks of `step` x `step` pixels.
 
-        Rows and columns beyond the last whole block are left out.
+        Rows and columns beyond the last whole block are dropped.
         """
         width, height = self.width // step, self.height // step
         whole = Pinhole(self.fx, self.fy, self.cx, self.cy, width * step, height * step)

@@ -1,7 +1,7 @@
-"""Normals and smoother depth of a depth picture, by planes fitted to each pixel's neighbours.
+"""Normals and smoothed depth of a depth picture, from planes fitted to each pixel's neighbours.
 
-Section 5 of *Natural Environment Illumination*: least squares in the best conditioned of three
-ways, without a singular value decomposition.
+See section 5 of *Natural Environment Illumination*: least squares in the best conditioned of three
+parametrisations, without a singular value decomposition.
 """
 
 from __future__ import annotations
@@ -10,23 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 REACH = 2
-"""Neighbours on each side."""
+"""Number of neighbours on each side."""
 COLUMNS = 320
-"""In a picture this wide neighbours touch; in a wider one there are pixels between."""
+"""Width up to which adjacent pixels are neighbours; in wider pictures they are further apart."""
 SAME_SURFACE_M, SAME_SURFACE = 0.1, 0.05
-"""Neighbours whose depth differs by more, absolutely or relatively, are of another surface."""
+"""Absolute and relative difference in depth from which neighbours belong to another surface."""
 MIN_SHARE = 0.5
-"""Pixels with fewer of their neighbours are edges, or noise."""
+"""Least share of neighbours on the same surface; pixels with fewer are edges or noise."""
 MIN_CONDITION = 1e-3
-"""Determinant over the squared trace below which neighbours lie in a line."""
+"""Determinant over the squared trace below which neighbours are collinear."""
 MIN_COSINE = 0.1
-"""Surfaces seen at a flatter angle are left out."""
+"""Least cosine of the viewing angle; flatter surfaces are left out."""
 
 Float = NDArray[np.float32]
 
 
 def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
-    """Refined depth, and normals.
+    """Fit a plane to each pixel; return refined depth and normals.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
     Returns
     -------
     depth : (H, W) float32
-        Of the fitted planes; 0 where none could be fitted.
+        Depth of the fitted planes; 0 where the fit failed.
     normal : (H, W, 3) float32
-        Unit, towards the camera; 0 where there is none.
+        Unit vectors towards the camera; 0 where the fit failed.
     """
     step = max(1, round(depth.shape[1] / COLUMNS))
     offsets = range(-REACH * step, REACH * step + 1, step)
@@ -58,7 +58,7 @@ def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
             at = np.s_[reach + dy : reach + dy + height, reach + dx : reach + dx + width]
             same = ((np.abs(padded_depth[at] - depth) < near) & (depth > 0.0)).astype(np.float32)
             count += same
-            # Relative to the pixel's own point: sums of squares lose no digits.
+            # Coordinates relative to the pixel's own point keep the precision of sums of squares.
             d = (padded[at] - point) * same[..., None]
             first += d
             second[..., :3] += d * d

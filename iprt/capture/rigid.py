@@ -1,4 +1,4 @@
-"""Rigid transforms from poses in text."""
+"""Rigid transforms, read from poses in text."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def read_lines(path: Path) -> list[tuple[str, list[str]]]:
 
 
 def numbers(where: str, words: list[str]) -> list[float]:
-    """Return words as numbers, NaN and infinity too; raise FormatError for the first other word."""
+    """Parse words as numbers, including NaN and infinity, or raise FormatError."""
     values = []
     for word in words:
         try:
@@ -55,7 +55,7 @@ def numbers(where: str, words: list[str]) -> list[float]:
 
 
 def read_matrix(path: Path, *shapes: tuple[int, int]) -> Matrix:
-    """Return the matrix of a text that holds one of these shapes, and nothing else."""
+    """Read the only matrix of a text, which must have one of these shapes."""
     rows = [numbers(where, words) for where, words in read_lines(path)]
     values = [value for row in rows for value in row]
     for shape in shapes:
@@ -66,14 +66,14 @@ def read_matrix(path: Path, *shapes: tuple[int, int]) -> Matrix:
 
 
 def rigid(where: str, values: list[float]) -> Matrix | None:
-    """Return the nearest (4, 4) rotation and translation of 12 or 16 numbers in rows.
+    """Return 12 or 16 numbers, row-major, as the nearest (4, 4) rigid transform.
 
-    None if they are not all finite: some programs write such poses where they lost track.
+    It returns None if they are not all finite: some programs write such poses after losing track.
 
     Raises
     ------
     FormatError
-        The numbers are of another count, or the matrix scales, shears or mirrors.
+        The count of numbers is wrong, or the matrix scales, shears or mirrors.
     """
     if len(values) not in (12, 16):
         raise FormatError(f"{where}: expected 16 numbers, found {len(values)}")
@@ -98,7 +98,7 @@ def rigid(where: str, values: list[float]) -> Matrix | None:
 
 
 def from_quaternion(where: str, values: list[float]) -> Matrix | None:
-    """Return `tx ty tz qx qy qz qw` as (4, 4); None if they are not all finite.
+    """Convert `tx ty tz qx qy qz qw` to (4, 4); None if they are not all finite.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A 360° scene from a sequence."""
+"""Creation of a 360° scene from a sequence."""
 
 from __future__ import annotations
 
@@ -23,29 +23,28 @@ from iprt.scene.edit import new_scene
 
 MEASURED, BETWEEN, UNSEEN = 1.0, 0.5, 0.0
 """Values of the layer `seen`: a sample was there; between samples; never seen, the colour is made
-up, and there is no depth.
-"""
+up, and there is no depth."""
 
 
 @dataclass(frozen=True)
 class Captured:
-    """A panorama of a sequence, and how it came about.
+    """The panorama of a sequence, with statistics.
 
     Attributes
     ----------
     color : (H, W, 3) float32
-        Linear radiance; filled from around where nothing was seen.
+        Linear radiance; unseen texels are filled from their surroundings.
     depth : (H, W) float32
-        Metres from the centre; 0 where nothing was seen.
+        Metres from the centre; 0 for unseen texels.
     seen : (H, W) float32
         MEASURED, BETWEEN or UNSEEN.
     center : (3,) float64
-        The panorama's centre in the world of the poses, turned to +Y up.
+        The panorama's centre in the world of the poses, rotated to +Y up.
     samples, removed, left_out : int
-        Samples held, samples that were removed as seen through, and frames whose colours do not
-        match those of the others.
+        Numbers of samples kept, of samples removed as seen through, and of frames whose colours do
+        not match the others.
     matched : bool
-        False: most frames did not match, and all were taken as they are.
+        False if most frames did not match, so that all are used unchanged.
     cloud_bytes : int
         Memory of the cloud.
     """
@@ -62,7 +61,7 @@ class Captured:
 
     @property
     def seen_share(self) -> float:
-        """Share of the sphere that is not UNSEEN."""
+        """Share of the sphere's solid angle that is not UNSEEN."""
         rows = (self.seen != UNSEEN).mean(axis=1)
         return float(np.average(rows, weights=solid_angles(*self.seen.shape[::-1])))
 
@@ -76,20 +75,20 @@ def capture_panorama(
     compensate: bool = True,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Captured:
-    """Gather the frames of a sequence and look at them from a point.
+    """Accumulate the frames of a sequence, and render a panorama from a point.
 
     Parameters
     ----------
     width : int
-        Texels around; even.
+        Width of the panorama in texels; even.
     center : (3,) float64 or None
-        In the world of the poses, turned to +Y up. Default: the mean position of the camera.
+        Centre in the world of the poses, rotated to +Y up. Default: the camera's mean position.
     every : int
         Use every n-th frame.
     compensate : bool
-        Bring all frames to the colours of the first.
+        Match the exposure and white balance of all frames to the first.
     progress : callable
-        Is told the number of frames that are done; each counts twice if colours are matched.
+        Called with the number of processed frames; each counts twice with `compensate`.
 
     Raises
     ------
@@ -118,7 +117,7 @@ def capture_panorama(
     samples = gathering.cloud.samples()
     if not len(samples):
         raise FormatError(
-            f"{sequence.shots[0].depth}: no surface, neither here nor in what follows"
+            f"{sequence.shots[0].depth}: no surface, neither here nor in later frames"
         )
     view = splat(samples, width)
     measured = view.depth > 0.0
@@ -139,9 +138,7 @@ def capture_panorama(
 
 
 def write_scene(folder: Path, captured: Captured) -> None:
-    """Write a scene folder, whole or not at all.
-
-    Its `color.exr` has a layer `seen`.
+    """Write a scene folder, completely or not at all; its `color.exr` has a layer `seen`.
 
     Raises
     ------

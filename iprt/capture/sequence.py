@@ -28,11 +28,11 @@ from iprt.files.images import read_color, read_depth, read_header
 from iprt.files.orientation import as_stored
 
 NEARLY_WHITE = 0.95
-"""Share of the range of 8 or 16 bits from where on colours may be clipped."""
+"""Fraction of the range of 8 or 16 bits from which colours may be clipped."""
 SAME_ASPECT = 0.03
-"""Colour and depth whose aspects differ by more do not show the same view."""
+"""Relative difference in aspect ratio above which colour and depth show different views."""
 FARTHEST_STEP = 65535
-"""16-bit depth that is none: 7-Scenes and saturated sensors."""
+"""Code of missing 16-bit depth, in 7-Scenes and from saturated sensors."""
 
 Matrix = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -41,10 +41,10 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Shot:
-    """Files of one frame, and the rigid transform (4, 4) from the camera to the poses' world.
+    """The files of one frame, and its rigid transform (4, 4) from the camera to the poses' world.
 
-    The camera's axes are OpenCV's: +X right, +Y down, +Z ahead. `camera` is that of colour; that
-    of depth is None where depth is registered to colour.
+    The camera's axes are OpenCV's: +X right, +Y down, +Z ahead. `camera` belongs to the colour
+    picture. `depth_camera` is None if depth is registered to colour.
     """
 
     color: Path
@@ -56,7 +56,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Picture:
-    """One frame, read, in the pixels of its depth.
+    """The decoded contents of a frame, in the pixels of its depth.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Picture:
     depth : (H, W) float32
         Metres along the camera's +Z, 0 where there is none.
     clipped : (H, W) bool
-        May be brighter than its colour.
+        The surface may be brighter than its colour.
     camera : Pinhole
     """
 
@@ -75,13 +75,13 @@ class Picture:
     camera: Pinhole
 
     def glance(self) -> Glance:
-        """Return it in few cells."""
+        """Downsample the picture to a glance."""
         return Glance.of(self.depth, self.color, self.clipped, self.camera)
 
 
 @dataclass(frozen=True)
 class RgbdSequence:
-    """The frames of a folder, in their order.
+    """The RGB-D frames of a folder, in order.
 
     Attributes
     ----------
@@ -90,9 +90,9 @@ class RgbdSequence:
     up : str
         Axis of the poses' world that points up.
     step_m : float
-        Metres per step of depth that is stored as integers.
+        Metres per step of integer depth.
     unit_m : float
-        Metres per unit of other depth.
+        Metres per unit of floating-point depth.
     found : Found
         The layout.
     settled : Settled
@@ -108,12 +108,12 @@ class RgbdSequence:
 
     @classmethod
     def open(cls, folder: Path, poses: Convention | None = None) -> RgbdSequence:
-        """Find the layout of a folder, its cameras and the convention of its poses.
+        """Open a folder: detect its layout, cameras and pose convention.
 
         Parameters
         ----------
         poses : str or None
-            Convention of the poses. Default: the one by which frames agree about depth.
+            Convention of the poses. Default: chosen by the agreement of frames about depth.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class RgbdSequence:
         )
 
     def _checked(self, folder: Path, stored: Matrix) -> Settled:
-        """Return the convention by which frames agree about depth."""
+        """Return the convention in which frames agree about depth."""
         numbers = sample(len(self.shots))
         glances = [self.read(number).glance() for number in numbers]
         return settle(str(folder), glances, stored[numbers], self.found.convention)
@@ -158,18 +158,18 @@ class RgbdSequence:
         return _upright(self.up)
 
     def positions(self) -> Matrix:
-        """(N, 3) camera positions, +Y up."""
+        """Return the (N, 3) camera positions, +Y up."""
         return np.stack([shot.pose[:3, 3] for shot in self.shots]) @ self.world_from_poses.T
 
     def pose(self, index: int, center: Matrix) -> Matrix:
-        """(4, 4) transform from the camera's axes to the scene's: +Y up, origin at `center`."""
+        """Return the (4, 4) transform from camera axes to the scene: +Y up, origin at `center`."""
         pose = np.eye(4)
         pose[:3] = self.world_from_poses @ self.shots[index].pose[:3]
         pose[:3, 3] -= center
         return pose
 
     def read(self, index: int) -> Picture:
-        """Colour and depth of one frame, in the pixels of depth.
+        """Read colour and depth of one frame, in the pixels of depth.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class RgbdSequence:
             A file is missing or damaged, or the two do not show the same view.
         """
         shot = self.shots[index]
-        # Poses and intrinsics are the sensor's, whichever way up the picture is to be seen.
+        # Poses and intrinsics apply to the stored pixels, whatever their EXIF orientation.
         header = read_header(shot.color)
         color = as_stored(read_color(shot.color), header.orientation)
         depth, bits = read_depth(shot.depth)
@@ -206,7 +206,7 @@ class RgbdSequence:
 
 
 def _layout(folder: Path, table: CameraTable) -> Found:
-    """Tell by the files that are there which layout a folder has, and read it."""
+    """Detect the layout of a folder by its files, and read it."""
     if table.color is not None:
         return read_listed(folder, table.color, str(table.depth), str(table.poses))
     for read in (read_transforms, read_tum, read_per_frame, read_log, read_rows):
@@ -221,7 +221,7 @@ def _layout(folder: Path, table: CameraTable) -> Found:
 
 
 def _shots(folder: Path, table: CameraTable, found: Found) -> tuple[Shot, ...]:
-    """Give frames their cameras; poses are as stored."""
+    """Assign cameras to the frames; poses are as stored."""
     first = found.frames[0]
     camera, depth_camera = camera_of_table(table, first.color), None
     own = camera is None
@@ -242,10 +242,10 @@ def _shots(folder: Path, table: CameraTable, found: Found) -> tuple[Shot, ...]:
 def _seen_by(
     depth_camera: Pinhole, camera: Pinhole, color: Float, clipped: Mask
 ) -> tuple[Float, Mask]:
-    """Return colours and whether they may be clipped where another camera's pixels see them.
+    """Resample colours and clipping flags for another camera at the same place.
 
-    Both cameras are at one place. Pixels that the first does not see are NaN. Larger pictures are
-    averaged over blocks first, as large as the other's pixels.
+    Pixels outside the first camera's picture are NaN. Larger pictures are first averaged over
+    blocks of about the size of the other's pixels.
     """
     step = max(1, round(min(camera.fx / depth_camera.fx, camera.fy / depth_camera.fy)))
     camera = camera.reduced(step)
@@ -254,7 +254,7 @@ def _seen_by(
     column, row = camera.pixels(depth_camera.rays())
     both = np.concatenate([color, np.asarray(limited)[..., None]], axis=-1).astype(np.float32)
     seen = sampled(both, column, row)
-    # Sides of pictures of nearly the same aspect need not meet to the pixel.
+    # The edges of pictures with nearly the same aspect may differ by a pixel.
     outside = (np.abs(column - (camera.width - 1) / 2) > camera.width / 2 + 1) | (
         np.abs(row - (camera.height - 1) / 2) > camera.height / 2 + 1
     )
@@ -262,11 +262,11 @@ def _seen_by(
 
 
 def _upright(up: Axis) -> Matrix:
-    """(3, 3) rotation that takes an axis to +Y by the shortest way."""
+    """Return the (3, 3) rotation that takes an axis to +Y by the shortest way."""
     axis = np.zeros(3)
     axis["xyz".index(up[-1])] = -1.0 if up.startswith("-") else 1.0
     if up[-1] == "y":
         return np.diag([1.0, axis[1], axis[1]])
-    # Columns of the inverse: what becomes +X, +Y and +Z.
+    # Rows: the axes that become +X, +Y and +Z.
     x = np.array([0.0, -axis[0], 0.0]) if up[-1] == "x" else np.array([1.0, 0.0, 0.0])
     return np.stack([x, axis, np.cross(x, axis)])

@@ -1,4 +1,4 @@
-"""A cloud seen from a point, as an equirect picture: samples are discs, the nearest are seen."""
+"""Rendering of a cloud from a point, as an equirect picture of depth-tested discs."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from iprt.capture.cloud import CELL_M, SLOTS, Samples
 from iprt.geometry.camera import View, equirect_pixel
 
 MIN_RADIUS_M = CELL_M / SLOTS**0.5
-"""Samples of a full cell are about so far apart."""
+"""Typical distance of samples in a full cell."""
 MIN_TEXELS = 1.0
 """Half the width of the smallest disc, in texels of the equator."""
 MAX_TEXELS = 12
 """Half the height of the largest window around a disc."""
 MAX_STRETCH = 8
-"""Windows are no wider than so many times their height: around the poles, discs are cut."""
+"""Largest ratio of a window's width to its height; discs near the poles are cut off."""
 SAME_SURFACE = 0.03
-"""Discs no further behind the nearest, relatively, are blended with it."""
+"""Relative distance behind the nearest disc up to which discs are blended with it."""
 CLIPPED_WEIGHT = 1e-3
-"""Weight of colours that were too bright for the camera; others of the same surface win."""
+"""Weight of clipped colours, so that unclipped ones of the same surface dominate."""
 AT_ONCE = 2**18
-"""Samples that are drawn at once: bounds memory."""
+"""Number of samples drawn at once, which bounds memory."""
 
 Float = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Splatted:
-    """A cloud from a point.
+    """A cloud rendered from a point.
 
     Attributes
     ----------
     color : (H, W, 3) float32
-        Linear radiance; 0 where no sample is.
+        Linear radiance; 0 without a sample.
     depth : (H, W) float32
-        Metres along the ray of the texel's centre; 0 where no sample is.
+        Metres along the ray of the texel's centre; 0 without a sample.
     """
 
     color: Float
@@ -46,7 +46,7 @@ class Splatted:
 
 
 def splat(samples: Samples, width: int) -> Splatted:
-    """Draw samples as they are seen from the origin, `width` texels around, half as many high."""
+    """Render samples from the origin into an equirect picture of `width` x `width` / 2 texels."""
     view = View(width, width // 2, projection="equirect")
     directions = view.directions().reshape(-1, 3).astype(np.float32)
     nearest = np.full(len(directions), np.inf, np.float32)
@@ -77,7 +77,7 @@ def splat(samples: Samples, width: int) -> Splatted:
 def _discs(
     samples: Samples, directions: Float, view: View
 ) -> Iterator[tuple[NDArray[np.intp], Float, Float, NDArray[np.intp]]]:
-    """Texels that discs cover, the distance of the disc in each, its weight, and its sample."""
+    """Yield the texels of discs, with the disc's distance in each, its weight and its sample."""
     distance = np.linalg.norm(samples.position, axis=1)
     texel_angle = np.float32(2.0 * np.pi / view.width)
     radius = np.maximum(2.0 * samples.radius, np.float32(MIN_RADIUS_M))

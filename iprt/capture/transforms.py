@@ -20,7 +20,7 @@ from iprt.files.untrusted import MAX_SIDE, is_file
 NAMES = ("transforms.json", "transforms_train.json")
 BENDING = ("k1", "k2", "k3", "k4", "p1", "p2")
 STRAIGHT = 0.01
-"""Largest distortion coefficient that is ignored; it moves pixels by less than one or two."""
+"""Largest distortion coefficient that is ignored; it shifts pixels by at most one or two."""
 
 
 def read_transforms(folder: Path) -> Found | None:

@@ -29,7 +29,7 @@ TRAJECTORIES = (
 """Trajectory files of the benchmark and of SLAM systems."""
 FOLDERS = ("rgb", "depth")
 WORDS = 8
-"""A time, a position and a quaternion."""
+"""Number of words: a time, a position and a quaternion."""
 
 Matrix = NDArray[np.float64]
 Rows = list[tuple[str, list[str]]]
@@ -38,8 +38,8 @@ Rows = list[tuple[str, list[str]]]
 def read_tum(folder: Path) -> Found | None:
     """Join colour with the depth and the pose nearest in time.
 
-    Without `rgb.txt` and `depth.txt`, the files of `rgb` and `depth` are named by their times.
-    None if the folder has no lists and no such trajectory.
+    Without `rgb.txt` and `depth.txt`, the files of `rgb` and `depth` are named by their times. It
+    returns None if the folder has no lists and no such trajectory.
 
     Raises
     ------

@@ -1,0 +1,1 @@
+"""Reading and writing of files: pictures, tables, locks and paths."""

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, and only regular files are replaced."""
+"""Atomic replacement of regular files."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from iprt.files.termination import at_termination
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Write to the yielded path; on success it becomes `path`, on failure nothing is left behind.
+    """Write to the yielded path, which replaces `path` on success and is removed on failure.
 
-    Missing folders are created. The temporary file lies in the target's folder, because a rename
-    is atomic only within one file system.
+    Missing folders are created. The temporary file lies in the target's folder, because a rename is
+    atomic only within one file system.
 
     Raises
     ------
     FormatError
-        The folder or the file cannot be written, or `path` is no regular file.
+        The folder or the file cannot be written, or `path` is not a regular file.
     """
     require_regular(path)
     temporary = path.with_name(f".{uuid.uuid4().hex}.tmp")
@@ -33,8 +33,8 @@ def replacing(path: Path) -> Iterator[Path]:
         with at_termination(lambda: temporary.unlink(missing_ok=True)):
             try:
                 yield temporary
-                # Some file systems report only now that they are full, and after a power cut a name
-                # may stand for a file whose contents never reached the disk.
+                # Some file systems report only now that they are full. Without fsync, a power cut
+                # may leave a name without its contents.
                 with temporary.open("rb") as file:
                     os.fsync(file.fileno())
                 os.replace(temporary, path)
@@ -46,18 +46,18 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def require_regular(path: Path) -> None:
-    """Refuse to replace anything but a regular file: a link would be lost, or a device.
+    """Refuse to replace anything but a regular file, so that no link or device is lost.
 
     Raises
     ------
     FormatError
-        `path` is a folder, a symbolic link, a device, a pipe or a socket; or cannot be looked at.
+        `path` is a folder, a symbolic link, a device, a pipe or a socket, or it is inaccessible.
     """
     try:
         mode = path.lstat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return
-    except OSError as error:  # a name too long, a folder that may not be searched
+    except OSError as error:  # a name too long, or a folder without search permission
         raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
     if stat.S_ISDIR(mode):
         raise FormatError(f"{path}: is a folder; name a file in it")
@@ -69,12 +69,12 @@ def require_regular(path: Path) -> None:
 
 
 def require_writable(path: Path) -> None:
-    """Fail now rather than after minutes of rendering if `path` cannot be written.
+    """Check that `path` can be written, before minutes of rendering are spent.
 
     Raises
     ------
     FormatError
-        As `require_regular`; or the folder it goes to is not one, or permits no writing.
+        As `require_regular`, or its folder is a file or not writable.
     """
     require_regular(path)
     folder = Path(os.path.realpath(path.parent))
@@ -83,7 +83,7 @@ def require_writable(path: Path) -> None:
     if not folder.is_dir():
         raise FormatError(f"{path}: {folder} is a file, not a folder")
     try:
-        # Only trying tells: root may write everywhere, except where no file can be.
+        # Permissions do not tell enough: root may write everywhere, except where no file can be.
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
         raise FormatError(f"{path}: cannot write in {folder}: {error.strerror}") from error

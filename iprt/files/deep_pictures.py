@@ -1,4 +1,4 @@
-"""Pictures decoded by FFmpeg: Radiance HDR, and kinds that Pillow cuts to 8 bits or cannot read.
+"""Pictures decoded by FFmpeg: Radiance HDR, and formats that Pillow reads in 8 bits or not at all.
 
 Pillow keeps 8 of 16 bits of colour, and reads no floats in three channels.
 """
@@ -24,9 +24,10 @@ _HEADER_BYTES = 2**16
 
 
 def decoded_by_ffmpeg(path: Path, codec: str, data: bytes) -> NDArray[Any]:
-    """Return a picture (H, W, 3) as stored, uint16 or float32; grey is repeated.
+    """Decode a picture (H, W, 3) as stored, uint16 or float32; grey is repeated.
 
-    FFmpeg unpacks PNG texts of any size. Pillow does not, and has to have read the file before.
+    Call it only after Pillow has opened the file: FFmpeg unpacks PNG texts of any size, Pillow
+    refuses large ones.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""OpenEXR pictures: headers are checked, a layer is chosen, and the OpenEXR library decodes it."""
+"""OpenEXR pictures: header checks, the choice of a layer, and decoding by the OpenEXR library."""
 
 from __future__ import annotations
 
@@ -22,26 +22,25 @@ NO_DEPTH = (
     "false colours cannot be read as depth; export depth itself, in one channel, as EXR, PFM or "
     "16-bit grey PNG"
 )
-"""Message for depth in colours, and the remedy."""
+"""Message and remedy for depth in false colours."""
 _warned: set[tuple[Path, bytes]] = set()
-"""Folders and unusable chromaticities that have been warned of."""
+"""Folders and unusable chromaticities with a logged warning."""
 
 
 def read_exr_color(path: Path, wanted: str | None = None) -> NDArray[np.float32]:
-    """Read the picture: linear Rec.709 radiance (H, W, 3), as stored: possibly not finite.
+    """Read the picture as linear Rec.709 radiance (H, W, 3); values may be non-finite.
 
-    Primaries and white point that the file names are converted; where these are unusable, a
-    warning says that the values are taken as they are.
+    The file's primaries and white point are converted. Unusable ones are ignored with a warning.
 
     Parameters
     ----------
     wanted : str or None
-        Name of its layer. By default, names tell; see `color_layer`.
+        Name of the layer. By default chosen by name; see `color_layer`.
 
     Raises
     ------
     FormatError
-        Cut off or damaged, cropped, too large, without a picture, or with several.
+        The file is damaged, cut off, cropped or too large, or has no picture or several.
     """
     parts = read_parts(path)
     layer = color_layer(path, layers_of(parts), wanted)
@@ -64,12 +63,12 @@ def read_exr_depth(path: Path, wanted: str | None = None) -> NDArray[np.generic]
     Parameters
     ----------
     wanted : str or None
-        Name of its layer. By default, names tell; see `depth_layer`.
+        Name of the layer. By default chosen by name; see `depth_layer`.
 
     Raises
     ------
     FormatError
-        As `read_exr_color`; also a layer whose channels differ: a picture in colours.
+        As `read_exr_color`, or the layer's channels differ: a picture in colours.
     """
     parts = read_parts(path)
     layer = depth_layer(path, layers_of(parts), wanted)
@@ -95,17 +94,17 @@ def read_exr_normal(path: Path) -> NDArray[np.float32]:
 
 
 def exr_size(path: Path, wanted: str | None = None) -> tuple[int, int]:
-    """Return width and height by the header; the file is checked for completeness.
+    """Read width and height from the header, and check that the file is complete.
 
     Parameters
     ----------
     wanted : str or None
-        Name of the layer that is the picture, where parts differ in size.
+        Name of the picture's layer, used if parts differ in size.
 
     Raises
     ------
     FormatError
-        Damaged, or parts differ in size and several could be the picture.
+        The file is damaged, or parts differ in size and several could be the picture.
     """
     parts = read_parts(path)
     if len({(part.width, part.height) for part in parts}) > 1:
@@ -121,18 +120,18 @@ def exr_layers(path: Path) -> list[Layer]:
     Raises
     ------
     FormatError
-        Damaged.
+        The file is damaged.
     """
     return layers_of(read_parts(path))
 
 
 def layer_lines(path: Path) -> list[str]:
-    """Describe the layers of a file, a line each below one for the file.
+    """Describe the layers of a file, a line each below a line with its name.
 
     Raises
     ------
     FormatError
-        Damaged.
+        The file is damaged.
     """
     parts = read_parts(path)
     rows = [
@@ -186,9 +185,9 @@ def _planes(path: Path, parts: list[Part], layer: Layer) -> list[NDArray[np.gene
 
 
 def _matrix(path: Path, stored: bytes) -> NDArray[np.float32] | None:
-    """Return (3, 3) to Rec.709 by the value of the attribute `chromaticities`.
+    """Return the (3, 3) matrix to Rec.709 for the attribute `chromaticities`.
 
-    None where it is Rec.709 already, or unusable, of which one warning tells for each folder.
+    It is None for Rec.709, and for unusable values, which are logged once per folder.
     """
     try:
         values = struct.unpack("<8f", stored)

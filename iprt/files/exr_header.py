@@ -1,6 +1,6 @@
-"""Headers of OpenEXR files, checked before a library allocates the claimed sizes.
+"""Headers of OpenEXR files, checked before the library allocates the declared sizes.
 
-The library also writes its complaints about cut-off files to stdout. Layout: "OpenEXR File
+The check also avoids the library's messages about cut-off files on stdout. Layout: "OpenEXR File
 Layout", https://openexr.com/en/latest/OpenEXRFileLayout.html.
 """
 
@@ -48,7 +48,7 @@ _Attributes = dict[str, bytes]
 
 @dataclass(frozen=True)
 class Part:
-    """One part of an EXR file, as its header has it.
+    """One part of an EXR file, as described by its header.
 
     Attributes
     ----------
@@ -59,11 +59,11 @@ class Part:
     window : (int, int, int, int)
         First and last column and row of the pixels: x0, y0, x1, y1.
     is_whole : bool
-        Whether the pixels fill the display window.
+        True if the pixels fill the display window.
     compression : int
-        The code of the file format.
+        Compression code of the file format.
     tile : (int, int) or None
-        Width and height of the tiles of a part that has them, in one level.
+        Width and height of tiles, in one level; None for scan lines.
     chromaticities : bytes or None
         The attribute's value as stored.
     """
@@ -78,12 +78,12 @@ class Part:
 
     @property
     def width(self) -> int:
-        """Columns of pixels."""
+        """Width in pixels."""
         return self.window[2] - self.window[0] + 1
 
     @property
     def height(self) -> int:
-        """Rows of pixels."""
+        """Height in pixels."""
         return self.window[3] - self.window[1] + 1
 
     @property
@@ -99,12 +99,12 @@ class Part:
 
 
 def read_parts(path: Path) -> list[Part]:
-    """Read the headers of all parts, and check that the file reaches its end.
+    """Read the headers of all parts, and check that the file is complete.
 
     Raises
     ------
     FormatError
-        Cut off or damaged, deep, with mipmaps, of an unknown compression, or too large.
+        The file is cut off, damaged, deep, mipmapped, too large, or of unknown compression.
     """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -130,7 +130,7 @@ def read_parts(path: Path) -> list[Part]:
 
 
 def _headers(path: Path, file: BinaryIO, flags: int) -> list[_Attributes]:
-    """Read the attributes of each part; in a file of several parts, an empty header ends them."""
+    """Read the attributes of each part; an empty header ends a multi-part list."""
     if flags & _DEEP:
         raise FormatError(f"{path}: deep EXR; save a flat one")
     headers = [_attributes(file)]
@@ -172,7 +172,7 @@ def _part(path: Path, attributes: _Attributes, flags: int) -> Part:
 
 
 def _require_bytes(path: Path, parts: list[Part], headers: list[_Attributes]) -> None:
-    """Raise FormatError if more is claimed than is read: the library decodes all channels."""
+    """Raise FormatError if the declared channels, all decoded by the library, are too large."""
     needed = channels = 0
     for part, header in zip(parts, headers, strict=True):
         texel = sum(_SAMPLE_BYTES[kind] for kind, _, _ in _channels(header).values())
@@ -210,8 +210,8 @@ def _channels(attributes: _Attributes) -> dict[str, tuple[int, int, int]]:
 
 
 def _check_complete(file: BinaryIO, part: Part, size: int, several: bool) -> None:
-    """Follow the next table of chunk offsets to the last chunk: does the file reach its end?"""
-    # The first line; or column and row of the tile, and its level in both directions.
+    """Check that the file holds the last chunk of the next table of chunk offsets."""
+    # Chunk header: the first line, or the tile's column, row and two levels.
     place = 4 if part.tile is None else 16
     if several:
         place += 4  # the number of the part

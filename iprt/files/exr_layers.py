@@ -1,7 +1,7 @@
-"""Layers of an EXR file, and the choice among them by their names.
+"""Layers of an EXR file, and the choice among them by name.
 
-Channels are named `layer.channel`, in a file of several parts also by the part: a 3D program writes
-`ViewLayer.Combined.R`, `ViewLayer.Depth.Z`, `ViewLayer.Normal.X`, and many further passes.
+Channels are named `layer.channel`, in multi-part files also by the part. A 3D program writes
+`ViewLayer.Combined.R`, `ViewLayer.Depth.Z`, `ViewLayer.Normal.X`, and many more passes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _PICTURE = frozenset(
     _WORD.findall("beauty c ci color colour combined composite final image main master rgb rgba")
 )
 _OTHER = frozenset(
-    # Passes, by the names that 3D programs give them, and pictures other than the beauty pass.
+    # Passes as 3D programs name them, and pictures other than the beauty pass.
     _WORD.findall(
         "albedo ambient ambientocclusion ao back base coverage crypto cryptomatte denoising diff "
         "diffuse dir emission emit env environment gloss glossy id ind index indirect mask matte "
@@ -35,17 +35,17 @@ _OTHER = frozenset(
 
 @dataclass(frozen=True)
 class Layer:
-    """Channels of an EXR file that make up one picture: three that belong together, or one.
+    """Channels of an EXR file that form one picture: three that belong together, or one.
 
     Attributes
     ----------
     name : str
-        Part and prefix of the channels, behind them the channel where it is one: `beauty`,
-        `beauty.Z`. RGB or XYZ where three channels have neither part nor prefix.
+        Part and prefix of the channels; for a single channel also the channel: `beauty`,
+        `beauty.Z`. RGB or XYZ for three channels without part and prefix.
     prefix : str
         Part and prefix alone; may be empty.
     letters : str
-        RGB, XYZ, or the end of a single channel's name.
+        RGB, XYZ, or the last component of a single channel's name.
     channels : tuple of str
         Full names of the channels in the file.
     part : int
@@ -65,8 +65,8 @@ class Layer:
 
     @property
     def meaning(self) -> str:
-        """Kind by the words of the name: picture, depth, normals, other; "" if none tells."""
-        # The words before are the program's name for a part of the scene or an eye.
+        """Kind by the words of the name: picture, depth, normals or other; "" if unknown."""
+        # Earlier components name a part of the scene or an eye.
         last = self.prefix.rpartition(".")[2]
         found = _WORD.findall(f"{last}.{self.letters}" if self.is_single else last)
         words = [word.lower() for word in found]
@@ -87,7 +87,7 @@ def layers_of(parts: Sequence[Part]) -> list[Layer]:
     for number, part in enumerate(parts):
         groups: dict[str, dict[str, str]] = {}
         for channel in sorted(part.channels):
-            # Some renderers begin the names of channels with a dot.
+            # Some renderers start channel names with a dot.
             prefix, _, letters = channel.rpartition(".")
             groups.setdefault(_joined(part.name, prefix.strip(".")), {})[letters] = channel
         for prefix, channels in groups.items():
@@ -108,7 +108,7 @@ def _layers_in(prefix: str, channels: dict[str, str], part: int) -> Iterable[Lay
 
 
 def _joined(part: str, prefix: str) -> str:
-    """Return the name of a part and the prefix of its channels, which often repeats it."""
+    """Join the name of a part and the prefix of its channels, which often repeats it."""
     if not part or prefix == part or prefix.startswith(f"{part}."):
         return prefix
     if not prefix or part.endswith(f".{prefix}"):
@@ -119,20 +119,20 @@ def _joined(part: str, prefix: str) -> str:
 def color_layer(path: Path, layers: Sequence[Layer], wanted: str | None) -> Layer:
     """Return the layer that is the picture.
 
-    Channels R, G, B without a layer come first, then layers by a picture's name, then those whose
-    name says nothing, then luminance Y.
+    The order of preference is: channels R, G, B without a layer; layers named as a picture; layers
+    with an unknown name; luminance Y.
 
     Parameters
     ----------
     path : Path
-        Names the file in errors.
+        Name of the file in errors.
     wanted : str or None
         Name of the layer to take.
 
     Raises
     ------
     FormatError
-        There is none, or several could be meant.
+        There is none, or several are possible.
     """
     if wanted is not None:
         return _named(path, layers, wanted, "color")
@@ -152,10 +152,9 @@ def color_layer(path: Path, layers: Sequence[Layer], wanted: str | None) -> Laye
 
 
 def depth_layer(path: Path, layers: Sequence[Layer], wanted: str | None) -> Layer:
-    """Return the layer that is depth: by its name, or the only one that may be.
+    """Return the layer that is depth, by its name or as the only candidate.
 
-    Parameters, Raises
-        As `color_layer`.
+    Parameters and errors are as in `color_layer`.
     """
     if wanted is not None:
         return _named(path, layers, wanted, "depth")
@@ -171,12 +170,12 @@ def depth_layer(path: Path, layers: Sequence[Layer], wanted: str | None) -> Laye
 
 
 def normal_layer(path: Path, layers: Sequence[Layer]) -> Layer:
-    """Return the layer that holds normals: by its name, or the only one of three channels.
+    """Return the layer of normals, by its name or as the only one of three channels.
 
     Raises
     ------
     FormatError
-        There is none, or several could be meant.
+        There is none, or several are possible.
     """
     triples = [layer for layer in layers if not layer.is_single]
     found = [layer for layer in triples if layer.meaning == "normals"]
@@ -193,18 +192,18 @@ def normal_layer(path: Path, layers: Sequence[Layer]) -> Layer:
 
 
 def named_depth(layers: Sequence[Layer]) -> list[Layer]:
-    """Return the layers that are depth by their names; single channels come before three."""
+    """Return the layers named as depth; single channels take precedence over three."""
     found = [layer for layer in layers if layer.meaning == "depth"]
     singles = [layer for layer in found if layer.is_single]
     plain = [layer for layer in singles if not layer.prefix]
-    # Of depth for several eyes or layers, one without a layer belongs to the main picture.
+    # Among depth of several eyes or layers, the one without a layer belongs to the main picture.
     if len(plain) == 1 and all(layer.letters == plain[0].letters for layer in singles):
         return plain
     return singles or found
 
 
 def _named(path: Path, layers: Sequence[Layer], wanted: str, key: str) -> Layer:
-    """Return the layer of a name, or the only one of a prefix, as `ViewLayer.Depth`."""
+    """Return the layer of a name, or the only one of a prefix such as `ViewLayer.Depth`."""
     found = [layer for layer in layers if layer.name == wanted] or [
         layer
         for layer in layers

@@ -1,8 +1,8 @@
 """Gain map of Ultra HDR: the second picture of a JPEG, which holds the highlights.
 
-By Ultra HDR Image Format v1 (Android), with the formulas of Adobe's Gain Map and of
-ISO 21496-1: `HDR = (SDR + offset_sdr) * 2^(low + (high - low) * map^(1 / gamma)) - offset_hdr`,
-with linear SDR, for a display that shows all of it.
+By Ultra HDR Image Format v1 (Android), with the formulas of Adobe's Gain Map and of ISO 21496-1:
+`HDR = (SDR + offset_sdr) * 2^(low + (high - low) * map^(1 / gamma)) - offset_hdr`, with linear SDR,
+for a display that shows the full range.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from iprt.files.untrusted import decoding, read_bytes, require_picture_size
 from iprt.files.xmp import xmp_of, xmp_value
 
 BAND = 64
-"""Rows brightened at a time."""
+"""Rows that are brightened at a time."""
 MAX_PICTURES = 8
-"""Most pictures of a file that are examined."""
+"""Limit for the pictures of a file that are examined."""
 MAX_BOOST = 16.0
 """Largest binary logarithm of a gain; PQ needs less than 6."""
 _SIGNS = ("hdrgm:Version", "HDRGainMap:", "aux:hdrgainmap")
-"""Signs in the XMP of Ultra HDR and of Apple's pictures."""
+"""Markers in the XMP of Ultra HDR and of Apple's pictures."""
 _ISO = b"urn:iso:std:iso:ts:21496:-1"
 
 
 @dataclass(frozen=True)
 class GainMap:
-    """Gain map (h, w, 3) float32, 0 to 1, and its parameters; arrays (3,) hold R, G, B.
+    """A gain map (h, w, 3) float32, 0 to 1, with its parameters; arrays (3,) hold R, G, B.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class GainMap:
     offset_hdr: NDArray[np.float32]
 
     def brighten(self, color: NDArray[np.float32]) -> None:
-        """Turn linear SDR (H, W, 3) into HDR, in place; 1 remains the white of SDR."""
+        """Convert linear SDR (H, W, 3) to HDR in place; 1 remains SDR white."""
         height, width = color.shape[:2]
         log_gain = self.low + (self.high - self.low) * self.stored ** (1.0 / self.gamma)
         columns, left, across = _between(log_gain.shape[1], width)
@@ -66,7 +66,7 @@ class GainMap:
 def _between(
     stored: int, wanted: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-    """Return, for each wanted sample, the stored ones around it and the weight of the second."""
+    """Return each wanted sample's two stored neighbours and the weight of the second."""
     at = np.clip((np.arange(wanted) + 0.5) * stored / wanted - 0.5, 0.0, stored - 1.0)
     first = at.astype(np.intp)
     second = np.minimum(first + 1, stored - 1)
@@ -74,7 +74,7 @@ def _between(
 
 
 def names_gain_map(image: Image.Image) -> bool:
-    """Return whether an opened picture declares a gain map of any maker."""
+    """Return True if an opened picture declares a gain map of any vendor."""
     xmp = xmp_of(image)
     segments = getattr(image, "applist", ())
     return any(name in xmp for name in _SIGNS) or any(
@@ -88,7 +88,7 @@ def read_gain_map(path: Path) -> GainMap | None:
     Returns
     -------
     GainMap or None
-        None if it is of another maker, or its base is already HDR.
+        None for another vendor's map, or if the base picture is already HDR.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _has_list(xmp: str, name: str) -> bool:
 
 
 def _meaning(xmp: str) -> list[NDArray[np.float32]] | None:
-    """Return low, high, gamma and offsets, (3,) each; None if they are missing or not sane."""
+    """Return low, high, gamma and offsets, (3,) each; None if any is missing or out of range."""
     if xmp_value(xmp, "hdrgm:BaseRenditionIsHDR") == "True":
         return None
     defaults = (
@@ -140,7 +140,7 @@ def _meaning(xmp: str) -> list[NDArray[np.float32]] | None:
 
 
 def _triple(xmp: str, name: str, default: float | None) -> NDArray[np.float32] | None:
-    """Return a number for all channels, or a list of three, as (3,): R, G, B."""
+    """Parse a number for all channels, or a list of three, as (3,): R, G, B."""
     found = re.search(rf"<hdrgm:{name}>(.*?)</hdrgm:{name}>", xmp, re.DOTALL)
     texts = re.findall(r"<rdf:li>([^<]*)</rdf:li>", found[1]) if found else []
     one = xmp_value(xmp, f"hdrgm:{name}")

@@ -1,4 +1,4 @@
-"""Pictures on disk to arrays: the kinds of `file_kind`, upright by their EXIF orientation."""
+"""Reading of pictures into arrays, upright by their EXIF orientation."""
 
 from __future__ import annotations
 
@@ -37,35 +37,36 @@ _PILLOW_FORMATS = {
     "heic": "HEIF",
     "tiff": "TIFF",
 }
-"""Names that Pillow has for kinds of files that it reads."""
+"""Pillow's names for the kinds of files that it reads."""
 NO_GAIN_MAP = (
     "has a gain map that is not read: highlights are clipped at white; export it as EXR or HDR"
 )
 TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF")
-"""Names that Pillow has for what textures of meshes may be stored as."""
+"""Pillow's names for the formats of mesh textures."""
 LOOKUP_ROWS = 128
-"""Rows of a picture that are looked up in a table at once: NumPy makes indices of eight bytes."""
+"""Rows per table look-up, which bounds memory: NumPy makes indices of eight bytes."""
 MAX_SCANS = 100
-"""A progressive JPEG has no more; each goes over the whole picture. Programs write about ten."""
+"""Limit for the scans of a progressive JPEG, each of which covers the whole picture. Programs write
+about ten."""
 _START_OF_SCAN = b"\xff\xda"
 
 
 @dataclass(frozen=True)
 class Header:
-    """Header of a picture, read before its pixels are decoded.
+    """The header of a picture, read before its pixels are decoded.
 
     Attributes
     ----------
     width, height : int
-        Upright, as `read_color` returns it.
+        Upright size, as `read_color` returns the picture.
     has_end : bool
-        Whether its values end at 1, where light is clipped.
+        True if values are limited to 1, so that light is clipped.
     xmp : str
-        Its XMP; see `gpano_crop`.
+        XMP text; see `gpano_crop`.
     unread : str
-        Parts of the picture in the file that are not read; empty if nothing.
+        Description of parts of the file that are not read; empty if none.
     orientation : int
-        EXIF orientation by which `read_color` has turned what is stored; see `upright`.
+        EXIF orientation that `read_color` applies to the stored pixels; see `upright`.
     """
 
     width: int
@@ -77,27 +78,27 @@ class Header:
 
     @property
     def stored_size(self) -> tuple[int, int]:
-        """Width and height before the picture is turned."""
+        """Width and height of the stored pixels."""
         size = (self.width, self.height)
         return size[::-1] if self.orientation in TURNED else size
 
 
 def read_color(path: Path, layer: str | None = None) -> Image2D:
-    """Read linear Rec.709 radiance as (H, W, 3) float32, as stored: possibly not finite.
+    """Read linear Rec.709 radiance as (H, W, 3) float32; values may be non-finite.
 
-    EXR, Radiance HDR and TIFF of floats are linear, and an EXR file's primaries are
-    converted; integers of 8 or 16 bits are decoded from sRGB, and brightened by the gain map that
-    a JPEG may have. Alpha and colour profiles are ignored.
+    EXR, Radiance HDR and floating-point TIFF are linear, and an EXR file's primaries are converted.
+    Integers of 8 or 16 bits are decoded from sRGB. A JPEG's gain map is applied. Alpha and colour
+    profiles are ignored.
 
     Parameters
     ----------
     layer : str or None
-        Layer of an EXR file. Default: the one that is the picture by its name.
+        Layer of an EXR file. Default: the layer named as the picture.
 
     Raises
     ------
     FormatError
-        Damaged, of another kind, without such a layer, or with several that could be meant.
+        The file is damaged or of another kind, or the layer is missing or ambiguous.
     """
     kind = _kind_with(path, "color", layer)
     if kind == "exr":
@@ -137,7 +138,7 @@ def _tiff_color(path: Path) -> Image2D:
 
 
 def _tiff_grey(path: Path, image: Image.Image, tags: TiffTags) -> NDArray[Any]:
-    """(H, W) uint16, uint32 or float32, which Pillow turns upright."""
+    """Decode (H, W) uint16, uint32 or float32; Pillow applies the orientation."""
     kind = np.float32 if tags.is_float else np.uint16 if tags.bits == 16 else np.uint32
     return _decoded(path, image).astype(kind, copy=False)
 
@@ -145,18 +146,18 @@ def _tiff_grey(path: Path, image: Image.Image, tags: TiffTags) -> NDArray[Any]:
 def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, int]:
     """Read depth in stored units as (H, W) float32, and the bits of its integers; 0 for floats.
 
-    EXR, PFM, NumPy's files, TIFF of 32-bit floats, and PNG, TIFF, JPEG, WebP or AVIF in grey: one
-    channel, or three that are equal.
+    It reads EXR, PFM, NumPy's files, 32-bit float TIFF, and grey PNG, TIFF, JPEG, WebP or AVIF: one
+    channel, or three equal ones.
 
     Parameters
     ----------
     layer : str or None
-        Layer of an EXR file. Default: the one that is depth by its name, or the only one.
+        Layer of an EXR file. Default: the layer named as depth, or the only one.
 
     Raises
     ------
     FormatError
-        As `read_color`; also pictures in colours.
+        As `read_color`, or the picture is in colours.
     """
     kind = _kind_with(path, "depth", layer)
     if kind == "exr":
@@ -182,7 +183,7 @@ def _tiff_depth(path: Path) -> NDArray[Any]:
 
 
 def _coded_depth(path: Path, kind: str) -> NDArray[Any]:
-    """(H, W) uint8 or uint16 of a picture that Pillow or, of 16-bit colours, FFmpeg decodes."""
+    """Decode (H, W) uint8 or uint16, by Pillow or, for 16-bit colours, by FFmpeg."""
     image = _open_pillow(path, kind)
     is_grey, is_16_bit = image.mode.startswith("I"), kind == "png" and _is_16_bit(image)
     coded = _decoded(path, image, None if is_grey else "RGB")
@@ -196,7 +197,7 @@ def _coded_depth(path: Path, kind: str) -> NDArray[Any]:
 
 
 def _one_channel(path: Path, coded: NDArray[Any]) -> NDArray[Any]:
-    """(H, W) of (H, W, 3) whose channels are equal."""
+    """Return (H, W) of (H, W, 3) with equal channels."""
     plane: NDArray[Any] = coded[..., 0]
     if not all(np.array_equal(plane, coded[..., k], equal_nan=True) for k in (1, 2)):
         raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
@@ -228,7 +229,7 @@ def read_header(path: Path, layer: str | None = None) -> Header:
     Parameters
     ----------
     layer : str or None
-        As of `read_color`.
+        As in `read_color`.
 
     Raises
     ------
@@ -262,7 +263,7 @@ def picture_size(path: Path) -> tuple[int, int]:
 
 
 def _kind_with(path: Path, key: str, layer: str | None) -> str:
-    """Return the kind of a file; raise FormatError if it has no layers, but one is named."""
+    """Return the kind of a file; raise FormatError for a layer of anything but EXR."""
     kind = file_kind(path)
     if layer is not None and kind != "exr":
         raise FormatError(
@@ -273,20 +274,20 @@ def _kind_with(path: Path, key: str, layer: str | None) -> str:
 
 
 def decode_srgb(coded: NDArray[Any]) -> Image2D:
-    """Linear float32 in [0, 1] of uint8 or uint16 sRGB values (IEC 61966-2-1)."""
+    """Decode uint8 or uint16 sRGB values to linear float32 in [0, 1] (IEC 61966-2-1)."""
     steps = np.iinfo(coded.dtype).max
     value = np.arange(steps + 1, dtype=np.float64) / steps
     linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
     table, decoded = linear.astype(np.float32), np.empty(coded.shape, np.float32)
     for row in range(0, len(coded), LOOKUP_ROWS):
         rows = slice(row, row + LOOKUP_ROWS)
-        # All are in the table. By the default mode, NumPy would fill a copy first.
+        # All values are in the table. In the default mode, NumPy would first copy the output.
         np.take(table, coded[rows], out=decoded[rows], mode="clip")
     return decoded
 
 
 def _is_16_bit(image: Image.Image) -> bool:
-    # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode tells.
+    # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode is reliable.
     tiles = getattr(image, "tile", [])
     return image.mode.startswith("I") or (bool(tiles) and "16" in str(tiles[0][3]))
 
@@ -302,13 +303,13 @@ def _open_pillow(path: Path, kind: str) -> Image.Image:
         raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colours")
     if kind in ("avif", "heic"):
         require_sdr(path, kind)
-    # Pillow maps raw TIFF by its file's name, then confuses rows and columns of turned pictures.
+    # Given a file name, Pillow maps raw TIFF and swaps rows and columns of rotated pictures.
     source = BytesIO(read_bytes(path)) if kind == "tiff" else path
     return open_picture(source, path, (_PILLOW_FORMATS[kind],))
 
 
 def _reads_heic() -> bool:
-    """Return whether Pillow reads HEIC, as the extra `heic` teaches it."""
+    """Return True if Pillow reads HEIC, with the extra `heic`."""
     try:
         from pillow_heif import register_heif_opener
     except ImportError:
@@ -320,14 +321,14 @@ def _reads_heic() -> bool:
 def open_picture(
     source: Path | BytesIO, path: Path, formats: Sequence[str] = TEXTURE_FORMATS
 ) -> Image.Image:
-    """Open lazily: only the header is read, and its size checked; `path` names it in errors.
+    """Open a picture lazily: read its header and check its size; `path` names it in errors.
 
     Raises
     ------
     FormatError
-        Damaged, of none of Pillow's `formats`, or larger than is read.
+        The picture is damaged, too large, or of none of Pillow's `formats`.
     """
-    # Without a list of formats, Pillow runs Ghostscript on what looks like PostScript.
+    # Without a list of formats, Pillow runs Ghostscript on files that look like PostScript.
     with _quiet(), decoding(path, "cannot be read as a picture"):
         image = Image.open(source, formats=list(formats))
     require_picture_size(path, image.width, image.height)
@@ -342,13 +343,14 @@ def open_picture(
 
 
 def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
-    """(H, W, 3) sRGB of a picture that a mesh's loader has opened; `path` names it in errors.
+    """Return (H, W, 3) sRGB of a mesh loader's picture; `path` names it in errors.
 
     Raises
     ------
     FormatError
+        The picture is damaged, too large, or of an unread format.
     """
-    # MPO is JPEG with further pictures behind; without a format, the loader made it in memory.
+    # MPO is JPEG with further pictures appended; without a format, the loader made it in memory.
     if image.format not in (*TEXTURE_FORMATS, "MPO", None):
         raise FormatError(f"{path}: a texture is no {', '.join(TEXTURE_FORMATS)} picture")
     require_picture_size(path, image.width, image.height)
@@ -356,14 +358,14 @@ def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
 
 
 def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
-    """The pixels of a picture, converted to one of Pillow's modes."""
+    """Decode a picture, converted to one of Pillow's modes."""
     with _quiet(), decoding(path, DAMAGED):
         return np.asarray(image if mode in (None, image.mode) else image.convert(mode))
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Sizes are checked here, so that Pillow need not warn of them, nor of odd palettes."""
+    """Silence Pillow's warnings about sizes, which are checked here, and odd palettes."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield

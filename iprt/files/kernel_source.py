@@ -1,7 +1,7 @@
 """Source of kernels with includes and conditions resolved.
 
-Variants whose defines change nothing have one text, wherever the checkout lies. Drivers keep what
-they compile by its text, so they compile each once.
+Variants whose defines change nothing have the same text, wherever the checkout lies. Drivers cache
+compiled kernels by their text, so they compile each once.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ _RELATIONS: dict[type[ast.cmpop], Callable[[int, int], bool]] = {
 }
 _WORD = re.compile(r"\b[A-Za-z_]\w*\b")
 _MOST_BLANK = 4
-"""Longest run of blank lines that stands for lines left out; a longer one is a `#line`."""
+"""Longest run of blank lines in place of removed lines; longer runs become a `#line`."""
 
 
 @dataclass(frozen=True)
 class _Macro:
-    parameters: tuple[str, ...] | None  # None: it is not called
+    parameters: tuple[str, ...] | None  # None for an object-like macro
     text: str
 
 
 @dataclass
 class _Condition:
-    """A conditional block that is being read.
+    """The state of a conditional block during reading.
 
     Attributes
     ----------
     taken : bool
-        The lines of the current branch are.
+        The current branch is active.
     done : bool
-        One of its branches was taken.
+        One of its branches was active.
     compilers : bool
         Only the compiler can decide it, so that all branches are kept.
     """
@@ -62,7 +62,7 @@ class _Condition:
 
 @dataclass
 class KernelSource:
-    """Source whose includes and conditions are resolved, and the macros that it defines.
+    """A source text with resolved includes and conditions, and the macros that it defines.
 
     Macros are not expanded. Conditions on names of the compiler, such as `__has_attribute`, stay.
 
@@ -71,19 +71,19 @@ class KernelSource:
     folder : Path
         Folder of the headers that all files share, `cl/lib`.
     macros : dict
-        By name.
+        Macros by name.
     lines : list of str
-        The source, with `#line` where lines were left out.
+        The source, with `#line` after removed lines.
     """
 
     folder: Path
     macros: dict[str, _Macro] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
-    _place: tuple[str, int] = ("", 0)  # file and number that the compiler gives the next line
+    _place: tuple[str, int] = ("", 0)  # the compiler's file and number of the next line
     _undecided: set[str] = field(default_factory=set)  # macros that the compiler may define
 
     def define(self, macros: Mapping[str, str]) -> None:
-        """Add macros that the compiler is given by `-D`."""
+        """Add macros that the compiler gets by `-D`."""
         self.macros.update({name: _Macro(None, text) for name, text in macros.items()})
 
     def read(self, text: str, name: str) -> None:
@@ -92,7 +92,7 @@ class KernelSource:
 
     @property
     def text(self) -> str:
-        """All lines."""
+        """The resolved source."""
         return "\n".join(self.lines) + "\n"
 
     def _read(self, text: str, name: str) -> None:
@@ -142,7 +142,7 @@ class KernelSource:
         return _Condition(taken=holds, done=holds, compilers=False)
 
     def _go_on(self, open_blocks: list[_Condition], word: str, condition: str) -> bool:
-        """Take `#else`, `#elif` or `#endif`; return whether the compiler needs it."""
+        """Process `#else`, `#elif` or `#endif`; return True if the compiler needs the line."""
         block = open_blocks[-1]
         if word == "endif":
             open_blocks.pop()
@@ -152,7 +152,7 @@ class KernelSource:
         return block.compilers
 
     def _direct(self, word: str, rest: str, *, maybe: bool) -> None:
-        """Note macros; `maybe`: the compiler decides whether the line counts."""
+        """Record a macro; with `maybe`, the compiler decides whether the line is active."""
         if word == "define":
             name, called, text = _MACRO.fullmatch(rest.strip()).groups()  # type: ignore[union-attr]
             names = None if called is None else tuple(n.strip() for n in called[1:-1].split(","))
@@ -172,7 +172,7 @@ class KernelSource:
         return bool(_value(ast.parse(number.strip(), mode="eval").body))
 
     def expanded(self, text: str) -> str:
-        """Return `text` with macros replaced until there are none."""
+        """Return `text` with all macros expanded."""
         for name, macro in self.macros.items():
             if macro.parameters is not None:
                 text = re.sub(rf"\b{name}\(([^()]*)\)", partial(_called, macro), text)
@@ -185,7 +185,7 @@ class KernelSource:
 
 
 def _value(node: ast.expr) -> int:
-    """Evaluate a condition of `#if`, given as Python's expression."""
+    """Evaluate a condition of `#if`, given as a Python expression."""
     match node:
         case ast.Constant(int(value)):
             return value
@@ -214,7 +214,7 @@ def _text(file: Path) -> str:
 
 
 def _without_comments(text: str) -> str:
-    """Remove comments and join continued lines; those that follow keep their numbers."""
+    """Remove comments and join continued lines, without changing line numbers."""
     text = _COMMENT.sub(lambda comment: " " + "\n" * comment[0].count("\n"), text)
     text = re.sub(r"[ \t]+(?=\n)", "", text)
     return _CONTINUED.sub(
@@ -223,12 +223,12 @@ def _without_comments(text: str) -> str:
 
 
 def constant(file: str, name: str) -> int:
-    """Return the integer that a file of `cl/`, its one home, defines `name` to be."""
+    """Return the integer that a file of `cl/` defines as `name`."""
     return int(_source(file).expanded(name))
 
 
 def float_constant(file: str, name: str) -> float:
-    """Return a single-precision constant, such as 0.1f, that a file of `cl/` defines."""
+    """Return the single-precision constant, such as 0.1f, that a file of `cl/` defines."""
     return float(_source(file).expanded(name).removesuffix("f"))
 
 

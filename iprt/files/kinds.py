@@ -1,4 +1,4 @@
-"""Kinds of picture files, recognised by their first bytes."""
+"""Recognition of picture files by their first bytes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _SIGNATURES = {
 _BRANDS = {b"avif": "avif", b"avis": "avif"} | dict.fromkeys(
     (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1"), "heic"
 )
-"""Pictures among the files whose fifth to eighth bytes are `ftyp`; the others are MP4 video."""
+"""Brands of pictures in `ftyp` files; other brands are MP4 video."""
 _HEADER_BYTES = 2**16
 READ = "EXR, PNG, JPEG, WebP, AVIF, HEIC, TIFF, Radiance HDR, PFM or NumPy"
 
 
 def file_kind(path: Path) -> str:
-    """Return the kind of a file by its first bytes.
+    """Determine the kind of a file from its first bytes.
 
     Returns
     -------

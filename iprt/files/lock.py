@@ -1,9 +1,8 @@
-"""One render at a time into a folder.
+"""A lock that allows one render at a time into a folder.
 
-Pictures of two renders in one folder get mixed up, and the later one wins where names are equal. So
-a render holds a lock on the folder that it writes to, and a second one is refused at once, rather
-than after minutes. The system's file lock decides, and goes with the process that holds it,
-however that ends; the file's text only tells who it is.
+Two renders into one folder would mix their pictures, and overwrite equal names. A render therefore
+locks its output folder, and a second one is refused at once. The operating system's file lock
+decides. It ends with the process that holds it. The text in the lock file only names the holder.
 """
 
 from __future__ import annotations
@@ -21,20 +20,20 @@ from iprt.files.termination import at_termination
 
 NAME = ".iprt.lock"
 NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
-"""Errors of file systems without locks: there renders are not kept apart."""
+"""Errors of file systems without locks, on which renders are not kept apart."""
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold `folder`, which is made if it is missing, for the block.
+    """Lock `folder`, which is created if missing, during the block.
 
-    Afterwards the lock's file is gone, and so are folders made for it in which nothing was put.
+    Afterwards the lock file is removed, and so are created folders that are still empty.
 
     Raises
     ------
     FormatError
-        Another process, or another block of this one, holds the folder; or it cannot be written, or
-        something else has the name of the lock's file.
+        Another process, or another block of this one, holds the folder. Or the folder cannot be
+        written, or the lock file's name is taken by something else.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -44,11 +43,11 @@ def locked(folder: Path) -> Iterator[None]:
         raise FormatError(f"{folder}: cannot be locked: {error.strerror}") from error
 
     def release() -> None:
-        # Before the lock is let go: the next render makes a file of its own.
+        # Delete before unlocking: the next render creates a file of its own.
         with suppress(OSError):  # the folder may have been removed
             (folder / NAME).unlink()
         os.close(handle)
-        with suppress(OSError):  # not empty: something was put there
+        with suppress(OSError):  # not empty
             for path in made:
                 path.rmdir()
 
@@ -60,7 +59,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _acquire(folder: Path, path: Path) -> int:
-    """The locked file, open."""
+    """Open and lock the lock file; return its descriptor."""
     while True:
         if path.is_symlink() or (path.exists() and not path.is_file()):
             raise FormatError(f"{path}: is not a file; delete it")
@@ -81,7 +80,7 @@ def _acquire(folder: Path, path: Path) -> int:
             os.ftruncate(handle, 0)
             os.pwrite(handle, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
             return handle
-        os.close(handle)  # the one before removed it between our opening and locking it
+        os.close(handle)  # the previous holder removed it between opening and locking
 
 
 def _is_at(path: Path, handle: int) -> bool:

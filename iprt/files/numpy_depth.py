@@ -1,4 +1,4 @@
-"""Depth in NumPy's formats: `.npy`, and `.npz` with one array or one named for depth."""
+"""Depth in NumPy's formats: `.npy`, and `.npz` with one array or one named as depth."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from iprt.files.toml_text import printable
 from iprt.files.untrusted import decoding, open_file, require_picture_size
 
 NAMES = ("depth", "distance")
-"""Names of the depth among several arrays of an `.npz` file."""
+"""Names of depth among several arrays of an `.npz` file."""
 
 
 def read_numpy(path: Path) -> NDArray[Any]:
     """Read depth (H, W) as stored, integers or floats; (H, W, 1) and (1, H, W) are accepted.
 
-    Pickled data are not read.
+    Pickled data are refused.
 
     Raises
     ------
     FormatError
-        The file is cut off, damaged, too large, of another shape or type, or has several arrays
-        and none is named for depth.
+        The file is cut off, damaged or too large, has another shape or type, or holds several
+        arrays of which none is named as depth.
     """
     with decoding(path, "cut off or damaged NumPy file"), open_file(path) as file:
         if file.read(4) == b"PK\x03\x04":
@@ -49,7 +49,7 @@ def _member(path: Path, archive: zipfile.ZipFile) -> str:
 
 
 def _array(path: Path, file: Any) -> NDArray[Any]:
-    """Read an array; check its header before memory is allocated."""
+    """Read an array, and check its header before allocating memory."""
     version = npy_format.read_magic(file)
     read_header = {
         (1, 0): npy_format.read_array_header_1_0,

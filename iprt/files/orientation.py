@@ -1,4 +1,4 @@
-"""EXIF orientation: how a stored picture is turned to stand upright."""
+"""EXIF orientation: the rotation or reflection that turns a stored picture upright."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 TAG = 0x0112
-"""Tag of EXIF and TIFF."""
+"""Tag number in EXIF and TIFF."""
 TURNED = (5, 6, 7, 8)
 """Orientations that swap width and height."""
 
@@ -20,16 +20,16 @@ TURNED = (5, 6, 7, 8)
 def orientation_of(image: Image.Image) -> int:
     """Return the EXIF orientation of an opened picture, 1 to 8; 1 if it has no valid one.
 
-    Of a PNG whose pixels have not been read, only chunks before the pixels count.
+    In a PNG whose pixels have not been read, only chunks before the pixels count.
     """
     if image.format == "PNG" and "exif" not in image.info:
-        return 1  # Pillow would decode the picture to look behind it
+        return 1  # Pillow would decode the picture to find later chunks
     with catch_warnings():
-        simplefilter("ignore")  # Pillow warns of some damage to EXIF, and raises at other
+        simplefilter("ignore")  # Pillow warns of some damage to EXIF, and raises for other
         try:
             return valid_orientation(image.getexif().get(TAG))
         except Exception:
-            return 1  # the pixels may be whole all the same
+            return 1  # the pixels may be intact
 
 
 def valid_orientation(value: object) -> int:
@@ -38,7 +38,7 @@ def valid_orientation(value: object) -> int:
 
 
 def upright(pixels: NDArray[Scalar], orientation: int) -> NDArray[Scalar]:
-    """Return pixels (H, W, ...) as they are meant to be seen, sharing memory.
+    """Return pixels (H, W, ...) in upright orientation, sharing memory.
 
     Parameters
     ----------

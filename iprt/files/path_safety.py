@@ -1,4 +1,4 @@
-"""Files of a scene lie in its folder: links that lead out of it need a permission."""
+"""Containment of a scene's files in its folder; links that lead out of it need permission."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iprt.errors import FormatError
 
 
 def stays_inside(name: str) -> bool:
-    """Whether a relative path, with `/` or `\\`, leads nowhere outside the folder it starts in."""
+    """Return True if a relative path, with slashes or backslashes, never leaves its folder."""
     path = PurePosixPath(name.replace("\\", "/"))
     depth = 0
     for part in path.parts:
@@ -20,7 +20,7 @@ def stays_inside(name: str) -> bool:
 
 
 def require_inside(path: Path, folder: Path) -> None:
-    """Raise FormatError unless the file that `path` leads to, links followed, lies in `folder`.
+    """Raise FormatError unless `path`, with links resolved, lies in `folder`.
 
     The root of the file system as `folder` permits everything.
     """
@@ -33,5 +33,5 @@ def require_inside(path: Path, folder: Path) -> None:
 
 
 def anywhere(folder: Path) -> Path:
-    """The folder for `require_inside` that permits every file on the file system of `folder`."""
+    """Return a folder for `require_inside` that permits every file."""
     return Path(Path(os.path.realpath(folder)).anchor)

@@ -19,13 +19,13 @@ _HEADER = re.compile(rb"(P[fF])\s+(\d{1,10})\s+(\d{1,10})\s+([^\s]{1,32})\s")
 def read_pfm(path: Path) -> NDArray[np.float32]:
     """Read a grey PFM file as (H, W) float32, top row first.
 
-    The sign of the header's third number tells the byte order (negative: little endian). Its
-    magnitude is ignored, as most programs do: the manifest's `depth_scale` is the only unit.
+    The sign of the header's third number gives the byte order (negative: little endian). Its
+    magnitude is ignored, as in most programs: the manifest's `depth_scale` is the only unit.
 
     Raises
     ------
     FormatError
-        No such header, three channels, absurd size, or fewer pixels than the header claims.
+        The header is missing or invalid, there are three channels, or the pixels are cut off.
     """
     with path.open("rb") as file:
         header = _HEADER.match(file.read(128))

@@ -15,7 +15,7 @@ from iprt.errors import SceneError
 from iprt.files.toml_text import printable
 
 FRAME_PATTERN = re.compile(r"%(0\d)?d")
-"""The printf conversions that a frame's number may take: %d, %04d."""
+"""The printf conversions of a frame's number: %d, %04d."""
 
 PICTURE_SUFFIXES = (
     *(".exr", ".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".tif", ".tiff"),
@@ -26,13 +26,13 @@ TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""
 
 MAX_PROBLEMS = 100
-"""Most problems that are shown."""
+"""Limit for the problems that an error lists."""
 MAX_LETTERS = 1000
-"""Letters of a problem that are shown at most."""
+"""Limit for the length of a problem in an error."""
 
 
 def problems_error(source: str, problems: Sequence[str]) -> SceneError:
-    """One error for all problems, or as many as one can read: a line each."""
+    """Build one error for all problems, up to `MAX_PROBLEMS`, a line each."""
     shown = [printable(problem, MAX_LETTERS) for problem in problems[:MAX_PROBLEMS]]
     if len(problems) == 1:
         return SceneError(f"{source}: {shown[0]}")
@@ -44,7 +44,7 @@ def problems_error(source: str, problems: Sequence[str]) -> SceneError:
 def describe(
     problem: Mapping[str, Any], data: dict[str, Any], table: type[BaseModel] | None
 ) -> str:
-    """One line for one pydantic error: the key's path and what is wrong.
+    """Describe one pydantic error in a line: the key's path and the fault.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def describe(
     data : dict
         The manifest as read.
     table : pydantic model class or None
-        The table whose keys an unknown key may have meant.
+        The table with the keys that an unknown key may have meant.
     """
     kind, location, value = problem["type"], list(problem["loc"]), problem["input"]
     if "material" in location:
-        # pydantic inserts the tag of the union's member, which is no key of the file.
+        # pydantic inserts the tag of the union's member, which is not a key of the file.
         del location[location.index("material") + 1 : location.index("material") + 2]
     if location[0] == "real_materials":
         del location[2:3]
@@ -86,10 +86,10 @@ def describe(
 
 
 def cross_problems(data: dict[str, Any]) -> Iterator[str]:
-    """Faults between keys: names used twice, unknown objects, cuts, order of frames.
+    """Yield inconsistencies between keys: duplicate names, unknown objects, cuts, order of frames.
 
-    Reads the unchecked data, so that these come together with all other problems; entries of a
-    wrong type are passed over.
+    It reads the unvalidated data, so that these appear together with all other problems. Entries of
+    a wrong type are skipped.
     """
     lists = {key: _tables(data.get(key)) for key in TABLE_LISTS}
     for key, tables in lists.items():
@@ -155,8 +155,8 @@ def _video_problems(video: Any) -> Iterator[str]:
     picture = pattern or color.lower().endswith(PICTURE_SUFFIXES)
     if picture and "depth" not in video:
         yield (
-            "video.depth: required key is missing; name a file of depth (docs/footage.md says of "
-            "what kind), or that of color again where it is EXR and holds depth"
+            "video.depth: required key is missing; name a file of depth (see docs/footage.md), or "
+            "the file of color again if it is EXR and holds depth"
         )
     if not _integers(video.get("frames"), 2):
         return
@@ -171,7 +171,7 @@ def _video_problems(video: Any) -> Iterator[str]:
 
 
 def _key_path(location: Sequence[Any], data: dict[str, Any]) -> str:
-    """`objects.bunny.material.alpha`: by the name of an entry where it has one."""
+    """Return the path of a key, such as `objects.bunny.material.alpha`, with names of entries."""
     parts: list[str] = []
     at: Any = data
     for step in location:

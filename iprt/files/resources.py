@@ -1,4 +1,4 @@
-"""Where the OpenCL kernels (`cl/`) and shaders (`glsl/`) live, in a checkout and in a wheel."""
+"""Locations of the OpenCL kernels (`cl/`) and shaders (`glsl/`), in a checkout and in a wheel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The base of all tables of `scene.toml`."""
+"""The base class of all tables of `scene.toml`, and the types of their values."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from iprt.files.untrusted import MAX_SIDE
 
 LAST_FRAME = 999_999
 FARTHEST = 1e6
-"""Largest number in a transform: beyond, 32-bit floats have no centimetres left."""
+"""Largest number in a transform; beyond it, 32-bit floats cannot resolve centimetres."""
 
 
 def _relative_path(text: str) -> str:
-    """A path that stays in the scene's folder."""
+    """Validate a path that stays in the scene's folder."""
     if not stays_inside(text):
         raise ValueError(f"'{text}' leaves the scene's folder; copy the file into it")
     if not text or text.endswith("/") or text != printable(text, len(text)):
@@ -26,7 +26,7 @@ def _relative_path(text: str) -> str:
 
 
 def _frame_path(text: str) -> str:
-    """A path that may hold the frame's number."""
+    """Validate a path that may hold the frame's number."""
     if "%" in FRAME_PATTERN.sub("", text, count=1):
         raise ValueError(f"'{text}': expected at most one %d or %04d and no other %")
     return _relative_path(text)
@@ -57,6 +57,6 @@ FieldOfView = Annotated[float, Field(ge=0.01, lt=180.0)]
 
 
 class Table(BaseModel):
-    """A table with no other keys than its own, each of its own type."""
+    """A table without unknown keys, whose values have exactly the declared types."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)

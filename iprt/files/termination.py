@@ -1,10 +1,10 @@
-"""How a signal ends the process: at once, whatever it does, with nothing half written.
+"""Termination of the process by signals: immediate, with nothing half written.
 
-One thread waits for SIGINT, SIGTERM and SIGHUP, and all others are kept from them. Python's own
-handlers run only between two steps of the main thread, which may wait half a minute for a compiler;
-compilers within OpenCL drivers put handlers of their own in their place (LLVM, to remove its
-files); and some libraries swallow the exceptions that handlers raise. So the stack is not unwound:
-what must not be left behind is removed by the actions that `at_termination` registers.
+One thread waits for SIGINT, SIGTERM and SIGHUP, which are blocked in all others. Python's own
+handlers run only between two steps of the main thread, which may wait half a minute for a compiler.
+Compilers within OpenCL drivers replace the handlers by their own (LLVM, to remove its files), and
+some libraries swallow the exceptions that handlers raise. The stack is therefore not unwound.
+Actions registered by `at_termination` clean up instead.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ Action = Callable[[], str | None]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 REPEAT_S = 0.5
-"""One key press may arrive twice, from the terminal and from a program that passes it on."""
+"""Window in which a repeated signal is the same key press, sent by the terminal and by a program
+that forwards it."""
 PATIENCE_S = 5.0
 """Longest wait for the actions; service managers wait twice as long before they send SIGKILL."""
 POLL_S = 0.05
@@ -35,9 +36,9 @@ _actions: dict[object, Action] = {}
 
 
 def end_on_signals() -> None:
-    """From now on signals end the process, with one line on stderr and 128 + their number.
+    """Let signals end the process, with one line on stderr and exit code 128 + their number.
 
-    The main thread calls it before there are others, which inherit its signal mask. Signals that
+    The main thread calls it before it starts others, which inherit its signal mask. Signals that
     the process was started to ignore, as by `nohup`, stay ignored. A second signal ends the process
     without waiting for the actions.
     """
@@ -68,7 +69,7 @@ def end_on_signals() -> None:
             time.sleep(POLL_S)
         os._exit(128 + number)
 
-    # Both now: no thread can be started while the interpreter shuts down.
+    # Start both now: no thread can be started while the interpreter shuts down.
     closing = threading.Thread(target=close, daemon=True)
     closing.start()
     threading.Thread(target=watch, daemon=True).start()
@@ -76,10 +77,10 @@ def end_on_signals() -> None:
 
 @contextmanager
 def at_termination(action: Action) -> Iterator[None]:
-    """While the block runs, a signal that ends the process calls `action` first.
+    """Call `action` before a signal ends the process, while the block runs.
 
-    The last action is called first, on a thread of its own; what it returns is added to the line on
-    stderr. The block goes on meanwhile, but is never left: what follows it does not run.
+    The last action is called first, on a thread of its own. Its result is added to the line on
+    stderr. The block continues meanwhile, but is never left: no code after it runs.
     """
     key = register(action)
     try:
@@ -90,7 +91,7 @@ def at_termination(action: Action) -> Iterator[None]:
 
 
 def register(action: Action) -> object:
-    """`at_termination` for the rest of the process."""
+    """Register an action like `at_termination`, for the rest of the process."""
     key = object()
     with _lock:
         _actions[key] = action
@@ -99,22 +100,25 @@ def register(action: Action) -> object:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Signals wait until the block is done, for at most `PATIENCE_S`; one block runs at a time."""
+    """Delay signals until the block is done, by at most `PATIENCE_S`; one block runs at a time."""
     with _lock:
         yield
 
 
 def end(code: int) -> NoReturn:
-    """End the process with this exit code, without waiting for any thread or driver."""
+    """End the process with this exit code, without waiting for threads or drivers."""
     _run_actions()
     os._exit(code)
 
 
 def _run_actions() -> list[str]:
-    """Their notes. From now on no other thread leaves a block of `at_termination`."""
+    """Run all actions and return their notes.
+
+    From now on no other thread leaves a block of `at_termination`.
+    """
     _lock.acquire()
     notes = []
     for action in reversed(_actions.values()):
-        with suppress(Exception):  # the others are to run, too
+        with suppress(Exception):  # the other actions must run
             notes.append(action())
     return [note for note in notes if note]

@@ -26,16 +26,16 @@ _ENTRY = 12
 
 @dataclass(frozen=True)
 class TiffTags:
-    """Tags in the first directory of a TIFF file.
+    """The tags in the first directory of a TIFF file.
 
     Attributes
     ----------
     width, height : int
-        As stored.
+        Stored size.
     bits, channels : int
     is_float : bool
     orientation : int
-        As in EXIF.
+        EXIF orientation.
     xmp : str
     """
 
@@ -49,7 +49,7 @@ class TiffTags:
 
     @property
     def is_deep(self) -> bool:
-        """True if Pillow would lose bits, or cannot read the picture."""
+        """True if Pillow would lose bits, or could not read the picture."""
         return self.channels > 2 and self.bits > 8
 
 
@@ -59,7 +59,7 @@ def read_tags(path: Path) -> TiffTags:
     Raises
     ------
     FormatError
-        The file is damaged, too large, or of samples that are not read.
+        The file is damaged or too large, or has unsupported samples.
     """
     with decoding(path, "damaged TIFF file"), open_file(path) as file, catch_warnings():
         simplefilter("ignore")  # Pillow warns about truncated files
@@ -99,7 +99,7 @@ def read_tags(path: Path) -> TiffTags:
 
 
 def with_tags_of_pixels(path: Path) -> bytes:
-    """Return a file without any other tags, each of which FFmpeg takes for damage.
+    """Return a file with only the tags of the pixels; FFmpeg takes any other for damage.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""TOML from anybody: bounded in size, time and depth."""
+"""Parsing of untrusted TOML, bounded in size, time and depth."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 
 MAX_BYTES = 2**20
 MAX_LINE = 10_000
-"""Letters: `tomllib` takes time that grows with the square of a line's length."""
+"""Letters per line; the time of `tomllib` grows with the square of a line's length."""
 MAX_DEPTH = 32
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text.
+    """Parse a TOML text into tables.
 
     Raises
     ------
     ValueError
-        Not TOML, too large, too deep, or with numbers beyond what TOML knows, in one line.
+        The text is not TOML, too large, too deep, or has numbers of more than 64 bits; one line.
     """
     if len(text) > MAX_BYTES:
         raise ValueError(f"not valid: {len(text)} letters; at most {MAX_BYTES} are read")
@@ -33,14 +33,14 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError(f"not valid TOML: {printable(str(error))}") from None
     except RecursionError:
         raise ValueError("not valid: brackets are nested too deep") from None
-    except ValueError:  # Python refuses to read numbers of thousands of digits
+    except ValueError:  # Python refuses numbers of thousands of digits
         raise ValueError("not valid TOML: a number of more than 64 bits") from None
     _require_plain(tables)
     return tables
 
 
 def _require_plain(tables: dict[str, Any]) -> None:
-    """No whole number of more than 64 bits, and tables that others may walk down recursively."""
+    """Raise ValueError for integers of more than 64 bits, and for tables nested too deep."""
     level: list[tuple[str, Any]] = [("", tables)]
     for _ in range(MAX_DEPTH):
         below: list[tuple[str, Any]] = []
@@ -59,15 +59,14 @@ def _require_plain(tables: dict[str, Any]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The text of a TOML file, its line ends as they are; the mark that some editors put first
-    in UTF-8 files is left out.
+    """Read the text of a TOML file, with its line ends but without a byte order mark.
 
     Raises
     ------
     OSError, ValueError
-        Not readable; not UTF-8, no file, or too large, in one line.
+        The file is unreadable; or it is not UTF-8, not a file, or too large, in one line.
     """
-    # A pipe or a device has no end, and opening one may wait for ever.
+    # A pipe or a device has no end, and opening one may block.
     if path.exists() and not path.is_file() and not path.is_dir():
         raise ValueError("not a file")
     with path.open("rb") as file:
@@ -82,6 +81,6 @@ def read_text(path: Path) -> str:
 
 
 def printable(text: str, most: int = 300) -> str:
-    """Text of a file as it may stand in an error: without control characters, and not too long."""
+    """Return a text for an error message, without control characters and of limited length."""
     shown = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text[: 2 * most])
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."

@@ -1,6 +1,6 @@
-"""Reading files that may hold anything: how large they may be, and one error for all damage.
+"""Reading of untrusted files: limits on their size, and one error for all damage.
 
-Sizes are checked on what headers claim, before memory is taken for it.
+Declared sizes are checked before memory is allocated.
 """
 
 from __future__ import annotations
@@ -15,20 +15,21 @@ from iprt.errors import FormatError
 from iprt.files.toml_text import printable
 
 MAX_SIDE = 16384
-"""Pixels along a side of any picture."""
+"""Limit for the sides of a picture in pixels."""
 MAX_PIXELS = 2**27
-"""A picture has no more, nor have all textures of a mesh file together: a 16384 x 8192 panorama."""
+"""Limit for the pixels of a picture, and of all textures of a mesh file: a 16384 x 8192
+panorama."""
 MAX_BYTES = 2**31
-"""A file that is read whole has no more, nor has what is decoded from it."""
+"""Limit for the bytes of a file that is read whole, and of its decoded contents."""
 MAX_TRIANGLES = 2**24
-"""A mesh has no more: the renderer draws as many."""
+"""Limit for the triangles of a mesh, the same as the renderer's."""
 MAX_VERTICES = 3 * MAX_TRIANGLES
 MAX_OBJECTS = 1024
-"""A scene has no more: the renderer's tree over them has ten levels."""
+"""Limit for the objects of a scene: the renderer's tree over them has ten levels."""
 
 
 def require_picture_size(path: Path, width: int, height: int) -> None:
-    """Raise FormatError if a picture that claims this size is not read."""
+    """Raise FormatError if a picture of this size is not read."""
     if width < 1 or height < 1 or max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
         raise FormatError(
             f"{path}: claims {width} x {height} pixels; at most {MAX_SIDE} a side and "
@@ -37,7 +38,7 @@ def require_picture_size(path: Path, width: int, height: int) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """`Path.is_file`, also for names that no file can have and folders that may not be searched."""
+    """Return `Path.is_file`; False for impossible names and unsearchable folders."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -45,12 +46,12 @@ def is_file(path: Path) -> bool:
 
 
 def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
-    """All of a file that is not larger than `most` bytes.
+    """Read a whole file of at most `most` bytes.
 
     Raises
     ------
     FormatError
-        Larger, or not readable.
+        The file is larger, or unreadable.
     """
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -60,7 +61,7 @@ def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Open for reading.
+    """Open a file for reading.
 
     Raises
     ------
@@ -68,7 +69,7 @@ def open_file(path: Path) -> BinaryIO:
         There is no such file, or it cannot be read.
     """
     try:
-        # A pipe or a device has no end, and opening one may wait for ever.
+        # A pipe or a device has no end, and opening one may block.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise FormatError(f"{path}: not a file")
         return path.open("rb")
@@ -80,9 +81,9 @@ def open_file(path: Path) -> BinaryIO:
 
 @contextmanager
 def decoding(path: Path, complaint: str) -> Iterator[None]:
-    """Turn what a library's decoder raises, of whatever kind, into a FormatError about `path`.
+    """Convert any exception of a library's decoder into a FormatError about `path`.
 
-    Errors that are for the user already, and lack of memory, pass.
+    FormatError and MemoryError pass unchanged.
     """
     try:
         yield

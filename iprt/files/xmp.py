@@ -11,13 +11,13 @@ from PIL import Image
 from iprt.errors import FormatError
 
 _KEYS = ("xmp", "XML:com.adobe.xmp")
-"""Keys of Pillow's `Image.info`; the second is PNG's."""
+"""Keys of XMP in Pillow's `Image.info`; the second is for PNG."""
 _XMP_TAG = 700
-"""Tag of TIFF."""
+"""Tag number in TIFF."""
 
 
 def xmp_of(image: Image.Image) -> str:
-    """Return the XMP of an opened picture; empty if it has none before its pixels."""
+    """Return the XMP of an opened picture; empty if there is none before its pixels."""
     found = next((image.info[key] for key in _KEYS if key in image.info), "")
     if not found and image.format == "TIFF":
         found = image.getexif().get(_XMP_TAG, "")
@@ -36,7 +36,7 @@ def xmp_value(xmp: str, name: str) -> str | None:
 
 @dataclass(frozen=True)
 class Crop:
-    """Position of a picture in its panorama: edges as parts of width and height, 0 to 1.
+    """The position of a picture in its panorama: edges as fractions of width and height.
 
     Attributes
     ----------
@@ -52,9 +52,9 @@ class Crop:
 
 
 def gpano_crop(path: Path, xmp: str, width: int, height: int) -> Crop | None:
-    """Return the crop that GPano gives; None if it gives none, or the whole panorama.
+    """Return the crop that GPano describes; None without one, or for the whole panorama.
 
-    A picture scaled after GPano was written keeps its place. Its heading is not used.
+    A picture scaled after GPano was written keeps its place. The heading is ignored.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def gpano_crop(path: Path, xmp: str, width: int, height: int) -> Crop | None:
     Raises
     ------
     FormatError
-        The projection is another one, or the crop is not inside a panorama of 2:1.
+        The projection is not equirect, or the crop is not inside a panorama of 2:1.
     """
     projection = xmp_value(xmp, "GPano:ProjectionType")
     if projection and projection != "equirectangular":

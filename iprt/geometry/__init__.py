@@ -1,0 +1,1 @@
+"""Geometry: cameras, meshes, materials and animation."""

@@ -1,4 +1,4 @@
-"""Meshes of glTF files that an animation moves or bends."""
+"""Animated meshes of glTF files: rigid motion of nodes, and skinning."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from iprt.geometry.meshes import Part, joined, part_of, placed_geometries
 LOG = logging.getLogger("iprt.scene")
 
 FARTHEST_VERTEX = 1e18
-"""The limit of meshes at rest, too."""
+"""Limit of the vertices' coordinates, the same as for static meshes."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Vertices that move together.
+    """A range of vertices that moves together.
 
     Attributes
     ----------
     vertices : slice
-        Where they are among the mesh's.
+        Range of the vertices in the mesh.
     skin : Skin or None
-        None: they follow the node.
+        None if the vertices follow the node rigidly.
     """
 
     vertices: slice
@@ -46,18 +46,18 @@ class Piece:
 
 @dataclass(frozen=True)
 class AnimatedMesh:
-    """A mesh over time.
+    """A mesh that an animation moves or deforms.
 
     Attributes
     ----------
     path : Path
-        The file it was read from.
+        Source file.
     bound : Mesh
-        Vertices as the file has them, before nodes and joints place them.
+        Vertices as stored in the file, before nodes and joints place them (bind pose).
     flat : (K,) int64
-        Vertices whose normals are those of their faces, which the file has none for.
+        Vertices without a normal in the file; they take the normal of their face.
     faces : (K, 3) int64
-        The vertices of these faces.
+        Vertex indices of these faces.
     """
 
     path: Path
@@ -68,12 +68,12 @@ class AnimatedMesh:
     faces: NDArray[np.int64]
 
     def at(self, time_s: float) -> Mesh:
-        """The mesh at a time, counted anew after each round of the animation.
+        """Return the mesh at a time, in seconds; the animation loops.
 
         Raises
         ------
         FormatError
-            The animation takes vertices out of all bounds.
+            The animation moves a vertex beyond `FARTHEST_VERTEX`.
         """
         pose = self.clip.pose(time_s)
         positions = np.empty(self.bound.positions.shape, np.float64)
@@ -102,7 +102,7 @@ class AnimatedMesh:
     def _flat_normals(
         self, positions: NDArray[np.float64], moved: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(K, 3) of the faces as they are bent now, on the side of those that moved along."""
+        """Return the (K, 3) deformed face normals, on the side of the transformed normals."""
         along = moved[self.flat]
         now = face_normals(positions[self.faces])
         side = np.einsum("ki,ki->k", now, along)[:, None]
@@ -112,12 +112,19 @@ class AnimatedMesh:
 def load_animated_mesh(
     path: Path, choice: str | int, material: Material | None = None, within: Path | None = None
 ) -> AnimatedMesh:
-    """Load a glTF file with one of its animations, by name or number; else as `load_mesh`.
+    """Load a glTF file with one of its animations.
+
+    Parameters
+    ----------
+    path, material, within
+        See `load_mesh`.
+    choice : str or int
+        Name or index of the animation.
 
     Raises
     ------
     FormatError
-        As of `load_mesh`; no such animation, or one that is damaged.
+        As `load_mesh`, or if the animation is missing or damaged.
     """
     file = MeshFile(path, within)
     dropped = file.unread_parts(animated=True)
@@ -146,7 +153,7 @@ def load_animated_mesh(
     if mesh.triangles.shape[0] == 0:
         raise FormatError(f"{path}: holds no triangles")
     if any("morph" in phrase for phrase in mesh.dropped):
-        LOG.warning("%s: morph targets are not read; what they change stays as it is", path)
+        LOG.warning("%s: morph targets are not read and have no effect", path)
     vertices = np.concatenate(flat)
     return AnimatedMesh(
         path, replace(mesh, deforms=True), clip, tuple(pieces), vertices[:, 0], vertices[:, 1:]
@@ -160,7 +167,7 @@ def _flattened(part: Part) -> tuple[Part, NDArray[np.int64]]:
     -------
     Part
     lacking : (K, 4) int64
-        Each vertex without a normal of its own, and the three of its face.
+        Index of each vertex without a normal of its own, then the three vertices of its face.
     """
     flat = np.ones(len(part.triangles), np.bool_)
     given = have_normals(part.normals)

@@ -1,7 +1,7 @@
-"""Things that move: values between key times, nodes below nodes, meshes that bend with them.
+"""Animation: keyframe tracks, node hierarchies and skins.
 
-Quaternions are (x, y, z, w), of unit length. glTF is the glTF 2.0 specification (Khronos Group):
-Appendix C says how to interpolate, section 3.7.3 how skins bend.
+Quaternions are (x, y, z, w) and of unit length. References are to the glTF 2.0 specification
+(Khronos Group): Appendix C defines interpolation, section 3.7.3 defines skins.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Track:
-    """A quantity over time. Before its first key and after its last it stays as it is there.
+    """A keyframed quantity, constant before its first key and after its last.
 
     Attributes
     ----------
     times : (K,) float64
         Seconds, strictly ascending; at least one.
     values : (K, C) float64, or (K, 3, C)
-        At these times; the latter are cubic splines: tangent before, value, tangent after.
+        Values at `times`. (K, 3, C) holds cubic splines: in-tangent, value, out-tangent.
     held : (K,) bool
-        The value stays until the next key.
+        True where the value is held until the next key (step interpolation).
     rotation : bool
-        Values are quaternions; between two of them lies a turn of constant speed, the short way.
+        Values are quaternions, interpolated by slerp along the shorter arc.
     """
 
     times: Float
@@ -41,7 +41,7 @@ class Track:
     rotation: bool = False
 
     def at(self, time_s: float) -> Float:
-        """(C,) the value at a time; at the time of a key it is the key's."""
+        """Return the (C,) value at a time in seconds; at a key it is exactly the key's value."""
         key = int(np.searchsorted(self.times, time_s, side="right")) - 1
         last = len(self.times) - 1
         if key < 0 or key == last or self.held[key] or time_s == self.times[key]:
@@ -61,7 +61,7 @@ class Track:
         return np.asarray(self.values[key] if self.values.ndim == 2 else self.values[key, 1])
 
     def _spline(self, key: int, s: float, duration: float) -> Float:
-        """glTF, Appendix C.5."""
+        """Interpolate between two keys by a cubic Hermite spline (glTF 2.0, Appendix C.5)."""
         (_, start, leaving), (arriving, end, _) = self.values[key], self.values[key + 1]
         value: Float = (
             (2 * s**3 - 3 * s**2 + 1) * start
@@ -76,7 +76,7 @@ class Track:
 
 
 def transform(translation: Sequence[float] | Float, rotation: Float, scale: Float) -> Float:
-    """(4, 4) matrix that scales (3,), then turns (4,), then moves (3,)."""
+    """Return the (4, 4) matrix that scales by (3,), rotates by (4,), then translates by (3,)."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix() * scale
     matrix[:3, 3] = translation
@@ -85,17 +85,17 @@ def transform(translation: Sequence[float] | Float, rotation: Float, scale: Floa
 
 @dataclass(frozen=True)
 class Node:
-    """A coordinate frame in another.
+    """A coordinate frame relative to its parent.
 
     Attributes
     ----------
     parent : int
-        Index of the node that it lies in; -1: none.
+        Index of the parent node, or -1 for a root.
     translation : (3,) float64
     rotation : (4,) float64
     scale : (3,) float64
     matrix : (4, 4) float64 or None
-        In place of the three.
+        Replaces translation, rotation and scale.
     """
 
     parent: int
@@ -105,7 +105,10 @@ class Node:
     matrix: Float | None = None
 
     def local(self, tracks: Mapping[str, Track], time_s: float) -> Float:
-        """(4, 4) to the parent's frame; `tracks` are of translation, rotation and scale."""
+        """Return the (4, 4) transform to the parent's frame.
+
+        `tracks` may hold a track each for "translation", "rotation" and "scale".
+        """
         if self.matrix is not None and not tracks:
             return self.matrix
         parts = (
@@ -117,21 +120,21 @@ class Node:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Nodes below nodes that move.
+    """A hierarchy of animated nodes.
 
     Attributes
     ----------
     nodes : dict of int to Node
-        Parents come before their children.
+        By index, parents before their children.
     tracks : dict of int to (dict of str to Track)
-        By node, then "translation", "rotation" or "scale".
+        By node index, then by "translation", "rotation" or "scale".
     """
 
     nodes: Mapping[int, Node]
     tracks: Mapping[int, Mapping[str, Track]]
 
     def pose(self, time_s: float) -> dict[int, Float]:
-        """(4, 4) by node: from its frame to that of the roots."""
+        """Return the (4, 4) transform from each node's frame to the frame of the roots."""
         placed: dict[int, Float] = {}
         for index, node in self.nodes.items():
             local = node.local(self.tracks.get(index, {}), time_s)
@@ -141,18 +144,18 @@ class Skeleton:
 
 @dataclass(frozen=True)
 class Skin:
-    """Vertices that follow several nodes.
+    """Vertices that follow several nodes (linear blend skinning).
 
     Attributes
     ----------
     nodes : (J,) int64
-        The joints.
+        Node indices of the joints.
     inverse_bind : (J, 4, 4) float64
-        From the mesh's space to that of each joint, as they were when it was bound.
+        Transforms from mesh space to each joint's space in the bind pose.
     joints : (V, I) int64
-        Into `nodes`: which each vertex follows.
+        Indices into `nodes` of the joints of each vertex.
     weights : (V, I) float64
-        And how much; rows add up to 1.
+        Weights of these joints; rows sum to 1.
     """
 
     nodes: NDArray[np.int64]
@@ -161,7 +164,7 @@ class Skin:
     weights: Float
 
     def matrices(self, pose: Mapping[int, Float]) -> Float:
-        """(V, 3, 4) from the mesh's space to that of the roots: linear blend skinning."""
+        """Return the (V, 3, 4) transforms from mesh space to the frame of the roots."""
         bones = np.stack([pose[int(node)] for node in self.nodes]) @ self.inverse_bind
         blended = np.zeros((len(self.joints), 3, 4))
         for joint, weight in zip(self.joints.T, self.weights.T, strict=True):
@@ -172,18 +175,19 @@ class Skin:
 def moved(
     positions: NDArray[np.floating], normals: NDArray[np.floating], matrices: Float
 ) -> tuple[Float, Float]:
-    """Vertices after affine maps.
+    """Transform vertices by affine maps.
 
     Parameters
     ----------
     positions, normals : (V, 3)
     matrices : (V, 3, 4) or (1, 3, 4) float64
-        One for each vertex, or for all.
+        One map for each vertex, or one for all.
 
     Returns
     -------
     (V, 3), (V, 3) float64
-        Normals, by the inverse transpose, are of unit length; as they were where a map leaves none.
+        Positions and unit normals. Normals go by the inverse transpose, and stay unchanged where a
+        singular map leaves them no length.
     """
     linear, offset = matrices[:, :, :3], matrices[:, :, 3]
     points = np.einsum("vij,vj->vi", _for_each(linear, positions), positions) + offset

@@ -1,4 +1,4 @@
-"""Views and the two projections, both centred on the 360° capture centre.
+"""Views and their two projections, both centred on the 360° capture centre.
 
 World: right-handed, +Y up, metres, origin at the capture centre. View space: +X right, +Y up,
 -Z forward. Pixel centres are at integer + 0.5; row 0 is the top.
@@ -19,16 +19,16 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """One picture to render: where the camera at the capture centre looks, and how large.
+    """Size, direction and projection of a picture to render from the capture centre.
 
     Attributes
     ----------
     width, height : int
         Pixels.
     yaw_deg : float
-        Turns right, towards +X.
+        Rotation to the right, towards +X.
     pitch_deg : float
-        Turns up.
+        Rotation upwards.
     fov_y_deg : float
         Vertical field of view; unused by the equirect projection.
     projection : {"perspective", "equirect"}
@@ -43,12 +43,13 @@ class View:
     projection: Projection = "perspective"
 
     def resized(self, width: int, height: int) -> View:
+        """Return this view at another size in pixels."""
         return replace(self, width=width, height=height)
 
     def reduced(self, scale: int) -> View:
-        """The same picture with a pixel for every `scale` x `scale` pixels, the last ones in part.
+        """Return this view with one pixel for every `scale` x `scale` pixels, rounded up.
 
-        Perspective views of a size that `scale` does not divide show a little more at all sides.
+        If `scale` does not divide the size, a perspective view grows a little on all sides.
         """
         width, height = -(-self.width // scale), -(-self.height // scale)
         half = 0.5 * height * scale / self.focal_px
@@ -57,7 +58,7 @@ class View:
 
     @cached_property
     def world_from_view(self) -> Float:
-        """(3, 3) rotation that takes view-space to world-space directions; not to be changed."""
+        """(3, 3) rotation from view-space to world-space directions; do not modify it."""
         yaw, pitch = np.deg2rad(self.yaw_deg), np.deg2rad(self.pitch_deg)
         cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
         turn = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
@@ -66,16 +67,16 @@ class View:
 
     @property
     def focal_px(self) -> float:
-        """Distance of the image plane in pixels (perspective)."""
+        """Focal length in pixels (perspective projection)."""
         return 0.5 * self.height / float(np.tan(0.5 * np.deg2rad(self.fov_y_deg)))
 
     def directions(self) -> Float:
-        """(height, width, 3) unit world directions through the pixel centres."""
+        """Return the (height, width, 3) unit world directions through the pixel centres."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return self.unproject(np.stack([x, y], axis=-1))
 
     def unproject(self, pixels: Float) -> Float:
-        """Unit world directions (..., 3) through image points (..., 2), in pixels."""
+        """Return the unit world directions (..., 3) through image points (..., 2), in pixels."""
         if self.projection == "equirect":
             local = equirect_direction(pixels, self.width, self.height)
         else:
@@ -91,7 +92,7 @@ class View:
         return local @ self.world_from_view.T
 
     def project(self, points: Float) -> Float:
-        """Image points (..., 2), in pixels, of world points (..., 3); NaN behind the camera."""
+        """Return the image points (..., 2), in pixels, of world points; NaN behind the camera."""
         local = points @ self.world_from_view
         if self.projection == "equirect":
             return equirect_pixel(local, self.width, self.height)
@@ -105,8 +106,9 @@ class View:
         )
 
     def kernel_constants(self) -> NDArray[np.float32]:
-        """(16,) float32 for `cl/lib/gbuffer/view.h`: rotation rows, focal length, centre, size,
-        and whether the projection is equirect.
+        """Return the (16,) float32 constants of `cl/lib/gbuffer/view.h`.
+
+        They are the rows of the rotation, focal length, centre, size and an equirect flag.
         """
         size = (self.width, self.height)
         centre = (0.5 * self.width, 0.5 * self.height)
@@ -116,7 +118,7 @@ class View:
 
 
 def equirect_direction(pixels: Float, width: int, height: int) -> Float:
-    """Unit directions (..., 3) of equirect image points (..., 2), in pixels."""
+    """Return the unit directions (..., 3) of equirect image points (..., 2), in pixels."""
     phi = (pixels[..., 0] / width - 0.5) * 2.0 * np.pi
     theta = pixels[..., 1] / height * np.pi
     return np.stack(
@@ -125,7 +127,7 @@ def equirect_direction(pixels: Float, width: int, height: int) -> Float:
 
 
 def equirect_pixel(directions: Float, width: int, height: int) -> Float:
-    """Equirect image points (..., 2), in pixels, x in [0, width), of directions (..., 3)."""
+    """Return the equirect image points (..., 2), in pixels with x in [0, width), of directions."""
     x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
     phi = np.arctan2(x, -z)
     theta = np.arctan2(np.hypot(x, z), y)
@@ -136,6 +138,6 @@ def equirect_pixel(directions: Float, width: int, height: int) -> Float:
 def equirect_texel(
     directions: Float, width: int, height: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Row and column of the equirect texels that directions (..., 3) meet."""
+    """Return the rows and columns of the equirect texels that directions (..., 3) fall into."""
     column, row = np.moveaxis(equirect_pixel(directions, width, height).astype(np.intp), -1, 0)
     return np.minimum(row, height - 1), np.minimum(column, width - 1)

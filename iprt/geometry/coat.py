@@ -1,8 +1,8 @@
-"""How much light crosses a rough dielectric coat, averaged over its visible normals.
+"""Transmittance of a rough dielectric coat, averaged over its visible normals.
 
-Mitsuba 3's `roughplastic` scales its diffuse base with these averages; so do we, because the
-values for a smooth coat differ: at alpha = 0.1, ior = 1.5 they make the base 11% brighter at normal
-view and 30% darker at a cosine of 0.1.
+Mitsuba 3's `roughplastic` scales its diffuse base with these averages, and this module follows it.
+The values for a smooth coat differ: at alpha = 0.1, ior = 1.5 they make the base 11% brighter at
+normal incidence and 30% darker at a cosine of 0.1.
 """
 
 from __future__ import annotations
@@ -17,18 +17,19 @@ Array = NDArray[np.float64]
 _OUTSIDE_NODES = 64
 """Quadrature nodes per axis for light from outside, where the integrand is smooth."""
 _INSIDE_NODES = 128
-"""The same from inside, where total reflection makes it kink."""
+"""Quadrature nodes per axis for light from inside; total reflection puts a kink in the
+integrand."""
 
 
 def fresnel_dielectric(cosine: Array, eta: float) -> Array:
-    """Unpolarized reflectance of a smooth boundary.
+    """Return the unpolarized Fresnel reflectance of a smooth boundary.
 
     Parameters
     ----------
     cosine : (...) float64
         Cosine of the angle of incidence, in [0, 1].
     eta : float
-        Index of refraction beyond the boundary over that before it.
+        Index of refraction beyond the boundary over the index before it.
     """
     c = np.maximum(cosine, 1e-12)
     g = np.sqrt(np.maximum(eta**2 - 1 + c**2, 0))
@@ -38,7 +39,7 @@ def fresnel_dielectric(cosine: Array, eta: float) -> Array:
 
 
 def rough_transmittance(cosine: Array, alpha: float, ior: float) -> Array:
-    """Share of the light arriving from outside at `cosine` that crosses the coat.
+    """Return the fraction of light arriving from outside at `cosine` that crosses the coat.
 
     Parameters
     ----------
@@ -68,13 +69,13 @@ def rough_transmittance(cosine: Array, alpha: float, ior: float) -> Array:
 
 @lru_cache(maxsize=256)
 def internal_reflectance(alpha: float, ior: float) -> float:
-    """Share of diffuse light from the base that the coat reflects back down.
+    """Return the fraction of diffuse light from the base that the coat reflects back down.
 
-    For a rough coat this is the mean over 64 equidistant cosines that Mitsuba 3 takes, not the
-    integral, which is 1.5% higher at alpha = 0.1: the base would be 2% brighter than the truth.
+    For a rough coat this is the mean over 64 equidistant cosines, as in Mitsuba 3. The integral is
+    1.5% higher at alpha = 0.1 and would make the base 2% brighter than the reference.
     """
     if alpha == 0:
-        # What leaves is what enters, over ior² (reciprocity), integrated over the hemisphere.
+        # By reciprocity, the leaving light is the entering light over ior², over the hemisphere.
         nodes, weights = _unit_quadrature(256)
         entering = np.sum(2 * nodes * weights * (1 - fresnel_dielectric(nodes, ior)))
         return float(1 - entering / ior**2)
@@ -93,7 +94,7 @@ def _unit_quadrature(count: int) -> tuple[Array, Array]:
 
 
 def _masking(z: Array, alpha: float) -> Array:
-    """Smith's G1 of GGX for unit directions whose cosine is `z`."""
+    """Return Smith's G1 of GGX for unit directions with cosine `z`."""
     tan2 = (1 - z**2) / np.maximum(z**2, 1e-24)
     return 2 / (1 + np.sqrt(1 + alpha**2 * np.maximum(tan2, 0)))
 
@@ -101,10 +102,10 @@ def _masking(z: Array, alpha: float) -> Array:
 def _mean_over_normals(
     cosine: Array, alpha: float, count: int, function: Callable[[Array, Array, Array], Array]
 ) -> Array:
-    """Mean of function(o, m, o·m) over the GGX normals m visible from o, for each cosine of o.
+    """Average function(o, m, o·m) over the GGX normals m visible from o, for each cosine of o.
 
-    Normals by spherical caps (Dupuy and Benyoub, HPG 2023); the azimuth of o does not matter, and
-    the integrand is even in the cap's azimuth.
+    Normals are sampled by spherical caps (Dupuy and Benyoub, HPG 2023). The azimuth of o does not
+    matter, and the integrand is even in the cap's azimuth.
     """
     nodes, weights = _unit_quadrature(count)
     phi = (np.pi * nodes)[None, :]

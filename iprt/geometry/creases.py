@@ -1,8 +1,8 @@
 """Normals for meshes whose files have none: flat, or smooth up to a crease angle.
 
-glTF wants flat ones (Khronos glTF 2.0, section 3.7.2.1). For the other formats, edges at which
-faces meet at less than `CREASE_DEG` are smooth, and all others sharp: spheres look round, boxes do
-not.
+glTF requires flat normals (Khronos glTF 2.0, section 3.7.2.1). For the other formats, an edge is
+smooth if its faces meet at less than `CREASE_DEG`, and sharp otherwise. Spheres then look round,
+and boxes do not.
 """
 
 from __future__ import annotations
@@ -16,41 +16,41 @@ Float = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CREASE_DEG = 40.0
-"""Angle between the normals of two faces from which their common edge is sharp. A cylinder of ten
-sides is still round; a chamfer of 45 degrees keeps its edges."""
+"""Angle between two face normals from which their common edge is sharp. A cylinder of ten sides is
+still round; a chamfer of 45 degrees keeps its edges."""
 _SIDES = 3
-"""Faces beyond a face that share one of its edges and are compared with it; a closed surface has
-one, one that is there twice has three."""
+"""Number of other faces at an edge that a face is compared with. A closed surface has one, a
+doubled surface three."""
 
 
 def with_normals(
     positions: Float, normals: Float, triangles: Ints, flat: NDArray[np.bool_]
 ) -> tuple[Ints, Float, Ints]:
-    """Vertices with a normal each, where some have none.
+    """Return vertices that all have a normal, adding normals where there are none.
 
-    A vertex without one is divided into as many as it needs. Smooth normals are the means of the
-    faces around a position, weighted by their angles there (Thürmer and Wüthrich, "Computing
-    Vertex Normals from Polygonal Facets", 1998), up to the next sharp edges.
+    A vertex without a normal is split into as many as it needs. Smooth normals are means of the
+    faces around a position up to the next sharp edges, weighted by the faces' angles there (Thürmer
+    and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998).
 
     Parameters
     ----------
     positions : (V, 3) float64
         Finite. Vertices at the same position belong together.
     normals : (V, 3) float64
-        Vectors of any length; NaN or no length: there is none.
+        Vectors of any length. NaN or zero length means no normal.
     triangles : (F, 3) int64
-        None of them degenerate.
+        Not degenerate.
     flat : (F,) bool
-        All edges of these are sharp.
+        Faces with sharp edges only.
 
     Returns
     -------
     source : (W,) int64
-        The vertex that each vertex comes from; (V,), in order, if all have normals.
+        Original vertex of each vertex; 0 to V - 1 in order if all have normals.
     normals : (W, 3) float64
         Unit vectors.
     triangles : (F, 3) int64
-        Numbers of these vertices.
+        Indices of the new vertices.
     """
     usable = have_normals(normals)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -70,7 +70,7 @@ def with_normals(
 
 
 def have_normals(normals: Float) -> NDArray[np.bool_]:
-    """(V,) whether these (V, 3) are finite and have a length."""
+    """Return (V,) flags: the normals (V, 3) are finite and have a length."""
     with np.errstate(invalid="ignore", over="ignore"):
         length = np.linalg.norm(normals, axis=1)
         usable: NDArray[np.bool_] = np.isfinite(length) & (length > 1e-12)
@@ -78,7 +78,7 @@ def have_normals(normals: Float) -> NDArray[np.bool_]:
 
 
 def face_normals(corners: Float) -> Float:
-    """(F, 3) unit normals of triangles (F, 3, 3), counter-clockwise; 0 of degenerate ones."""
+    """Return the (F, 3) unit normals of counter-clockwise triangles (F, 3, 3); 0 if degenerate."""
     normals: Float = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     np.divide(normals, length, out=normals, where=length > 0.0)
@@ -86,8 +86,14 @@ def face_normals(corners: Float) -> Float:
 
 
 def _groups(positions: Float, triangles: Ints, flat: NDArray[np.bool_]) -> tuple[Ints, Float]:
-    """The number of the smooth group that each corner (3 F,) belongs to, from 1 on, and the unit
-    normals by this number; the one of 0 means nothing.
+    """Group the corners that share a smooth normal.
+
+    Returns
+    -------
+    group : (3 F,) int64
+        Group of each corner, counted from 1.
+    normals : (G, 3) float64
+        Unit normals by group; entry 0 is unused.
     """
     corners = positions[triangles]
     face = face_normals(corners)
@@ -100,13 +106,13 @@ def _groups(positions: Float, triangles: Ints, flat: NDArray[np.bool_]) -> tuple
         [np.bincount(group, (angle * face[:, axis, None]).ravel()) for axis in range(3)], axis=1
     )
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    (lost,) = np.nonzero(length[group, 0] < 1e-12)  # faces all around that cancel each other out
+    (lost,) = np.nonzero(length[group, 0] < 1e-12)  # surrounding faces cancel out
     total[group[lost]], length[group[lost]] = face[lost // 3], 1.0
     return group, np.divide(total, length, out=np.zeros_like(total), where=length > 0.0)
 
 
 def same_position(positions: Float) -> Ints:
-    """(V,) numbers, equal for vertices that share a position."""
+    """Return (V,) numbers that are equal for vertices at the same position."""
     order = np.lexsort(positions.T)
     changes = (positions[order[1:]] != positions[order[:-1]]).any(axis=1)
     numbers = np.empty(len(positions), np.int64)
@@ -115,7 +121,7 @@ def same_position(positions: Float) -> Ints:
 
 
 def _joined_corners(points: Ints, face: Float, flat: NDArray[np.bool_]) -> Ints:
-    """(3 F,) numbers of corners, equal where smooth edges lead from one to the other.
+    """Return (3 F,) numbers that are equal for corners connected through smooth edges.
 
     Parameters
     ----------
@@ -124,6 +130,7 @@ def _joined_corners(points: Ints, face: Float, flat: NDArray[np.bool_]) -> Ints:
     face : (F, 3) float64
         Unit normals.
     flat : (F,) bool
+        Faces with sharp edges only.
     """
     count = points.size
     start, end = points.ravel(), np.roll(points, -1, axis=1).ravel()

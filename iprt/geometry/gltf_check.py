@@ -1,263 +1,35 @@
-"""Checks of a glTF document before anything is read by it.
+"""Checks of a glTF document before its data is read.
 
 Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
-(materials). Only what is read is checked.
+(materials). Parts that are not read are not checked.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sized
-from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from pydantic.alias_generators import to_camel
 
 from iprt.files.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
+from iprt.geometry.gltf_document import (
+    MAX_NODES,
+    TRIANGLE_STRIP,
+    TRIANGLES,
+    Accessor,
+    Gltf,
+    GltfMesh,
+    Primitive,
+)
 
-MAX_PARTS = 2**17
-"""A document has no more accessors, views or buffers."""
-MAX_NODES = 2**14
-"""A document has no more nodes or primitives; trimesh takes a millisecond for each."""
 MAX_DEPTH = 256
-"""Nodes are nested no deeper; each is moved by all above it."""
-
-_FLOAT32 = 5126
-_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_TRIANGLES, _STRIP = 4, 5
+"""Limit for the nesting of nodes; each is transformed by all its ancestors."""
 READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
-"""Attributes of vertices that trimesh reads itself, and their types."""
+"""Vertex attributes that trimesh reads itself, with their types."""
 _INDEX_TYPES = (5121, 5123, 5125)
-
-Index = Annotated[int, Field(ge=0)]
-Bytes = Annotated[int, Field(ge=0, le=MAX_BYTES)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
-Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Quadruple = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
-
-
-class Part(BaseModel):
-    """A part of a document, which may have keys that are not read."""
-
-    model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
-
-
-Model = TypeVar("Model", bound=Part)
-
-
-class Buffer(Part):
-    uri: str | None = None
-    byte_length: Bytes
-
-
-class BufferView(Part):
-    buffer: Index
-    byte_offset: Bytes = 0
-    byte_length: Bytes
-    byte_stride: Annotated[int, Field(ge=4, le=252)] | None = None
-
-
-class Accessor(Part):
-    buffer_view: Index | None = None
-    byte_offset: Bytes = 0
-    component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
-    count: Annotated[int, Field(ge=0, le=MAX_VERTICES)]
-    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
-    sparse: Any = None
-    normalized: bool = False
-
-    @property
-    def is_integer(self) -> bool:
-        return self.component_type != _FLOAT32
-
-    @property
-    def item_bytes(self) -> int:
-        return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
-
-
-class Image(Part):
-    uri: str | None = None
-    buffer_view: Index | None = None
-
-
-class Sampler(Part):
-    wrap_s: int = 10497
-    wrap_t: int = 10497
-
-
-class TextureSource(Part):
-    source: Index | None = None
-
-
-class TextureExtensions(Part):
-    webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
-    basisu: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
-
-
-class Texture(Part):
-    source: Index | None = None
-    sampler: Index | None = None
-    extensions: TextureExtensions = Field(default=TextureExtensions())
-
-    @property
-    def image(self) -> int | None:
-        """Number of the image that is read: WebP, which Pillow reads, or the one of the core."""
-        webp = self.extensions.webp
-        return self.source if webp is None or webp.source is None else webp.source
-
-
-class TextureTransform(Part):
-    offset: list[Number] = Field(default=[0.0, 0.0])
-    rotation: Number = 0.0
-    scale: list[Number] = Field(default=[1.0, 1.0])
-    tex_coord: Index | None = None
-
-    @property
-    def changes(self) -> bool:
-        """True unless the transform is the identity."""
-        return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
-
-
-class ReferenceExtensions(Part):
-    transform: TextureTransform | None = Field(default=None, alias="KHR_texture_transform")
-
-
-class TextureReference(Part):
-    index: Index
-    tex_coord: Index = 0
-    extensions: ReferenceExtensions = Field(default=ReferenceExtensions())
-
-    @property
-    def coordinates(self) -> int:
-        """Number of the set of texture coordinates that it asks for."""
-        transform = self.extensions.transform
-        given = None if transform is None else transform.tex_coord
-        return self.tex_coord if given is None else given
-
-    @property
-    def moved(self) -> bool:
-        """True where KHR_texture_transform changes texture coordinates."""
-        return self.extensions.transform is not None and self.extensions.transform.changes
-
-
-class PbrMetallicRoughness(Part):
-    base_color_factor: Quadruple | None = None
-    metallic_factor: Number = 1.0
-    roughness_factor: Number = 1.0
-    base_color_texture: TextureReference | None = None
-
-
-class SpecularGlossiness(Part):
-    diffuse_texture: TextureReference | None = None
-
-
-class MaterialExtensions(Part):
-    glossy: SpecularGlossiness | None = Field(
-        default=None, alias="KHR_materials_pbrSpecularGlossiness"
-    )
-
-
-class GltfMaterial(Part):
-    name: str | None = None
-    alpha_mode: str = "OPAQUE"
-    emissive_factor: Triple | None = None
-    pbr_metallic_roughness: PbrMetallicRoughness | None = None
-    extensions: MaterialExtensions = Field(default=MaterialExtensions())
-
-    def color_textures(self) -> list[TextureReference]:
-        """Return the textures that it takes its colour from."""
-        pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
-        given = [
-            None if pbr is None else pbr.base_color_texture,
-            None if glossy is None else glossy.diffuse_texture,
-        ]
-        return [texture for texture in given if texture is not None]
-
-
-class PrimitiveExtensions(Part):
-    draco: Any = Field(default=None, alias="KHR_draco_mesh_compression")
-
-
-class Primitive(Part):
-    attributes: dict[str, Index]
-    extensions: PrimitiveExtensions = Field(default=PrimitiveExtensions())
-    indices: Index | None = None
-    material: Index | None = None
-    mode: Annotated[int, Field(ge=0, le=6)] = _TRIANGLES
-    targets: list[Any] = Field(default=[])
-
-
-class GltfMesh(Part):
-    name: str | None = None
-    primitives: Annotated[list[Primitive], Field(min_length=1)]
-
-
-class Node(Part):
-    name: str | None = None
-    children: list[Index] = Field(default=[])
-    mesh: Index | None = None
-    skin: Index | None = None
-    matrix: Matrix | None = None
-    translation: Triple | None = None
-    rotation: Quadruple | None = None
-    scale: Triple | None = None
-
-
-class GltfScene(Part):
-    nodes: list[Index] = Field(default=[])
-
-
-class Gltf(Part):
-    """The parts of a document that are read."""
-
-    scene: Index = 0
-    scenes: list[GltfScene] = Field(default=[])
-    nodes: Annotated[list[Node], Field(max_length=MAX_NODES)] = Field(default=[])
-    meshes: Annotated[list[GltfMesh], Field(max_length=MAX_NODES)] = Field(default=[])
-    materials: Annotated[list[GltfMaterial], Field(max_length=MAX_NODES)] = Field(default=[])
-    textures: list[Texture] = Field(default=[])
-    samplers: list[Sampler] = Field(default=[])
-    images: Annotated[list[Image], Field(max_length=MAX_PARTS)] = Field(default=[])
-    accessors: Annotated[list[Accessor], Field(max_length=MAX_PARTS)] = Field(default=[])
-    buffer_views: Annotated[list[BufferView], Field(max_length=MAX_PARTS)] = Field(default=[])
-    buffers: Annotated[list[Buffer], Field(max_length=MAX_PARTS)] = Field(default=[])
-    animations: list[Any] = Field(default=[])
-    skins: list[Any] = Field(default=[])
-    cameras: list[Any] = Field(default=[])
-    extensions_used: list[str] = Field(default=[])
-    extensions_required: list[str] = Field(default=[])
-
-    def uris(self) -> list[str]:
-        """Addresses of buffers and images outside the binary chunk."""
-        named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
-        return [uri for uri in named if uri is not None]
-
-    def color_images(self) -> list[int]:
-        """Images that materials take their base colour from."""
-        images = [self.textures[texture.index].image for texture in self.color_textures()]
-        return list(dict.fromkeys(image for image in images if image is not None))
-
-    def color_textures(self) -> list[TextureReference]:
-        """Return the textures that materials take their colours from."""
-        return [texture for material in self.materials for texture in material.color_textures()]
-
-
-def parsed_gltf(document: Any) -> Gltf:
-    """Return a document whose parts have the right shapes; `check_gltf` tells whether they fit.
-
-    Raises
-    ------
-    ValueError
-        The first fault, in one line.
-    """
-    return parsed_part(Gltf, document, "")
 
 
 def check_gltf(gltf: Gltf) -> None:
-    """Raise ValueError, in one line, where parts of a document do not fit each other."""
+    """Raise a one-line ValueError where parts of a document are inconsistent."""
     _check_data(gltf)
     for number, mesh in enumerate(gltf.meshes):
         for primitive in mesh.primitives:
@@ -272,7 +44,7 @@ def check_gltf(gltf: Gltf) -> None:
 
 
 def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> Accessor:
-    """An accessor that is of one of these types and can be read; else ValueError in one line."""
+    """Return a readable accessor of one of these types, or raise a one-line ValueError."""
     _require("accessor", index, gltf.accessors, where)
     accessor = gltf.accessors[index]
     if accessor.buffer_view is None or accessor.sparse is not None:
@@ -282,29 +54,14 @@ def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> A
     return accessor
 
 
-def parsed_part(model: type[Model], value: Any, where: str) -> Model:
-    """Return a part of a document as a model; ValueError names the first fault in one line."""
-    try:
-        return model.model_validate(value)
-    except ValidationError as error:
-        raise ValueError(_first_fault(error, where)) from None
-
-
-def _first_fault(error: ValidationError, where: str = "") -> str:
-    """One line for the first thing wrong with a part of a document, by its key below `where`."""
-    fault = error.errors(include_url=False, include_input=False)[0]
-    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
-    return f"{(where + key).lstrip('.') or 'document'}: {fault['msg']}"
-
-
 def _require(kind: str, index: int | None, known: Sized, where: str) -> None:
-    """Raise ValueError where a part refers to another one that does not exist."""
+    """Raise ValueError where a part refers to a missing part."""
     if index is not None and index >= len(known):
         raise ValueError(f"{where}: there is no {kind} {index}")
 
 
 def _check_data(gltf: Gltf) -> None:
-    """Buffers, views and accessors must lie in each other, and not add up to too much."""
+    """Check that buffers, views and accessors lie within each other and within the size limit."""
     total = sum(buffer.byte_length for buffer in gltf.buffers)
     for number, view in enumerate(gltf.buffer_views):
         _require("buffer", view.buffer, gltf.buffers, f"bufferViews[{number}]")
@@ -328,6 +85,7 @@ def _check_data(gltf: Gltf) -> None:
 
 
 def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
+    """Check the attributes, indices and material of a primitive."""
     if "POSITION" not in primitive.attributes:
         raise ValueError(f"{where}: a primitive without POSITION")
     for name, kind in READ_ATTRIBUTES.items():
@@ -341,7 +99,7 @@ def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
 
 
 def _check_nodes(gltf: Gltf) -> None:
-    """Nodes must form trees, and not repeat meshes too often."""
+    """Check that nodes form trees and that the meshes they repeat stay within the limits."""
     if gltf.scenes and gltf.scene >= len(gltf.scenes):
         raise ValueError(f"there is no scene {gltf.scene}")
     children: set[int] = set()
@@ -364,7 +122,7 @@ def _check_nodes(gltf: Gltf) -> None:
         if depth > MAX_DEPTH:
             raise ValueError(f"more than {MAX_DEPTH} levels of nodes")
         level = [child for node in nodes for child in node.children]
-    # All meshes are read, whether nodes show them or not.
+    # trimesh reads all meshes, with or without a node.
     for primitives, vertices, triangles in (shown, sizes.sum(axis=0)):
         if primitives > MAX_NODES:
             raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
@@ -376,12 +134,12 @@ def _check_nodes(gltf: Gltf) -> None:
 
 
 def _size(gltf: Gltf, mesh: GltfMesh) -> tuple[int, int, int]:
-    """Primitives, vertices and triangles of a mesh."""
+    """Return the numbers of primitives, vertices and triangles of a mesh."""
     vertices = triangles = 0
     for primitive in mesh.primitives:
         count = gltf.accessors[primitive.attributes["POSITION"]].count
         vertices += count
         index = primitive.indices
         corners = count if index is None else gltf.accessors[index].count
-        triangles += {_TRIANGLES: corners // 3, _STRIP: corners}.get(primitive.mode, 0)
+        triangles += {TRIANGLES: corners // 3, TRIANGLE_STRIP: corners}.get(primitive.mode, 0)
     return len(mesh.primitives), vertices, triangles

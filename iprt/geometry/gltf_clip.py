@@ -1,8 +1,7 @@
-"""An animation of a glTF file, checked and read: how its nodes move, and what its skins follow.
+"""An animation of a glTF file, checked and read: node tracks and the joints of skins.
 
-Specification: Khronos glTF 2.0, section 3.11 (animations).
-pydantic checks the document's shape; only the animation asked for, and the skins that it bends, are
-looked at.
+Specification: Khronos glTF 2.0, section 3.11 (animations). pydantic checks the document's shape.
+Only the chosen animation and the skins that it deforms are read.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from pydantic import Field
 from iprt.errors import FormatError
 from iprt.files.toml_text import printable
 from iprt.geometry.animation import Float, Skeleton, Track
-from iprt.geometry.gltf_check import MAX_PARTS, Gltf, Index, Part, parsed_part
+from iprt.geometry.gltf_document import MAX_PARTS, Gltf, Index, Part, parsed_part
 from iprt.geometry.gltf_skin import Bones, read_bones, scene_nodes, unit_quaternions
 from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_files import MeshFile
 
 MAX_NAMES = 20
-"""An error lists no more animations."""
+"""Limit of the animations that an error message lists."""
 _TYPES = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
 
 
@@ -55,11 +54,11 @@ class Clip:
     Attributes
     ----------
     duration : float
-        Seconds from 0 to the last key; then it starts anew.
+        Seconds from 0 to the last key, after which the animation loops.
     skeleton : Skeleton
-        All nodes of the file's scene.
+        All nodes of the scene.
     bones : dict of int to Bones
-        By number of the skin.
+        By index of the skin.
     """
 
     name: str
@@ -68,19 +67,19 @@ class Clip:
     bones: dict[int, Bones]
 
     def pose(self, time_s: float) -> dict[int, Float]:
-        """(4, 4) by node, to the file's world."""
+        """Return each node's (4, 4) transform to world space at a time in seconds."""
         return self.skeleton.pose(time_s % self.duration if self.duration > 0.0 else 0.0)
 
 
 def read_clip(file: MeshFile, choice: str | int, dropped: list[str]) -> Clip:
-    """Read an animation by its name or number; what of it is not read is appended to `dropped`.
+    """Read an animation by name or index, and append its unread parts to `dropped`.
 
     Raises
     ------
     FormatError
         The file has no such animation.
     ValueError
-        What it has is not one; in one line.
+        The animation is damaged; the message is one line.
     """
     gltf = file.gltf
     if gltf is None or not gltf.animations:
@@ -97,7 +96,7 @@ def read_clip(file: MeshFile, choice: str | int, dropped: list[str]) -> Clip:
             dropped.append("animated morph targets" if path == "weights" else "animated extensions")
             continue
         if node is None or node not in nodes:
-            continue  # of an extension, or of another scene
+            continue  # of an extension, or in another scene
         here = f"{where}.channels[{index}]"
         if nodes[node].matrix is not None:
             raise ValueError(f"{here}: node {node} is placed by a matrix and cannot move")
@@ -133,7 +132,7 @@ def _chosen(file: MeshFile, gltf: Gltf, choice: str | int) -> int:
 
 
 def animation_names(gltf: Gltf) -> list[str]:
-    """Number and name of each of the first animations: `0 ('walk')`."""
+    """Return the index and name of each of the first `MAX_NAMES` animations: `0 ('walk')`."""
     return [
         f"{number} ('{printable(name)}')" if isinstance(name, str) else f"{number}"
         for number, name in enumerate(_names(gltf)[:MAX_NAMES])

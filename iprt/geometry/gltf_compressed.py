@@ -1,7 +1,7 @@
-"""Compressed glTF files, named with the command that makes files of them that are read.
+"""Errors for compressed glTF files, with the command that decompresses them.
 
 Khronos glTF extension registry: KHR_draco_mesh_compression, EXT_meshopt_compression,
-KHR_meshopt_compression, KHR_texture_basisu. The commands are of glTF Transform 4
+KHR_meshopt_compression, KHR_texture_basisu. The commands belong to glTF Transform 4
 (https://gltf-transform.dev/cli), which decodes Draco and meshopt whenever it reads a file.
 """
 
@@ -11,7 +11,7 @@ import shlex
 from pathlib import Path
 
 from iprt.errors import FormatError
-from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_document import Gltf
 
 _DRACO = "KHR_draco_mesh_compression"
 _BASISU = "KHR_texture_basisu"
@@ -25,12 +25,12 @@ _MESHES = {
 def require_uncompressed(path: Path, gltf: Gltf) -> None:
     """Check that meshes and colour textures can be read without their compressed forms.
 
-    Files may hold both forms; then the uncompressed one is read.
+    The uncompressed form is read where a file holds both.
 
     Raises
     ------
     FormatError
-        They cannot; with the command that converts the file.
+        They cannot; the message gives the command that converts the file.
     """
     found = [f"{name} ({key})" for key, name in _MESHES.items() if key in gltf.extensions_required]
     if not found and _has_draco_alone(gltf):
@@ -52,7 +52,7 @@ def require_uncompressed(path: Path, gltf: Gltf) -> None:
 
 
 def _has_draco_alone(gltf: Gltf) -> bool:
-    """Return whether positions exist in Draco's form alone; not all files state that."""
+    """Return True if positions exist only in Draco's form; not all files declare it as required."""
     indices = [
         primitive.attributes.get("POSITION")
         for mesh in gltf.meshes

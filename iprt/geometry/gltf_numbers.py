@@ -1,4 +1,4 @@
-"""A glTF document rewritten so that the parts that trimesh makes of it carry numbers."""
+"""Rewriting of a glTF document so that trimesh's geometries can be traced back to it."""
 
 from __future__ import annotations
 
@@ -10,30 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 INFLUENCES = (0, 1)
-"""Sets of four joints per vertex that are read."""
+"""Sets of four joints per vertex that are read (JOINTS_0, JOINTS_1)."""
 JOINT_KEYS = tuple(f"_JOINTS_{number}" for number in INFLUENCES)
 WEIGHT_KEYS = tuple(f"_WEIGHTS_{number}" for number in INFLUENCES)
 COLOR_KEY = "_COLOR_0"
 CHUNK = "\0"
-"""An address that no file can have."""
+"""URI of a .glb file's binary chunk; no file can have this name."""
 FLOATS = "\0floats"
-"""The same, of a buffer of float32 numbers in place of integers."""
+"""URI of the buffer with float32 data that replaces integer accessors."""
 _FLOAT32 = 5126
 
 
 def numbered(document: dict[str, Any], floats: Mapping[int, NDArray[np.float32]]) -> bytes:
-    """Return the text of a document, of which `gltf_check` knows that it is one, for trimesh.
+    """Return the text of a checked document, rewritten for trimesh.
 
-    Nodes get their numbers for names; trimesh adds to these behind an underscore. It hands on
-    attributes of vertices whose names begin with one as they are, which joints, weights and colours
-    get. The binary data of a .glb file gets the address `CHUNK`. Compressed forms of meshes are
-    left out.
+    Nodes are renamed to their indices; trimesh may append a suffix after an underscore. Joints,
+    weights and colours get names that begin with an underscore, because trimesh passes such
+    attributes on unchanged. The binary chunk of a .glb file gets the URI `CHUNK`. Compressed forms
+    of meshes are removed.
 
     Parameters
     ----------
     floats : mapping of int to (count, columns) float32
-        Numbers in place of accessors, by the accessor's number; they are at the address `FLOATS`,
-        one behind the other.
+        Replacements by accessor index. They lie at the URI `FLOATS`, one after another.
     """
     nodes = [
         {key: value for key, value in node.items() if key != "camera"} | {"name": str(number)}
@@ -69,7 +68,7 @@ def numbered(document: dict[str, Any], floats: Mapping[int, NDArray[np.float32]]
 
 
 def part_node(name: str) -> int:
-    """The number of the node that trimesh gave a name, possibly longer."""
+    """Return the node index in a name given by trimesh, which may have a suffix."""
     return int(name.partition("_")[0])
 
 
@@ -81,7 +80,7 @@ def _renamed(primitive: dict[str, Any]) -> dict[str, Any]:
         for kind in ("JOINTS", "WEIGHTS")
         if f"{kind}_{number}" in given
     }
-    if "COLOR_0" in given:  # of which trimesh keeps the lower 8 of 16 bits
+    if "COLOR_0" in given:  # trimesh would keep the lower 8 of 16 bits
         more[COLOR_KEY] = given["COLOR_0"]
     kept = {name: index for name, index in given.items() if name != "COLOR_0"}
     plain = {key: value for key, value in primitive.items() if key != "extensions"}

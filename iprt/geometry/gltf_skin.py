@@ -1,4 +1,4 @@
-"""Nodes and skins of a glTF file: where they are, and which joints vertices follow.
+"""Nodes and skins of a glTF file.
 
 Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.7.3 (skins).
 """
@@ -15,13 +15,14 @@ from pydantic import Field
 
 from iprt.errors import FormatError
 from iprt.geometry.animation import Float, Node, Skeleton, Skin
-from iprt.geometry.gltf_check import MAX_NODES, Gltf, Index, Part, accessor_of, parsed_part
+from iprt.geometry.gltf_check import accessor_of
+from iprt.geometry.gltf_document import MAX_NODES, Gltf, Index, Part, parsed_part
 from iprt.geometry.gltf_numbers import INFLUENCES, JOINT_KEYS, WEIGHT_KEYS, part_node
 from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_files import MeshFile
 
 MAX_BENT_VERTICES = 2**21
-"""Each takes some hundred bytes while it is bent."""
+"""Limit for deformed vertices; each takes some hundred bytes."""
 
 
 class _Skin(Part):
@@ -31,7 +32,7 @@ class _Skin(Part):
 
 @dataclass(frozen=True)
 class Bones:
-    """The joints of a skin.
+    """The joints of a skin with their inverse bind matrices.
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class Bones:
 
 
 def scene_nodes(gltf: Gltf) -> dict[int, Node]:
-    """Return the nodes of the file's scene by their numbers, parents first."""
+    """Return the nodes of the file's scene by index, parents first."""
     nodes: dict[int, Node] = {}
     roots = dict.fromkeys(gltf.scenes[gltf.scene].nodes) if gltf.scenes else {}
     level = [(-1, index) for index in roots]
@@ -60,24 +61,24 @@ def scene_nodes(gltf: Gltf) -> dict[int, Node]:
                 given["rotation"] = unit_quaternions(given["rotation"], f"nodes[{index}].rotation")
             matrix = None
             if entry.matrix is not None:
-                matrix = np.array(entry.matrix, np.float64).reshape(4, 4).T  # column by column
+                matrix = np.array(entry.matrix, np.float64).reshape(4, 4).T  # column-major
             nodes[index] = Node(parent, **given, matrix=matrix)
         level = [(index, child) for _, index in level for child in gltf.nodes[index].children]
     return nodes
 
 
 def read_bones(file: MeshFile, nodes: dict[int, Node]) -> dict[int, Bones]:
-    """Read the skins that nodes of the scene have, by their numbers.
+    """Read the skins used by nodes of the scene, by index.
 
     Parameters
     ----------
     nodes : dict of int to Node
-        All of the scene, as `scene_nodes` returns them.
+        All nodes of the scene, as `scene_nodes` returns them.
 
     Raises
     ------
     ValueError
-        A skin, or joints and weights of vertices, are damaged; in one line.
+        A skin, or the joints and weights of vertices, are damaged; the message is one line.
     """
     assert file.gltf is not None
     used = dict.fromkeys(file.gltf.nodes[index].skin for index in nodes)
@@ -90,25 +91,26 @@ def read_bones(file: MeshFile, nodes: dict[int, Node]) -> dict[int, Bones]:
 def resting_matrices(
     file: MeshFile, placed: dict[str, tuple[Float, Any]]
 ) -> Iterator[tuple[Float, Any]]:
-    """Yield geometries and their vertices' transforms while no animation plays.
+    """Yield geometries with their vertices' transforms at rest, without an animation.
 
-    Joints alone place the vertices of a skin: nodes above the mesh do not (section 3.7.3.3).
+    Only joints place the vertices of a skin; the mesh's own node and its ancestors do not (section
+    3.7.3.3).
 
     Parameters
     ----------
     placed : dict of str to (4, 4) float64 and trimesh geometry
-        By the name of the node, as `numbered` gives it.
+        By the node's name in the rewritten document (`numbered`).
 
     Yields
     ------
     matrices : (1, 3, 4) or (V, 3, 4) float64
-        To the scene's space, for all vertices or for each.
+        Transforms to scene space, one for all vertices or one for each.
     geometry : trimesh geometry
 
     Raises
     ------
     FormatError, ValueError
-        Too many vertices to bend; a skin that is damaged.
+        Too many vertices to deform, or a damaged skin.
     """
     bones: dict[int, Bones] = {}
     pose: dict[int, Float] = {}
@@ -127,7 +129,7 @@ def resting_matrices(
 
 
 def require_few_vertices(file: MeshFile, count: int) -> None:
-    """Raise FormatError if `count` vertices are too many to be bent."""
+    """Raise FormatError if `count` exceeds the limit for deformed vertices."""
     if count > MAX_BENT_VERTICES:
         raise FormatError(
             f"{file.path}: {count} vertices that move; at most {MAX_BENT_VERTICES} are read"
@@ -154,7 +156,7 @@ def _bones(file: MeshFile, number: int, nodes: dict[int, Node]) -> Bones:
 
 
 def _check_joints(gltf: Gltf) -> None:
-    """Raise ValueError where vertices of skins have no usable joints or weights."""
+    """Raise ValueError if joints or weights of vertices do not match each other or the vertices."""
     for number, mesh in enumerate(gltf.meshes):
         for primitive in mesh.primitives:
             for influence in INFLUENCES:
@@ -172,7 +174,7 @@ def _check_joints(gltf: Gltf) -> None:
 
 
 def unit_quaternions(quaternions: Float, where: str) -> Float:
-    """Return quaternions (..., 4) at unit length; ValueError where one has none."""
+    """Return quaternions (..., 4) scaled to unit length, or raise ValueError if one is zero."""
     length = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     if not (length > 1e-6).all():
         raise ValueError(f"{where}: a quaternion of no length")
@@ -180,12 +182,12 @@ def unit_quaternions(quaternions: Float, where: str) -> Float:
 
 
 def skin_of(file: MeshFile, bones: dict[int, Bones], node: int, geometry: Any) -> Skin | None:
-    """Return the skin of a node's geometry; None: it has none and follows the node.
+    """Return the skin of a node's geometry, or None if the geometry follows the node.
 
     Raises
     ------
     ValueError
-        Joints or weights that cannot be used.
+        Joints or weights are unusable.
     """
     assert file.gltf is not None
     number = file.gltf.nodes[node].skin
@@ -207,12 +209,12 @@ def skin_of(file: MeshFile, bones: dict[int, Bones], node: int, geometry: Any) -
 def _checked(
     bones: Bones, joints: NDArray[np.generic], weights: NDArray[np.float64], where: str
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Joints and weights (V, I) that can be used.
+    """Return usable joints and weights (V, I), with weights normalised.
 
     Raises
     ------
     ValueError
-        They cannot.
+        Joints or weights are out of range or not finite.
     """
     if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
         raise ValueError(f"{where}: weights that are NaN, infinite or negative")
@@ -237,7 +239,7 @@ def _table(values: Any, count: int, where: str) -> NDArray[np.generic]:
 
 
 def _fractions(values: Any, count: int, where: str) -> NDArray[np.float64]:
-    """Integers stand for fractions of their largest."""
+    """Return (count, 4) fractions; integers are fractions of the largest value of their type."""
     table = _table(values, count, where)
     if table.dtype.kind not in "iu":
         return table.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Numbers of a glTF file's accessors (Khronos glTF 2.0, sections 3.6.2 and 3.11)."""
+"""Numeric data of a glTF file's accessors (Khronos glTF 2.0, sections 3.6.2 and 3.11)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from iprt.geometry.animation import Float
-from iprt.geometry.gltf_check import Gltf, accessor_of
+from iprt.geometry.gltf_check import accessor_of
+from iprt.geometry.gltf_document import Gltf
 
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -18,39 +19,39 @@ class Buffered(Protocol):
 
     @property
     def gltf(self) -> Gltf | None:
-        """The checked document; None for a file of another format."""
+        """The checked document; None for another file format."""
 
     def buffer(self, number: int) -> bytes:
         """Return the bytes of a buffer."""
 
 
 def values_of(file: Buffered, index: int, types: tuple[str, ...], where: str) -> Float:
-    """Return the finite numbers of an accessor; normalised integers become fractions.
+    """Return the data of an accessor; normalised integers become fractions.
 
     Parameters
     ----------
     index : int
-        Number of the accessor.
+        Index of the accessor.
     types : tuple of str
-        Types of glTF that it may have.
+        Allowed glTF types.
     where : str
-        Part of the document that refers to it, for errors.
+        Referring part of the document, for error messages.
 
     Returns
     -------
     (count, columns) float64
-        Matrices are rows of 16, column by column.
+        Finite. Matrices are rows of 16, column-major.
 
     Raises
     ------
     ValueError
-        It is of none of these types, is not there, or does not lie in its buffer.
+        The accessor has another type, is missing, exceeds its buffer or is not finite.
     """
     gltf = file.gltf
     assert gltf is not None
     accessor = accessor_of(gltf, index, types, where)
     assert accessor.buffer_view is not None
-    # gltf_check.py has made sure that accessors lie in views, and views in the claimed buffers.
+    # gltf_check.py has checked that accessors lie in views, and views in the declared buffers.
     view = gltf.buffer_views[accessor.buffer_view]
     data = file.buffer(view.buffer)
     if view.byte_offset + view.byte_length > len(data):

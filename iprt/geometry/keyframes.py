@@ -1,4 +1,4 @@
-"""`[[objects.keyframes]]` and `[[views.keyframes]]` of `scene.toml`: where things are, and when."""
+"""Keyframes of objects and views: `[[objects.keyframes]]` and `[[views.keyframes]]`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from iprt.geometry.animation import NO_ROTATION, Float, Track
 from iprt.geometry.camera import View
 
 MAX_KEYFRAMES = 2**16
-"""An object or a view has no more."""
+"""Limit for the keyframes of an object or a view."""
 LARGEST_SCALE = 1e6
 UNIT_TOLERANCE = 0.01
-"""Tolerance of a quaternion's length, which has been rounded."""
+"""Tolerance of a quaternion's length, for rounded numbers in files."""
 
 
 def _scale(value: Any) -> list[float]:
-    """A number, or one for each axis, as three."""
+    """Return a scale as three factors; a single number counts for all axes."""
     values = value if isinstance(value, list) else [value] * 3
     numbers = [isinstance(v, int | float) and not isinstance(v, bool) for v in values]
     if len(values) != 3 or not all(numbers):
@@ -49,7 +49,7 @@ def _clip(value: Any) -> str | int:
 
 
 Clip = Annotated[str | int | None, PlainValidator(_clip)]
-"""`objects.animation`."""
+"""Name or index of an animation: `objects.animation`."""
 
 
 class _Keyframe(Table):
@@ -65,7 +65,7 @@ class _Keyframe(Table):
 
 
 class ObjectKeyframe(_Keyframe):
-    """Where an object is at a time, relative to its `to_world`; what is left out is not keyed."""
+    """A key of an object's motion, relative to its `to_world`; omitted quantities have no key."""
 
     translation: Point | None = None
     rotation: (
@@ -75,7 +75,7 @@ class ObjectKeyframe(_Keyframe):
 
 
 class ViewKeyframe(_Keyframe):
-    """Where a view looks at a time; what is left out is not keyed."""
+    """A key of a view's motion; omitted quantities have no key."""
 
     yaw_deg: Degrees | None = None
     pitch_deg: Pitch | None = None
@@ -103,14 +103,17 @@ ViewKeyframes = Annotated[
 
 @dataclass(frozen=True)
 class ObjectMotion:
-    """An object's way. It is scaled along its own axes, placed by `to_world`, turned about where
-    that puts its origin, by the world's axes, and moved along these.
+    """The keyframed motion of an object.
+
+    The object is scaled along its own axes and placed by `to_world`. It is then rotated about its
+    origin and translated, both along the world's axes.
 
     Attributes
     ----------
     to_world : (4, 4) float64
+        Placement without keyframes.
     tracks : mapping of str to Track
-        The keyed ones of "translation" (metres), "rotation" and "scale".
+        The keyframed ones of "translation" (metres), "rotation" and "scale".
     """
 
     to_world: Float
@@ -118,19 +121,20 @@ class ObjectMotion:
 
     @classmethod
     def of(cls, to_world: Float, keyframes: Sequence[ObjectKeyframe]) -> ObjectMotion:
+        """Build a motion from the keyframes of a scene file."""
         return cls(to_world, _tracks(keyframes, ("translation", "rotation", "scale")))
 
     def describe(self) -> str | None:
-        """The keyed quantities and times in words; None: none."""
+        """Describe the keyframed quantities and times in words; None without keyframes."""
         return _described(self.tracks)
 
     @property
     def moves(self) -> bool:
-        """There are keyframes."""
+        """True if there are keyframes."""
         return bool(self.tracks)
 
     def at(self, time_s: float) -> Float:
-        """(4, 4) `to_world` at a time."""
+        """Return the (4, 4) `to_world` at a time in seconds."""
         moved, linear, scale = self._keyed(time_s)
         placed = self.to_world.copy()
         placed[:3, :3] = linear @ self.to_world[:3, :3] * scale
@@ -138,7 +142,7 @@ class ObjectMotion:
         return placed
 
     def before(self, placed: Float, time_s: float) -> Float:
-        """The (4, 4) `to_world` with which it would be at `placed` at a time: `at` undone."""
+        """Return the (4, 4) `to_world` that leads to `placed` at a time: the inverse of `at`."""
         moved, linear, scale = self._keyed(time_s)
         to_world = placed.copy()
         to_world[:3, :3] = linear.T @ placed[:3, :3] / scale
@@ -146,7 +150,7 @@ class ObjectMotion:
         return to_world
 
     def _keyed(self, time_s: float) -> tuple[Float, Float, Float]:
-        """Translation (3,), rotation (3, 3) and scale (3,) at a time."""
+        """Return the keyed translation (3,), rotation (3, 3) and scale (3,) at a time."""
         keyed = {name: track.at(time_s) for name, track in self.tracks.items()}
         turn = Rotation.from_quat(keyed.get("rotation", NO_ROTATION)).as_matrix()
         return keyed.get("translation", np.zeros(3)), turn, keyed.get("scale", np.ones(3))
@@ -154,12 +158,12 @@ class ObjectMotion:
 
 @dataclass(frozen=True)
 class ViewMotion:
-    """A view over time.
+    """The keyframed motion of a view.
 
     Attributes
     ----------
     tracks : mapping of str to Track
-        The keyed ones of "yaw_deg", "pitch_deg" and "fov_y_deg".
+        The keyframed ones of "yaw_deg", "pitch_deg" and "fov_y_deg".
     """
 
     view: View
@@ -167,14 +171,15 @@ class ViewMotion:
 
     @classmethod
     def of(cls, view: View, keyframes: Sequence[ViewKeyframe]) -> ViewMotion:
+        """Build a motion from the keyframes of a scene file."""
         return cls(view, _tracks(keyframes, ("yaw_deg", "pitch_deg", "fov_y_deg")))
 
     def describe(self) -> str | None:
-        """The keyed quantities and times in words; None: none."""
+        """Describe the keyframed quantities and times in words; None without keyframes."""
         return _described({name.partition("_")[0]: track for name, track in self.tracks.items()})
 
     def at(self, time_s: float) -> View:
-        """The view at a time."""
+        """Return the view at a time in seconds."""
         keyed: Any = {name: float(track.at(time_s)[0]) for name, track in self.tracks.items()}
         return replace(self.view, **keyed)
 
@@ -188,7 +193,7 @@ def _described(tracks: Mapping[str, Track]) -> str | None:
 
 
 def _tracks(keyframes: Sequence[_Keyframe], names: Sequence[str]) -> dict[str, Track]:
-    """The tracks of quantities that any keyframe gives, each with the keys that give it."""
+    """Return a track for each quantity that has keys."""
     tracks = {}
     for name in names:
         giving = [keyframe for keyframe in keyframes if getattr(keyframe, name) is not None]

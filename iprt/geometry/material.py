@@ -16,7 +16,7 @@ MaterialKind = Literal["diffuse", "conductor", "plastic"]
 MIRROR_ALPHA = 1e-4
 """GGX roughness below which a surface is a perfect mirror."""
 MIN_ALPHA = 1e-3
-"""Least GGX roughness of what is not: below it, single precision cannot resolve the lobe."""
+"""Least GGX roughness of other surfaces; single precision cannot resolve a narrower lobe."""
 _BRDF = "lib/world/brdf.h"
 MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
 """float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
@@ -25,22 +25,22 @@ _KINDS = {kind: constant(_BRDF, f"KIND_{kind.upper()}") for kind in get_args(Mat
 
 DIFFUSE_KINDS = frozenset(("diffuse", "plastic"))
 SPECULAR_KINDS = frozenset(("conductor", "mirror", "plastic"))
-"""Kinds of reflectance that have a diffuse or a specular lobe; a mirror has no roughness."""
+"""Kinds of reflectance with a diffuse or a specular lobe; a mirror has no roughness."""
 
 
 @dataclass(frozen=True)
 class Material:
-    """Reflectance of a surface; linear Rec.709.
+    """The reflectance of a surface, in linear Rec.709.
 
     Attributes
     ----------
     kind : {"diffuse", "conductor", "plastic"}
-        Lambertian; GGX with a constant (Fresnel-free) reflectance; GGX dielectric coat over a
+        Lambertian; GGX with constant reflectance (no Fresnel term); or a GGX dielectric coat over a
         Lambertian base.
     albedo : (r, g, b)
-        Diffuse albedo in [0, 1], or the conductor's reflectance. Multiplies the texture.
+        Diffuse albedo in [0, 1], or the conductor's reflectance. It multiplies the texture.
     alpha : float
-        GGX roughness of the conductor or the coat; a mirror at 0.
+        GGX roughness of the conductor or the coat; 0 for a mirror.
     ior : float
         Index of refraction of the coat.
     texture : (H, W, 3) float32 or None
@@ -55,17 +55,18 @@ class Material:
 
     @property
     def is_mirror(self) -> bool:
+        """True for a perfect mirror."""
         return self.kind == "conductor" and self.alpha < MIRROR_ALPHA
 
 
 def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
-    """The table of materials that kernels read; the albedo comes with each hit instead.
+    """Return the table of materials that kernels read; albedo comes with each hit instead.
 
     Returns
     -------
     (MATERIAL_ROWS * len(materials), 4) float32
-        Per material: kind, alpha (0 or at least `MIN_ALPHA`), index of refraction, factor of the
-        base below a coat; then the coat's transmittance at cosines (i / 31)², i = 0..31.
+        Per material: kind, alpha (0 or at least `MIN_ALPHA`), index of refraction, scale factor of
+        the base below a coat; then the coat's transmittance at cosines (i / 31)², i = 0..31.
     """
     rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
     cosine = np.linspace(0, 1, _NODES) ** 2

@@ -16,7 +16,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Indexed triangles in object space.
+    """A mesh of indexed triangles in object space.
 
     Attributes
     ----------
@@ -27,16 +27,15 @@ class Mesh:
     triangles : (F, 3) int32
         Counter-clockwise seen from outside.
     material_index : (F,) int32
-        Into `materials`.
+        Indices into `materials`.
     materials : tuple of Material
         At least one.
     dropped : tuple of str
-        Contents of the file that are not read, one phrase each.
+        Unread contents of the file, one phrase each.
     warnings : tuple of str
-        What of the file's materials is missing or not applied and changes the look much, a line
-        each.
+        Missing or unsupported material properties that change the look much, one line each.
     deforms : bool
-        At other times vertices lie elsewhere.
+        True if an animation changes positions and normals.
     """
 
     positions: NDArray[np.float32]
@@ -51,30 +50,30 @@ class Mesh:
 
 
 def transformed(matrix: Float, points: NDArray[np.floating]) -> Float:
-    """Points (..., 3) after an affine transform (4, 4)."""
+    """Return points (..., 3) after an affine transform (4, 4)."""
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3], np.float64)
 
 
 def cofactors(linear: Float) -> Float:
-    """(..., 3, 3): the determinant times the inverse transpose, which flat transforms have too.
+    """Return the (..., 3, 3) cofactor matrices: the determinant times the inverse transpose.
 
-    Normals go by it.
+    They transform normals, and exist for singular transforms too.
     """
     rows = [np.cross(linear[..., i - 2, :], linear[..., i - 1, :]) for i in range(3)]
     return np.stack(rows, axis=-2)
 
 
 def motion_between(previous: Float, current: Float) -> Float:
-    """(3, 4) affine map of world points of this frame to the frame before.
+    """Return the (3, 4) affine map of world points from this frame to the previous one.
 
     Parameters
     ----------
     previous, current : (4, 4) float64
-        `Instance.to_world` of an object in both.
+        `Instance.to_world` of an object in both frames.
     """
     if np.array_equal(previous, current):
         return np.eye(4)[:3]
-    # The pseudo-inverse serves transforms that flatten.
+    # The pseudo-inverse also handles singular transforms.
     linear = previous[:3, :3] @ np.linalg.pinv(current[:3, :3])
     offset = previous[:3, 3] - linear @ current[:3, 3]
     return np.concatenate([linear, offset[:, None]], axis=1)
@@ -96,10 +95,10 @@ class Instance:
 
 
 def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) -> None:
-    """Raise SceneError unless these are the same objects, at most elsewhere.
+    """Raise SceneError unless these are the same objects, possibly moved.
 
-    They are if their names, order, triangles and materials are, and the vertices of meshes that do
-    not deform.
+    Objects are the same if their names, order, triangles and materials agree. The vertices must
+    agree too unless the mesh deforms.
     """
     names, others = ([instance.name for instance in those] for those in (before, after))
     if names != others:
@@ -118,7 +117,7 @@ def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) 
 
 
 def same_places(before: Sequence[Instance], after: Sequence[Instance]) -> bool:
-    """Whether nothing has moved between two states of the same objects."""
+    """Return True if no object moved or deformed between two states of the same objects."""
     return all(
         np.array_equal(old.to_world, new.to_world)
         and (old.mesh is new.mesh or _equal(old.mesh, new.mesh, "positions", "normals"))
@@ -138,6 +137,6 @@ def _same_shape(old: Mesh, new: Mesh) -> bool:
 
 
 def _equal(old: Mesh, new: Mesh, *names: str) -> bool:
-    """Whether these arrays are; most of them are the same."""
+    """Return True if these arrays of both meshes are equal; most are the same object."""
     pairs = ((getattr(old, name), getattr(new, name)) for name in names)
     return all(a is b or np.array_equal(a, b) for a, b in pairs)

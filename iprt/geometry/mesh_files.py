@@ -1,7 +1,7 @@
-"""References and contents of a mesh file, read from the file itself.
+"""Files of a mesh and their references, read and checked before trimesh sees them.
 
-trimesh passes over missing textures and over what it does not know, in silence, and believes what a
-file claims; this finds all of it before trimesh reads.
+trimesh ignores missing textures and unknown contents without a message, and trusts the sizes that a
+file declares. This module finds and reports these cases first.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from iprt.files.images import open_picture
 from iprt.files.path_safety import require_inside
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
-from iprt.geometry.gltf_check import READ_ATTRIBUTES, Gltf, check_gltf, parsed_gltf
+from iprt.geometry.gltf_check import READ_ATTRIBUTES, check_gltf
 from iprt.geometry.gltf_compressed import require_uncompressed
+from iprt.geometry.gltf_document import Gltf, parsed_gltf
 from iprt.geometry.gltf_numbers import CHUNK, FLOATS, numbered
 from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_unread import unapplied_gltf, unread_gltf, unread_obj, unread_ply
@@ -35,38 +36,40 @@ from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
 MESH_SUFFIXES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 MAX_MATERIALS = 4096
 MAX_MATERIALS_TIMES_VERTICES = 2**32
-"""An OBJ file has no more: trimesh goes through all vertices for each material."""
+"""Limit for an OBJ file: trimesh visits all vertices for each material."""
 MAX_JSON_BYTES = 2**27
-"""A glTF document has no more; it takes a multiple of that in memory."""
+"""Limit for a glTF document, which takes a multiple of its size in memory."""
 LONGEST_NAME = 255
-"""Letters of a file's name that file systems hold."""
+"""Limit for the length of a file name in common file systems."""
 _GLTF_SUFFIXES = (".gltf", ".glb")
 
 
 class MeshFile:
-    """A mesh file and those that it refers to, of which no others are read.
+    """A mesh file with the files that it refers to; no other files are read.
 
     Parameters
     ----------
     path : Path
         .ply, .obj, .stl, .gltf or .glb.
     within : Path or None
-        Folder that all of them must lie in, links followed; by default the mesh's own, which the
-        mesh itself may be a link in.
+        Folder that must hold all files, with links resolved. By default the mesh's own folder, in
+        which the mesh itself may be a link.
 
     Attributes
     ----------
     suffix : str
-        With the dot, in lower case.
+        File suffix with the dot, in lower case.
     gltf : Gltf or None
-        The document of a glTF file.
+        The document of a glTF file, else None.
     references : dict of str to Path
-        Buffers, material libraries and textures: by the name in the file, relative to its folder.
+        Paths of buffers, material libraries and textures by their name in the file, relative to its
+        folder.
 
     Raises
     ------
     FormatError
-        Missing, damaged, too large, or something that it refers to is missing or elsewhere.
+        The file is missing, damaged or too large, or a referenced file is missing or outside the
+        folder.
     """
 
     def __init__(self, path: Path, within: Path | None = None) -> None:
@@ -96,12 +99,12 @@ class MeshFile:
             self._look_inside()
 
     def get(self, name: str) -> bytes:
-        """Contents of a file that this one refers to; trimesh asks for it by the name it reads.
+        """Return the contents of a referenced file, by the name that trimesh read.
 
         Raises
         ------
         FileNotFoundError
-            It refers to no such file.
+            The mesh refers to no such file.
         """
         if name in (CHUNK, FLOATS):
             return self._gltf_chunk if name == CHUNK else self._gltf_floats
@@ -113,17 +116,17 @@ class MeshFile:
     __getitem__ = get
 
     def readable_data(self) -> bytes:
-        """Return the file for trimesh.
+        """Return the file's contents, rewritten for trimesh.
 
-        It takes words of the format in comments and names for real. Of glTF, nodes are named by
-        their numbers, and joints, weights and colours of vertices by names that trimesh hands on:
-        `JOINT_KEYS`, `WEIGHT_KEYS`, `COLOR_KEY`. Positions, normals and texture coordinates that
-        are integers become floats.
+        OBJ loses its comments and STL the names of its solids, because trimesh takes format
+        keywords in them for statements. glTF nodes are named by their indices. Joints, weights and
+        colours of vertices get names that trimesh passes on: `JOINT_KEYS`, `WEIGHT_KEYS`,
+        `COLOR_KEY`. Integer positions, normals and texture coordinates become floats.
 
         Raises
         ------
         ValueError
-            A buffer of glTF is shorter than it claims.
+            A glTF buffer is shorter than declared.
         """
         if self.suffix == ".obj":
             lines = BytesIO(self.data)
@@ -140,15 +143,15 @@ class MeshFile:
         return numbered(self._gltf_document, floats)
 
     def buffer(self, number: int) -> bytes:
-        """Contents of a glTF file's buffer, which may be shorter than it claims."""
+        """Return the contents of a glTF buffer, which may be shorter than declared."""
         assert self.gltf is not None
         uri = self.gltf.buffers[number].uri
         return self._gltf_chunk if uri is None else self._uri_bytes(uri)
 
     def unread_parts(self, *, animated: bool = False) -> list[str]:
-        """Contents of the file that are not read, one phrase each, in a fixed order.
+        """Return the unread contents of the file, one phrase each, in a fixed order.
 
-        `animated`: of a glTF file, an animation is.
+        With `animated`, one animation of a glTF file counts as read.
         """
         if self.gltf is not None:
             return list(unread_gltf(self.gltf, animated=animated))
@@ -159,20 +162,20 @@ class MeshFile:
         return unread_ply(self._ply_elements)
 
     def warnings(self) -> list[str]:
-        """Return what of the file's materials is missing or not applied, a line each.
+        """Return missing or unsupported material properties, a line each.
 
-        Only what changes the look much is named.
+        Properties with little effect on the look are left out.
         """
         missing = [
-            f"refers to {name}, which is missing beside it; what it would colour is grey"
+            f"refers to {name}, which is missing beside it; its materials are grey"
             for name in dict.fromkeys(self._missing_libraries)
         ]
         return missing + ([] if self.gltf is None else list(unapplied_gltf(self.gltf)))
 
     def _floats(self, gltf: Gltf) -> dict[int, NDArray[np.float32]]:
-        """Decode attributes that are integers: trimesh takes 255 for 255 where glTF means 1.
+        """Decode integer attributes: trimesh reads 255 as 255 where glTF means 1.
 
-        Khronos glTF 2.0, section 3.6.2.2, and KHR_mesh_quantization.
+        See Khronos glTF 2.0, section 3.6.2.2, and KHR_mesh_quantization.
         """
         floats = {}
         for mesh in gltf.meshes:
@@ -202,7 +205,7 @@ class MeshFile:
                 self._check_texture(name)
 
     def _document(self) -> tuple[Any, bytes]:
-        """The JSON of a glTF file, and the binary chunk of a .glb."""
+        """Return the JSON of a glTF file, and the binary chunk of a .glb."""
         if self.suffix == ".gltf":
             return json.loads(self.data), b""
         magic, version, whole = struct.unpack_from("<4sII", self.data)
@@ -245,9 +248,9 @@ class MeshFile:
             )
 
     def _refer_to_library(self, name: str) -> bool:
-        """Refer to an MTL file, unless it is missing.
+        """Add a reference to an MTL file and return True, or note that the file is missing.
 
-        A name that no file can have is no sign of a file that was lost, but of a damaged one.
+        A name that no file can have means a damaged mesh file, not a missing library.
         """
         possible = name.isprintable() and len(name) <= LONGEST_NAME
         if possible and not is_file(self.path.parent / self._place(name)):
@@ -257,7 +260,7 @@ class MeshFile:
         return True
 
     def _place(self, name: str) -> Path:
-        """Return the path of a file that this one names; FormatError where none may be read."""
+        """Return a referenced file's relative path; raise FormatError if it must not be read."""
         relative = PurePosixPath(name.replace("\\", "/"))
         name = printable(name)
         if "://" in name:
@@ -285,7 +288,7 @@ class MeshFile:
         open_picture(BytesIO(self._contents(file)), self.path.parent / file)
 
     def _check_gltf_textures(self, gltf: Gltf) -> None:
-        """trimesh takes a texture that it cannot read for none."""
+        """Raise FormatError for unreadable textures, which trimesh would drop without a message."""
         for number in gltf.color_images():
             image = gltf.images[number]
             if image.uri is not None:
@@ -314,7 +317,7 @@ class MeshFile:
 
 
 def _material_maps(data: bytes) -> Iterator[str]:
-    """Colour textures of an MTL file."""
+    """Yield the names of the colour textures of an MTL file."""
     for line in _lines(data):
         key, _, rest = line.partition(" ")
         if key.lower() == "map_kd" and rest.strip():
@@ -322,7 +325,7 @@ def _material_maps(data: bytes) -> Iterator[str]:
 
 
 def _without_options(text: str) -> str:
-    """The name behind options such as `-s 1 1 1`, which end before it."""
+    """Return the file name after options such as `-s 1 1 1`."""
     words = text.split()
     return words[-1] if any(word.startswith("-") for word in words) else text
 
@@ -337,6 +340,6 @@ def _ply_textures(data: bytes) -> Iterator[str]:
 
 
 def _lines(data: bytes) -> Iterator[str]:
-    """Lines of a text, with blanks for tabs and none at the ends."""
+    """Yield the lines of a text, stripped and with tabs replaced by spaces."""
     for line in BytesIO(data):
         yield line.decode("utf-8", "replace").replace("\t", " ").strip()

@@ -1,4 +1,4 @@
-"""Materials of mesh files to the three kinds that are rendered."""
+"""Conversion of mesh-file materials to the three kinds that are rendered."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from iprt.geometry.material import Material
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9
-"""glTF roughness from which a dielectric is taken as diffuse: its coat no longer shows."""
+"""glTF roughness from which a dielectric counts as diffuse, because its coat no longer shows."""
 METALLIC = 0.5
-"""Least metalness of a metal: there is no material in between."""
+"""Least metalness of a metal; there is no material in between."""
 NEARLY = 1e-3
-"""Metalness so near to 0 or 1 is that, up to the rounding of converters."""
+"""Distance from 0 or 1 below which metalness counts as exact, for converters' rounding."""
 GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
 MAX_IOR = 4.0
-"""The limit of `scene.toml`."""
+"""Upper limit of the index of refraction, the same as in `scene.toml`."""
 _READ_KEYS = {"map_kd", "kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
 _MAPS = {"bump", "norm", "disp", "refl"}
 _SAYS_NOTHING = {"ambient", "ka", "glossiness", "illum"}
-"""Light from nowhere, and which formula MTL's own shading is."""
+"""Keys without meaning here: ambient light, and the choice of MTL's shading formula."""
 
 
 class Textures:
-    """Decoded textures of one mesh file, each once however many materials have it."""
+    """Decoded textures of one mesh file, each stored once and shared by its materials."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -44,7 +44,7 @@ class Textures:
         self._decoded: dict[bytes, NDArray[np.float32]] = {}
 
     def count(self, texels: int) -> None:
-        """Count the texels of one more texture; FormatError where all together are too many."""
+        """Add the texels of a texture to the total; raise FormatError above the limit."""
         self._texels += texels
         if self._texels > MAX_PIXELS:
             raise FormatError(
@@ -53,12 +53,12 @@ class Textures:
             )
 
     def linear(self, image: Any) -> NDArray[np.float32] | None:
-        """Linear (H, W, 3) float32 of a picture that Pillow has opened; None if it is none.
+        """Return the linear (H, W, 3) float32 texels of a Pillow image; None for other objects.
 
         Raises
         ------
         FormatError
-            Damaged, of a format that is not read, or too many texels with those before.
+            The image is damaged or of an unread format, or the total of texels is too large.
         """
         if not isinstance(image, Image.Image):
             return None
@@ -71,7 +71,7 @@ class Textures:
 
 
 def has_texture(source: Any) -> bool:
-    """Return whether a material of trimesh has a colour texture; None has none."""
+    """Return True if a trimesh material (or None) has a colour texture."""
     if type(source).__name__ == "PBRMaterial":
         return isinstance(source.baseColorTexture, Image.Image)
     return isinstance(getattr(source, "image", None), Image.Image)
@@ -80,7 +80,7 @@ def has_texture(source: Any) -> bool:
 def convert_material(
     source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
 ) -> Material:
-    """A trimesh material as one of ours; properties that are lost are appended to `dropped`.
+    """Convert a trimesh material, and append the properties that are lost to `dropped`.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def convert_material(
 
 
 def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
-    """A material of a colour, which multiplies its own if it has one; None: as it is."""
+    """Return a material multiplied by a colour, or unchanged if the colour is None."""
     if color is None:
         return material
     own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
@@ -107,7 +107,7 @@ def tinted(material: Material, color: tuple[float, float, float] | None) -> Mate
 def _from_pbr(
     source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
 ) -> Material:
-    """glTF: alpha = roughness²."""
+    """Convert a glTF material; alpha = roughness²."""
     _note_unused_maps(source, dropped)
     color = factors.get(source.name)
     if color is None:
@@ -117,7 +117,7 @@ def _from_pbr(
     texture = textures.linear(source.baseColorTexture)
     metallic = 1.0 if source.metallicFactor is None else float(source.metallicFactor)
     roughness = 1.0 if source.roughnessFactor is None else float(source.roughnessFactor)
-    # A map scales the factor: without it, a factor of 1 says nothing about the material.
+    # A map scales the factor. Without the map, a factor of 1 has no meaning.
     if source.metallicRoughnessTexture is not None:
         metallic = 0.0
     return _metal_or_not(albedo, metallic, roughness, texture, dropped)
@@ -130,7 +130,7 @@ def _metal_or_not(
     texture: NDArray[np.float32] | None,
     dropped: list[str],
 ) -> Material:
-    """A metal, or plastic, or what is so rough that no coat shows; glTF 2.0, section 3.9.2."""
+    """Return a conductor, a plastic, or a diffuse material if rough (glTF 2.0, section 3.9.2)."""
     if NEARLY < metallic < 1.0 - NEARLY:
         taken = "1, a metal" if metallic >= METALLIC else "0, no metal"
         dropped.append(f"metallic {metallic:.3g}, which is taken for {taken}")
@@ -143,16 +143,16 @@ def _metal_or_not(
 
 
 def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
-    """MTL: diffuse (Kd), with a coat where Ks and the exponent Ns say that it shines.
+    """Convert an MTL material: diffuse (Kd), with a coat if Ks and the exponent Ns are glossy.
 
     A Phong exponent n is about as wide as GGX with alpha = sqrt(2 / (n + 2)) (Walter et al.,
     "Microfacet Models for Refraction", 2007, section 5.2, for Beckmann). Roughness (Pr) and
-    metalness (Pm) mean what they do in glTF, and come before these.
+    metalness (Pm) mean the same as in glTF and take precedence.
     """
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
     texture = textures.linear(source.image)
-    # Most files name the colour's picture again.
+    # Most files repeat the colour texture as map_Ka.
     read = {"map_ka"} if texture is not None else set()
     dropped.extend(_unread_mtl({key: values[key] for key in values if key not in read}))
     exponent = _first(values.get("ns"), 0.0)
@@ -170,9 +170,9 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
 
 
 def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
-    """Properties of an MTL material that ours lack, a phrase each."""
+    """Yield a phrase for each unsupported property of an MTL material."""
     opaque = _first(values.get("d"), 1.0) >= 1.0 and _first(values.get("tr"), 0.0) <= 0.0
-    if not opaque or "map_d" in values:  # often the picture that the colour is read from
+    if not opaque or "map_d" in values:  # map_d is often the colour texture
         yield "transparency"
     if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
         yield "emission"
@@ -181,7 +181,7 @@ def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
             yield f"texture {printable(key)}"
         elif key == "tf":
             if min(_color(values[key])) < 1.0:
-                yield "a filter of what shines through (Tf)"
+                yield "a transmission filter (Tf)"
         elif _first(values[key], 1.0) != 0.0:
             yield f"'{printable(key)}' of its materials"
 
@@ -201,7 +201,7 @@ def _note_unused_maps(source: Any, dropped: list[str]) -> None:
 
 
 def _color(values: Any) -> tuple[float, float, float]:
-    """Three values; of MTL, also one for all, and black where there are no numbers."""
+    """Return an RGB colour; MTL may give one value for all channels, or no numbers (black)."""
     try:
         given = np.asarray(values, np.float64)
     except (ValueError, TypeError):
@@ -211,7 +211,7 @@ def _color(values: Any) -> tuple[float, float, float]:
 
 
 def _first(value: Any, default: float) -> float:
-    """MTL numbers arrive as a float or a list with one."""
+    """Return an MTL number, given as a float or a list with one."""
     try:
         number = float(np.ravel(value)[0]) if value is not None else default
     except (ValueError, TypeError, IndexError):

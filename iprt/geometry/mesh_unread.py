@@ -1,11 +1,11 @@
-"""Contents of mesh files that are not read, a phrase each, except for materials."""
+"""Unread contents of mesh files other than materials, a phrase each."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
 from iprt.files.toml_text import printable
-from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_document import Gltf
 
 _TRIANGLE_MODES = (4, 5)
 _REPEAT = 10497
@@ -19,8 +19,8 @@ _READ_EXTENSIONS = (
     "KHR_texture_basisu",
     "KHR_texture_transform",
 )
-"""Extensions whose contents are read, or named beside their subject. Compressed forms are here
-besides others that are read: files without these are refused."""
+"""Extensions whose contents are read or reported with their subject. Compressed forms are listed
+because they are optional here: files that require them are refused."""
 _OBJ_WORDS = {
     "l": "lines",
     "p": "points",
@@ -32,7 +32,7 @@ _PLY_ELEMENTS = ("vertex", "face")
 
 
 def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
-    """Yield what of a glTF file is not read; `animated`: one of its animations is."""
+    """Yield the unread contents of a glTF file; with `animated`, one animation counts as read."""
     for key in ("cameras",) if animated else ("animations", "cameras"):
         if count := len(getattr(gltf, key)):
             yield f"{key} ({count})"
@@ -54,26 +54,26 @@ def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
 
 
 def unapplied_gltf(gltf: Gltf) -> Iterator[str]:
-    """Yield what of the materials of a glTF file would change its look much and is not applied."""
+    """Yield unsupported properties of glTF materials that would change the look much."""
     used = {primitive.material for mesh in gltf.meshes for primitive in mesh.primitives}
     materials = [material for number, material in enumerate(gltf.materials) if number in used]
     modes = {material.alpha_mode for material in materials}
     if "MASK" in modes:
-        yield "alphaMode MASK is not applied: what textures cut out is drawn opaque"
+        yield "alphaMode MASK is not applied: cut-out parts are drawn opaque"
     if "BLEND" in modes:
-        yield "alphaMode BLEND is not applied: what is transparent is drawn opaque"
+        yield "alphaMode BLEND is not applied: transparent parts are drawn opaque"
     if any(texture.moved for texture in gltf.color_textures()):
         yield "KHR_texture_transform is not applied: textures are not shifted, turned or scaled"
 
 
 def unread_obj(lines: Iterable[str]) -> list[str]:
-    """Contents of a Wavefront OBJ file that are not read."""
+    """Return the unread contents of a Wavefront OBJ file."""
     kinds = {words[0] for line in lines if (words := line.split())}
     if "vn" in kinds:
-        kinds.discard("s")  # normals say the same
+        kinds.discard("s")  # normals replace smoothing groups
     return [phrase for word, phrase in _OBJ_WORDS.items() if word in kinds]
 
 
 def unread_ply(elements: Iterable[str]) -> list[str]:
-    """The elements of a PLY file that are not read."""
+    """Return the unread elements of a PLY file."""
     return [f"element '{printable(name)}'" for name in elements if name not in _PLY_ELEMENTS]

@@ -17,7 +17,7 @@ from iprt.errors import FormatError
 from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
 from iprt.geometry.animation import moved
 from iprt.geometry.creases import same_position, with_normals
-from iprt.geometry.gltf_check import Gltf
+from iprt.geometry.gltf_document import Gltf
 from iprt.geometry.gltf_skin import resting_matrices
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
@@ -32,7 +32,7 @@ LOG = logging.getLogger("iprt.scene")
 class Part:
     """A geometry of the file, in object space, whose triangles can be drawn.
 
-    They are finite and not degenerate.
+    Triangles are finite and not degenerate.
 
     Attributes
     ----------
@@ -41,12 +41,12 @@ class Part:
     uvs : (V, 2) float32
     triangles : (F, 3) int64
     source : (V,) int64
-        The vertex of the file that each comes from.
+        Original vertex in the file of each vertex.
     material : trimesh material or None
     color : (r, g, b) or None
-        Linear; multiplies the material. None: the file has none.
+        Linear colour that multiplies the material; None if the file has none.
     colors : (V, 3) float32 or None
-        The same, where vertices differ; then no two triangles share one.
+        Colours by vertex where they differ; then no two triangles share a vertex.
     """
 
     positions: NDArray[np.float64]
@@ -59,7 +59,7 @@ class Part:
     colors: NDArray[np.float32] | None = None
 
     def taken(self, source: NDArray[np.int64], triangles: NDArray[np.int64]) -> Part:
-        """Return the part with other triangles, of vertices (W,) that come from these."""
+        """Return the part with new triangles, whose vertices (W,) are copies of `source`."""
         return replace(
             self,
             positions=self.positions[source],
@@ -74,27 +74,26 @@ class Part:
 def load_mesh(path: Path, material: Material | None = None, within: Path | None = None) -> Mesh:
     """Load a mesh with its materials, or with one material for all of it.
 
-    Geometries of different materials are never merged. Normals that the file lacks are flat for
-    glTF, and smooth up to a crease angle for other formats (`creases.py`). Triangles that are
-    degenerate or not finite are removed. Skins of glTF files follow their joints as the nodes are
-    placed, with no animation (Khronos glTF 2.0, section 3.7.3.3). Colours of vertices become a
-    texture. A warning is logged for each property of the file's own materials that is missing or
-    not applied and would change much.
+    Geometries of different materials are never merged. Missing normals become flat for glTF, and
+    smooth up to a crease angle for other formats (`creases.py`). Degenerate and non-finite
+    triangles are removed. Skins of glTF files follow their joints at rest, without an animation
+    (Khronos glTF 2.0, section 3.7.3.3). Vertex colours become a texture. A warning is logged for
+    each missing or unsupported property of the file's materials that would change the look much.
 
     Parameters
     ----------
     path : Path
         .ply, .obj, .stl, .gltf or .glb.
     material : Material or None
-        Replaces those of the file.
+        Replaces the materials of the file.
     within : Path or None
-        Folder that the files of the mesh must lie in, links followed; by default the mesh's own.
+        Folder that must hold all files of the mesh, with links resolved; by default the mesh's own.
 
     Raises
     ------
     FormatError
-        Missing, damaged, larger than is read, without triangles, or a file that it refers to is
-        missing or elsewhere.
+        The file is missing, damaged, too large or without triangles, or a referenced file is
+        missing or outside the folder.
     """
     file = MeshFile(path, within)
     dropped = file.unread_parts()
@@ -111,7 +110,7 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
 
 
 def _welded(part: Part) -> Part:
-    """One vertex for each position, of which STL has as many as there are triangles at it."""
+    """Merge the vertices of equal position; STL has one for each triangle at a position."""
     number = same_position(part.positions)
     _, first = np.unique(number, return_index=True)
     return part.taken(first, number[part.triangles])
@@ -120,16 +119,16 @@ def _welded(part: Part) -> Part:
 def placed_geometries(
     file: MeshFile, dropped: list[str]
 ) -> dict[str, tuple[NDArray[np.float64], Any]]:
-    """Transforms and triangles of trimesh by the name of their node; what else there is is noted.
+    """Return trimesh's transforms and meshes by node name; note other contents in `dropped`.
 
     Raises
     ------
     FormatError
-        Larger than is read.
+        The meshes exceed the size limits.
     """
     import trimesh
 
-    # An open file and a resolver of ours: trimesh finds no other files, and asks no server.
+    # trimesh gets an open file and this resolver, so it reads no other files and no network.
     with catch_warnings():
         simplefilter("ignore")
         scene = trimesh.load_scene(
@@ -159,14 +158,14 @@ def placed_geometries(
 def part_of(
     geometry: Any, matrices: NDArray[np.float64], dropped: list[str], colored: bool
 ) -> Part:
-    """Return a mesh of trimesh, placed by matrices.
+    """Return a trimesh geometry, transformed by matrices.
 
     Parameters
     ----------
     matrices : (1, 3, 4) or (V, 3, 4) float64
-        For all vertices, or for each.
+        One for all vertices, or one for each.
     colored : bool
-        Whether colours of vertices and faces are read.
+        Read the colours of vertices and faces.
     """
     positions = np.asarray(geometry.vertices, np.float64).reshape(-1, 3)
     triangles = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
@@ -216,7 +215,7 @@ def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Par
 def joined(
     file: MeshFile, parts: list[Part], override: Material | None, dropped: list[str]
 ) -> Mesh:
-    """Return all parts in one mesh, with a material index per triangle."""
+    """Merge all parts into one mesh, with a material index per triangle."""
     if not parts:
         raise FormatError(f"{file.path}: holds no triangles")
     warnings: list[str] = []
@@ -251,10 +250,10 @@ def joined(
 def _materials(
     file: MeshFile, parts: list[Part], dropped: list[str]
 ) -> tuple[list[Material], list[int]]:
-    """Return the materials of parts, and the index of each part's.
+    """Return the materials of parts, and the index of each part's material.
 
-    Parts whose vertices differ in colour get the texture coordinates of a texture that they share
-    with the others of their material.
+    Parts with vertex colours get texture coordinates into a texture that they share with the other
+    parts of the same material.
     """
     groups: dict[tuple[int, Any, bool], list[int]] = {}
     for number, part in enumerate(parts):
@@ -277,7 +276,7 @@ def _materials(
 
 
 def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
-    """Return a texture with the colours of parts, which get its texture coordinates."""
+    """Return a texture with the colours of parts, and set the parts' texture coordinates."""
     corners = [part.positions[part.triangles] for part in parts]
     colors = [part.colors[part.triangles] for part in parts if part.colors is not None]
     centers = np.concatenate([each.mean(axis=1) for each in corners])
@@ -291,7 +290,7 @@ def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
 
 
 def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
-    """Base colours of a glTF file's materials by name, where names are unique."""
+    """Return the base colours of a glTF file's materials by name, for unique names."""
     entries = [] if gltf is None else gltf.materials
     names = Counter(entry.name for entry in entries)
     return {
@@ -307,7 +306,7 @@ def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
 def _usable_triangles(
     positions: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return the numbers of triangles with finite corners and an area above rounding noise."""
+    """Return the indices of triangles with finite corners and an area above rounding noise."""
     corners = positions[triangles]
     with np.errstate(invalid="ignore"):
         finite: NDArray[np.bool_] = np.all(np.abs(corners) < 1e18, axis=(1, 2))

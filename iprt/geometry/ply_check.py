@@ -1,4 +1,4 @@
-"""Checks of a PLY header before anything is read by it.
+"""Checks of a PLY header before the file is read.
 
 Format: G. Turk, "The PLY Polygon File Format", 1994.
 """
@@ -24,7 +24,13 @@ _MAX_LINE = 4096
 
 @dataclass
 class _Element:
-    """`size` is that of one entry with empty lists: in bytes, or in numbers of text."""
+    """A declared element.
+
+    Attributes
+    ----------
+    size : int
+        Size of an entry with empty lists: in bytes, or in numbers for text files.
+    """
 
     name: str
     count: int
@@ -33,16 +39,17 @@ class _Element:
 
 
 def check_ply(path: Path, data: bytes) -> list[str]:
-    """Check that the data of a file has a header and is as long as that claims, at the least.
+    """Check the header of a PLY file and the least size that it implies.
 
     Returns
     -------
     list of str
-        The names of its elements that are not empty.
+        Names of the elements that are not empty.
 
     Raises
     ------
     FormatError
+        The file is damaged, cut off or too large.
     """
     file = BytesIO(data)
     try:
@@ -57,7 +64,7 @@ def check_ply(path: Path, data: bytes) -> list[str]:
             raise FormatError(
                 f"{path}: claims {element.count} of '{element.name}'; at most {most} are read"
             )
-        # A number of text is a digit and a blank or line end.
+        # A number in text takes at least a digit and a separator.
         needed += element.count * element.size * (2 if is_text else 1)
     if needed > present + is_text:
         raise FormatError(
@@ -67,7 +74,7 @@ def check_ply(path: Path, data: bytes) -> list[str]:
 
 
 def _header(file: BytesIO) -> tuple[list[_Element], bool]:
-    """The elements, and whether the data is text; the file stands at the data afterwards."""
+    """Parse the header; return the elements and a flag for text, with the file at the data."""
     if file.readline(_MAX_LINE).strip() != b"ply":
         raise ValueError("no PLY")
     kind = file.readline(_MAX_LINE).split()
@@ -94,7 +101,7 @@ def _header(file: BytesIO) -> tuple[list[_Element], bool]:
 
 
 def _add_property(element: _Element, words: list[str], is_text: bool) -> None:
-    """`property float x` or `property list uchar int vertex_indices`."""
+    """Add a declaration `property float x` or `property list uchar int vertex_indices`."""
     types = words[2:4] if words[1] == "list" else words[1:2]
     if words[-1] in element.properties or len(words) != len(types) + (3 if len(types) == 2 else 2):
         raise ValueError("property")

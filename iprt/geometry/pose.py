@@ -1,7 +1,7 @@
 """Poses of a moving 360° camera.
 
-Everything on the device is in the axes of the current frame's capture centre. A pose, the rigid
-transform from there to the world, therefore moves objects and turns views.
+Device data is in the axes of the current frame's capture centre. A pose is the rigid transform from
+there to the world. A pose therefore transforms objects and views, not the device data.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TurnedView(View):
-    """A view whose yaw and pitch are those of the world, in the axes of a turned capture centre.
+    """A view with yaw and pitch in world axes, expressed in a rotated capture centre's axes.
 
     Attributes
     ----------
@@ -33,12 +33,12 @@ class TurnedView(View):
 
     @cached_property
     def world_from_view(self) -> Float:
-        """(3, 3) rotation that takes view-space directions to the capture centre's axes."""
+        """(3, 3) rotation from view space to the capture centre's axes."""
         return np.reshape(self.capture, (3, 3)) @ super().world_from_view
 
 
 def view_from(view: View, pose: Float | None) -> View:
-    """A view of the world in the axes of a capture centre with this (4, 4) pose.
+    """Return a world view in the axes of a capture centre with this (4, 4) pose.
 
     Equirect views show the capture centre's own axes.
     """
@@ -49,7 +49,7 @@ def view_from(view: View, pose: Float | None) -> View:
 
 
 def seen_from(instances: Iterable[Instance], pose: Float | None) -> tuple[Instance, ...]:
-    """Objects of the world in the axes of a capture centre with this (4, 4) pose."""
+    """Return the world's objects in the axes of a capture centre with this (4, 4) pose."""
     if pose is None or np.array_equal(pose, np.eye(4)):
         return tuple(instances)
     capture = inverse_pose(pose)
@@ -57,7 +57,7 @@ def seen_from(instances: Iterable[Instance], pose: Float | None) -> tuple[Instan
 
 
 def inverse_pose(pose: Float) -> Float:
-    """(4, 4) transform from the world to the axes of a capture centre with this (4, 4) pose."""
+    """Return the (4, 4) transform from the world to the axes of a capture centre with this pose."""
     inverse = np.eye(4)
     inverse[:3, :3] = pose[:3, :3].T
     inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
@@ -65,14 +65,14 @@ def inverse_pose(pose: Float) -> Float:
 
 
 def camera_motion(before: Float | None, now: Float | None) -> Float:
-    """(3, 4) affine map of points in the axes of a capture centre to those of the one before.
+    """Return the (3, 4) map of points from this capture centre's axes to the previous one's.
 
-    Exactly the identity where both poses, (4, 4), are equal or None.
+    It is exactly the identity if both poses, (4, 4), are equal or None.
 
     Raises
     ------
     ValueError
-        One of them is None: how the camera moved is unknown.
+        Only one of them is None: the motion of the camera is unknown.
     """
     if (before is None) != (now is None):
         raise ValueError("either all frames of a video have poses or none")

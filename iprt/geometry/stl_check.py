@@ -1,4 +1,4 @@
-"""Checks of an STL file before anything is read by it.
+"""Checks of an STL file before it is read.
 
 Format: 3D Systems, "StereoLithography Interface Specification", 1988: text from `solid` to
 `endsolid`, or a header of 80 bytes, the number of triangles, and 50 bytes for each.
@@ -14,7 +14,7 @@ from iprt.errors import FormatError
 from iprt.files.untrusted import MAX_TRIANGLES
 
 MAX_SOLIDS = 1024
-"""A text has no more."""
+"""Limit for the solids of a text file."""
 _HEADER = 84
 _TRIANGLE = 50
 _NUMBER = rb"[ \t]+[-+]?(?:\d+(?:\.\d*)?|\.\d+|nan|inf)(?:e[-+]?\d+)?"
@@ -26,11 +26,12 @@ _NAMED = re.compile(rb"^[ \t]*((?:end)?solid)\b.*$", re.IGNORECASE | re.MULTILIN
 
 
 def check_stl(path: Path, data: bytes) -> None:
-    """Check that a binary file is as long as it claims.
+    """Check that a binary file has the length that its header implies.
 
     Raises
     ------
     FormatError
+        The file is damaged, cut off or too large.
     """
     head, size = data[:_HEADER], len(data)
     count = _claimed(head)
@@ -45,13 +46,14 @@ def check_stl(path: Path, data: bytes) -> None:
 
 
 def checked_stl_text(data: bytes) -> bytes:
-    """The text of a file without the names of its solids, which may be words of the format; a
-    binary file as it is.
+    """Return a text file without the names of its solids, or a binary file unchanged.
+
+    trimesh would take keywords in these names for statements.
 
     Raises
     ------
     ValueError
-        Not all solids, facets and numbers are whole, in one line.
+        Solids, facets or numbers are incomplete; the message is one line.
     """
     if _is_binary(data):
         return data
@@ -72,7 +74,7 @@ def checked_stl_text(data: bytes) -> bytes:
 
 
 def has_colors(data: bytes) -> bool:
-    """Whether triangles of a binary file may have colours, which nothing standardizes."""
+    """Return True if triangles of a binary file may have colours, which no standard defines."""
     attributes = (data[_HEADER + _TRIANGLE - byte :: _TRIANGLE] for byte in (2, 1))
     return _is_binary(data) and any(map(any, attributes))
 

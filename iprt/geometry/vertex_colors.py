@@ -1,10 +1,10 @@
-"""Colours of vertices and faces, as textures of two by two texels for each triangle.
+"""Colours of vertices and faces, stored as a texture with 2 x 2 texels for each triangle.
 
-Between texels of the colours a, b, c and b + c - a, at the corners of a square, bilinear
-interpolation is linear: a triangle with its texture coordinates at the first three has the colours
-between its corners that glTF asks for (Khronos glTF 2.0, section 3.7.2.1), up to the half floats of
-devices, and touches no texel of others. Triangles that are near each other are so in the texture,
-too, on all levels of a pyramid: what is smaller than a pixel has the mean of its surroundings.
+The four texels hold the colours a, b, c and b + c - a, for which bilinear interpolation is linear.
+A triangle whose texture coordinates are the first three texel centres therefore interpolates its
+vertex colours as glTF requires (Khronos glTF 2.0, section 3.7.2.1), up to the half floats of
+devices, and samples no texel of another triangle. Nearby triangles are nearby in the texture too,
+on all mip levels, so that triangles smaller than a pixel get the mean of their surroundings.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ Float32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
 _CURVE_BITS = 10
-"""Cells a side of the grid along which triangles are sorted, as a power of two."""
+"""Number of bits per axis of the grid along which triangles are sorted."""
 
 
 def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
-    """Return the colours at the corners of triangles of a trimesh geometry.
+    """Return the colours at the corners of a trimesh geometry's triangles.
 
     Parameters
     ----------
     triangles : (F, 3) int64
-        Vertices of the triangles that are kept.
+        Vertex indices of the triangles that are kept.
     kept : (F,) int64
-        Their numbers among all of the geometry.
+        Indices of these triangles in the geometry.
 
     Returns
     -------
     (F, 3, 3) float32 or None
-        Linear RGB from 0 to 1 by triangle and corner; None: there are none. Colours of glTF are
-        linear, others sRGB.
+        Linear RGB from 0 to 1 by triangle and corner; None without colours. glTF stores linear
+        colours, other formats sRGB.
     """
     given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
     if given is not None:
@@ -55,22 +55,22 @@ def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
 
 
 def color_texture(centers: NDArray[np.floating], colors: Float32) -> tuple[Float32, Float32]:
-    """Return a texture with the colours of triangles, and where in it their corners are.
+    """Build a texture of triangles' colours, with texture coordinates of their corners.
 
     Parameters
     ----------
     centers : (F, 3) floating
-        Finite; where the triangles are. At least one.
+        Finite centres of the triangles; at least one.
     colors : (F, 3, 3) float32
         Linear RGB by triangle and corner.
 
     Returns
     -------
     texture : (H, W, 3) float32
-        Row 0 at v = 1; H and W are powers of two. Texels that lie in no triangle may be below 0 or
+        Row 0 at v = 1; H and W are powers of two. Texels outside all triangles may be below 0 or
         above 1.
     uvs : (F, 3, 2) float32
-        By triangle and corner.
+        Texture coordinates by triangle and corner.
     """
     count = len(colors)
     bits = int(count - 1).bit_length()
@@ -90,7 +90,7 @@ def color_texture(centers: NDArray[np.floating], colors: Float32) -> tuple[Float
 
 
 def _along_curve(points: NDArray[np.floating]) -> Ints:
-    """Return numbers (N,) of cells along a Morton curve through points (N, 3)."""
+    """Return the (N,) Morton codes of points (N, 3)."""
     low = points.min(axis=0)
     extent = max(float((points.max(axis=0) - low).max()), np.finfo(np.float64).tiny)
     top = (1 << _CURVE_BITS) - 1
@@ -103,7 +103,7 @@ def _along_curve(points: NDArray[np.floating]) -> Ints:
 
 
 def _every_other_bit(numbers: Ints) -> Ints:
-    """Return bits 0, 2, 4, ... of numbers, side by side: the column of a cell of a Morton curve."""
+    """Return bits 0, 2, 4, ... of numbers, packed: the column of a Morton code."""
     found = np.zeros_like(numbers)
     for bit in range(16):
         found |= (numbers >> (2 * bit) & 1) << bit

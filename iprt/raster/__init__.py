@@ -1,0 +1,1 @@
+"""Rasterization of the virtual objects with OpenGL."""

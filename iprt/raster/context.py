@@ -16,12 +16,12 @@ _INCLUDES = ("view.glsl", "mesh.glsl", "triangle.glsl", "depth.glsl")
 
 
 def create_context() -> moderngl.Context:
-    """An OpenGL 3.3 core context through EGL; needs no display.
+    """Create an OpenGL 3.3 core context through EGL, without a display.
 
     Raises
     ------
     DeviceError
-        Without EGL, or if the driver offers less than OpenGL 3.3. Names the Debian packages.
+        EGL or OpenGL 3.3 is missing; the message names the Debian packages.
     """
     settings: dict[str, Any] = {"backend": "egl"}
     try:
@@ -45,7 +45,7 @@ def load_program(
     geometry: str | None = None,
     defines: Mapping[str, int] | None = None,
 ) -> moderngl.Program:
-    """Build a program from files of `glsl/`.
+    """Compile and link a program from files of `glsl/`.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def load_program(
 
 
 def set_uniforms(program: moderngl.Program, values: Mapping[str, Any]) -> None:
-    """Set those of `values` that the program uses: compilers remove what a variant leaves out."""
+    """Set the uniforms that the program has; compilers remove unused ones."""
     for name, value in values.items():
         if name in program:
             uniform: Any = program[name]

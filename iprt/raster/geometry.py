@@ -18,36 +18,36 @@ Float = NDArray[np.float64]
 
 _TRIANGLES_WIDTH = 2048
 _VERTICES_WIDTH = 2048
-"""Texels; `glsl/mesh.glsl` has their logarithms. A vertex takes two texels."""
+"""Size in texels; `glsl/mesh.glsl` has their logarithms. A vertex takes two texels."""
 
 _VERTICES_PER_ROW = _VERTICES_WIDTH // 2
 _CORNERS_BYTES = 3 * 3 * 4
 _CURVE_BITS = 6
 _MAX_TRIANGLES = 1 << 24
-"""Triangle numbers pass through a float32 image."""
+"""Triangle numbers are stored in a float32 image, which is exact up to this number."""
 
 
 @dataclass
 class Part:
-    """One instance's share of the buffers.
+    """One instance's part of the buffers.
 
     Attributes
     ----------
     index : int
-        Number of the instance.
+        Index of the instance.
     vertex_row : int
         First row in the vertex texture; every instance starts a row, so that it can be rewritten
         alone.
     triangles : (F, 3) int32
-        Those drawn, of the mesh.
+        Drawn triangles of the mesh.
     materials : slice
-        Where its materials are among those of all instances.
+        Range of its materials in the materials of all instances.
     object_box : (8, 3) float64
-        Corners, object space.
+        Corners of the bounding box, object space.
     displacement : (V, 3) float64 or None
-        To where vertices were in the previous frame, object space; None: nowhere else.
+        Offsets to the previous frame's vertices, object space; None without deformation.
     to_world, previous : (4, 4) float64
-        This frame's and the previous frame's transform.
+        Transforms of this frame and of the previous one.
     """
 
     instance: Instance
@@ -63,25 +63,26 @@ class Part:
 
     @property
     def vertex_rows(self) -> int:
+        """Number of rows in the vertex texture."""
         return _rows(len(self.instance.mesh.positions), _VERTICES_PER_ROW)
 
     @property
     def mirrored(self) -> bool:
-        """Whether the transform turns counter-clockwise triangles clockwise."""
+        """True if the transform turns counter-clockwise triangles clockwise."""
         return float(np.linalg.det(self.to_world[:3, :3])) < 0.0
 
     @property
     def corners(self) -> Float:
-        """(8, 3) world-space corners of a box around the part, as `region.box_rects` reads."""
+        """(8, 3) world-space corners of a box around the part, for `region.box_rects`."""
         return transformed(self.to_world, self.object_box)
 
     @property
     def motion(self) -> Float:
-        """(3, 4) affine map of this frame's world points, displaced, to the previous frame's."""
+        """(3, 4) affine map of this frame's displaced world points to the previous frame."""
         return motion_between(self.previous, self.to_world)
 
     def move(self, instance: Instance) -> bool:
-        """Start a frame; whether the vertices have moved."""
+        """Start a frame; return True if the vertices have moved in world space."""
         before, self.instance = self.instance.mesh, instance
         self.previous, self.to_world = self.to_world, _affine(instance.name, instance.to_world)
         self.displacement = None
@@ -92,26 +93,26 @@ class Part:
 
 
 class WorldGeometry:
-    """Vertices, triangles and materials of all instances, as the shaders read them.
+    """Vertices, triangles and materials of all instances in device memory.
 
-    Vertices are transformed here, in double precision, when an instance moves: then all passes
-    and both projections see the same float32 triangles.
+    Vertices are transformed on the host in double precision when an instance moves. All passes and
+    both projections therefore see the same float32 triangles.
 
     Attributes
     ----------
     parts : tuple of Part
-        Instances that have triangles.
+        Instances with triangles.
     material_object : (M,) int32
         Index of the instance that each material belongs to.
     positions : moderngl.Buffer
-        World-space corners, three per triangle: drawing them unindexed numbers the triangles
-        for less than gl_PrimitiveID costs on software renderers.
+        World-space corners, three per triangle. Unindexed drawing numbers the triangles at less
+        cost than gl_PrimitiveID on software renderers.
     triangles, vertices, table : moderngl.Texture
         See `glsl/mesh.glsl` and `glsl/shade.frag`.
     displacements : moderngl.Texture or None
-        The same; None: no mesh deforms.
+        See the same files; None if no mesh deforms.
     images : dict of int to moderngl.Texture
-        Texture by material.
+        Albedo texture by material.
     """
 
     def __init__(self, context: moderngl.Context, instances: Sequence[Instance]) -> None:
@@ -143,14 +144,14 @@ class WorldGeometry:
 
     @property
     def nbytes(self) -> tuple[int, int]:
-        """Bytes of the triangles, and of the textures with their mipmaps."""
+        """Bytes of the triangle data, and of the albedo textures with their mipmaps."""
         tables = [self.triangles, self.vertices, self.table, self.displacements]
         triangles = sum(texture_bytes(table) for table in tables if table is not None)
         images = sum(map(texture_bytes, self.images.values()))
         return self.positions.size + triangles, images * 4 // 3
 
     def move(self, instances: Sequence[Instance]) -> None:
-        """Start a frame: current transforms become previous ones, and these the current ones."""
+        """Start a frame: `instances` become current, and the old transforms previous."""
         for part in self.parts:
             if part.move(instances[part.index]):
                 self._upload(part)
@@ -159,13 +160,13 @@ class WorldGeometry:
         self._upload_table()
 
     def _upload(self, part: Part) -> None:
-        """Write one instance's world-space vertices."""
+        """Upload one instance's world-space vertices."""
         mesh = part.instance.mesh
         side = -1.0 if part.mirrored else 1.0
         normals = mesh.normals @ (side * cofactors(part.to_world[:3, :3])).T
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         texels = np.zeros((len(mesh.positions), 2, 4), np.float32)
-        with np.errstate(invalid="ignore", over="ignore"):  # corners of triangles left out
+        with np.errstate(invalid="ignore", over="ignore"):  # vertices of undrawn triangles
             texels[:, 0, :3] = transformed(part.to_world, mesh.positions)
         corners = texels[:, 0, :3][part.triangles]
         self.positions.write(corners, offset=part.first_triangle * _CORNERS_BYTES)
@@ -177,7 +178,7 @@ class WorldGeometry:
         )
 
     def _upload_displacements(self, texture: moderngl.Texture, part: Part) -> None:
-        """Write to where one instance's vertices were, world space, before its motion."""
+        """Upload the world-space offsets to one instance's vertices before its motion."""
         texels = np.zeros((len(part.instance.mesh.positions), 4), np.float32)
         if part.displacement is not None:
             texels[:, :3] = part.displacement @ part.to_world[:3, :3].T
@@ -196,7 +197,16 @@ class WorldGeometry:
 
 
 def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[np.int32], int]:
-    """Parts, rows (three vertex numbers, material) per triangle, rows of the vertex texture."""
+    """Lay out the buffers.
+
+    Returns
+    -------
+    parts : tuple of Part
+    table : (F, 4) int32
+        Three vertex numbers and the material of each triangle.
+    rows : int
+        Rows of the vertex texture.
+    """
     parts: list[Part] = []
     table = [np.zeros((0, 4), np.int32)]
     first_material = row = count = 0
@@ -225,16 +235,16 @@ def _lay_out(instances: Sequence[Instance]) -> tuple[tuple[Part, ...], NDArray[n
 
 
 def _box_of(mesh: Mesh, triangles: NDArray[np.int32]) -> Float:
-    """(8, 3) corners of a box around triangles of a mesh, object space."""
+    """Return the (8, 3) corners of a box around triangles of a mesh, object space."""
     used = mesh.positions[triangles.ravel()].astype(np.float64)
     return box_corners(used.min(axis=0), used.max(axis=0))
 
 
 def _drawing_order(mesh: Mesh) -> NDArray[np.int64]:
-    """Triangles with finite corners, along a Morton curve through their centres.
+    """Return the triangles with finite corners, sorted along a Morton curve through their centres.
 
-    Neighbours in the buffer are then neighbours in any image, which makes a third of the
-    difference in speed on a software renderer.
+    Neighbours in the buffer are then neighbours in the image. This accounts for a third of the
+    speed difference on a software renderer.
     """
     (drawable,) = np.nonzero(np.isfinite(mesh.positions[mesh.triangles]).all(axis=(1, 2)))
     if len(drawable) == 0:
@@ -260,13 +270,13 @@ def _rows(count: int, width: int) -> int:
 
 
 def _padded(array: NDArray[np.generic], width: int) -> bytes:
-    """Bytes of `array`, zeros appended up to whole rows of `width` items, at least one row."""
+    """Return the bytes of `array`, zero-padded to whole rows of `width` items, at least one row."""
     missing = max(_rows(len(array), width), 1) * width - len(array)
     return array.tobytes() + bytes(missing * array.itemsize * int(np.prod(array.shape[1:])))
 
 
 def _mipmapped(context: moderngl.Context, image: NDArray[np.float32]) -> moderngl.Texture:
-    """Half floats: an albedo in [0, 1] keeps 11 bits."""
+    """Upload a mipmapped texture in half floats, which keep 11 bits of an albedo in [0, 1]."""
     height, width = image.shape[:2]
     data = np.ascontiguousarray(image, np.float16).tobytes()
     texture = context.texture((width, height), 3, data, dtype="f2")

@@ -1,4 +1,4 @@
-"""The layers of rasterized objects, which tracing and shading read."""
+"""Layers of the rasterized objects, the input of tracing and shading."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 SAMPLES = 4
-"""Coverage takes so many sub-samples a side of a pixel, unless other is asked for."""
+"""Default number of coverage samples along each side of a pixel."""
 
 COVERAGE_TOLERANCE = 0.005
-"""An object is in front of the real surface up to this fraction of the distance behind it: noise
-in measured depth must not eat an object's foot."""
+"""Depth tolerance, as a fraction of the distance: an object up to this far behind the real surface
+still counts as in front, so that noise in measured depth does not erode its foot."""
 
 NO_MOTION = -1e9
-"""Both motion components where there is no surface."""
+"""Both components of motion vectors where there is no surface."""
 
 
 def blank_display(height: int, width: int) -> NDArray[np.float32]:
-    """`ObjectLayers.display` without objects."""
+    """Return `ObjectLayers.display` for a picture without objects."""
     display = np.zeros((3, height, width, 4), np.float32)
     display[2, ..., 1:3] = NO_MOTION
     return display
@@ -32,11 +32,11 @@ class Layer:
     Attributes
     ----------
     geometry : (H, W, 4) float32
-        World-space unit shading normal (outward, as the mesh has it) and the radial distance in
-        metres; all 0 where there is no surface.
+        World-space unit shading normal (outward, as in the mesh) and radial distance in metres; all
+        0 where there is no surface.
     material : (H, W, 4) float32
-        Albedo (texture applied), and 1 + the index of the instance's material in
-        `Rasterizer.materials`; all 0 where there is no surface.
+        Albedo (texture applied), and 1 + the index of the material in `Rasterizer.materials`; all 0
+        where there is no surface.
     """
 
     geometry: NDArray[np.float32]
@@ -45,26 +45,27 @@ class Layer:
 
 @dataclass(frozen=True)
 class ObjectLayers:
-    """The solid seen through each pixel centre: from its first surface to where the ray leaves it.
+    """The first solid interval behind each pixel centre, with coverage and motion vectors.
 
-    `front` is the nearest surface of any orientation, `back` the nearest surface that faces away
-    at or beyond it (so [front, back] is the first solid interval of a closed mesh). Real surfaces
-    hide nothing here: what they hide still casts shadows. None: it was not asked for.
+    `front` is the nearest surface of either orientation. `back` is the nearest back-facing surface
+    at or beyond it, so that [front, back] is the first solid interval of a closed mesh; it is None
+    if not requested. Real surfaces do not occlude the layers, because hidden parts still cast
+    shadows.
 
     Attributes
     ----------
     display : (3, H, W, 4) float32 or None
-        The arrays of `front`, and (coverage, motion x, motion y, fraction of the pixel in which
-        there is any object). None for layers that are only traced.
+        The arrays of `front`, and (coverage, motion x, motion y, fraction of the pixel covered by
+        objects, occluded or not). None for layers that are only traced.
     coverage : (H, W) float32 or None
-        Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT
-        Eq. 2). Where there is any object, `front` holds a surface, borrowed from a neighbour if the
-        pixel's own centre misses it; there, and only there, `front` has a surface and `back` has
-        none, so that tracing skips these pixels and objects do not grow. Slivers without a
+        Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT Eq.
+        2). Every pixel touched by an object has a surface in `front`, borrowed from a neighbour if
+        the pixel's own centre misses the object. A borrowed surface, and no other, has a `front`
+        without a `back`: tracing skips these pixels, so that objects do not grow. Slivers without a
         neighbour to borrow from count as 0.
     motion : (H, W, 2) float32 or None
-        Where the front surface was in the previous frame's picture, in pixels; (-1e9, -1e9)
-        where there is none.
+        Pixel position of the front surface in the previous frame; (-1e9, -1e9) where there is no
+        surface.
     """
 
     front: Layer
@@ -73,13 +74,15 @@ class ObjectLayers:
 
     @classmethod
     def displayed(cls, display: NDArray[np.float32], back: Layer | None) -> ObjectLayers:
-        """Layers of which the front is shown."""
+        """Build layers for display from the (3, H, W, 4) display image and the back layer."""
         return cls(Layer(display[0], display[1]), back, display)
 
     @property
     def coverage(self) -> NDArray[np.float32] | None:
+        """Fraction of each pixel in which an object is in front of the real surface, (H, W)."""
         return None if self.display is None else self.display[2, ..., 0]
 
     @property
     def motion(self) -> NDArray[np.float32] | None:
+        """Previous pixel position of the front surface, (H, W, 2)."""
         return None if self.display is None else self.display[2, ..., 1:3]

@@ -12,14 +12,14 @@ from iprt.raster.context import load_program
 
 @dataclass(frozen=True)
 class Programs:
-    """The passes of one projection.
+    """The shader programs of one projection.
 
     Attributes
     ----------
     visibility, distances : moderngl.Program
-        Triangles to a target's window: which is nearest; depth alone.
+        Draw triangles: index of the nearest one; depth alone.
     shade, shade_textured, finish : moderngl.Program
-        Over the target's pixels: a layer; what of it has one texture; the displayed layer.
+        Full-screen passes: a layer; its surfaces with one texture; the displayed layer.
     """
 
     visibility: moderngl.Program
@@ -32,7 +32,15 @@ class Programs:
     def build(
         cls, context: moderngl.Context, projection: Projection, *, samples: int, deforming: bool
     ) -> Programs:
-        """`samples`: of coverage, a side of a pixel; `deforming`: some objects bend."""
+        """Build the programs of a projection.
+
+        Parameters
+        ----------
+        samples : int
+            Coverage samples along each side of a pixel.
+        deforming : bool
+            Some meshes deform.
+        """
         defines = {"EQUIRECT": 1} if projection == "equirect" else {}
         bent = {"DEFORMING": 1} if deforming else {}
         stages = f"visibility_{projection}"

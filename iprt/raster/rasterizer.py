@@ -21,7 +21,7 @@ from iprt.raster.region import Rect, box_rects, merge
 from iprt.raster.targets import Target, Targets, texture_bytes
 
 _TILE = 512
-"""Pixels; coverage is rendered in tiles, so that its target stays small in any view."""
+"""Tile size in pixels. Coverage is rendered in tiles, so that its target stays small."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class _Frame:
     Attributes
     ----------
     visible : list of (Part, list of Rect)
-        Instances that the view may show, and where.
+        Instances that the view may show, with the rectangles that bound them.
     regions : list of Rect
         Disjoint rectangles that cover them all.
     """
@@ -43,34 +43,39 @@ class _Frame:
 
 
 class Rasterizer:
-    """Renders what is seen of virtual objects from the capture centre.
+    """A rasterizer of virtual objects, seen from the capture centre.
 
-    Per view: (1) visibility: the nearest triangle that faces the capture centre and the nearest
-    that faces away, per pixel centre; (2) shade: normal, distance and albedo of both layers, by
-    intersecting the pixel's ray with the triangle; for display also (3) sub-sampled distances, and
-    (4) finish: coverage against the real scene, borrowed edge pixels, motion. Only rectangles
-    around objects are touched.
+    It runs these passes per view:
+
+    1. visibility: the nearest front-facing and the nearest back-facing triangle per pixel centre;
+    2. shade: normal, distance and albedo of both layers, by intersecting the pixel's ray with the
+       triangle;
+    3. sub-sampled distances, for display only;
+    4. finish, for display only: coverage against the real scene, borrowed edge pixels, motion
+    vectors.
+
+    Only rectangles around objects are touched.
 
     Parameters
     ----------
     instances : sequence of Instance
-        Meshes and textures are uploaded here.
+        Their meshes and textures are uploaded.
     samples : int
-        Coverage takes so many a side of a pixel.
+        Coverage samples along each side of a pixel.
 
     Attributes
     ----------
     materials : tuple of Material
-        Materials of all instances, one after the other; `Layer.material[..., 3] - 1` indexes it.
+        Concatenated materials of all instances; `Layer.material[..., 3] - 1` indexes it.
     material_object : (M,) int32
         Index of the instance that each material belongs to.
     memory : dict of str to int
-        Bytes by name of what it holds now; always the same dict.
+        Bytes of device memory by name; always the same dict.
 
     Raises
     ------
     DeviceError
-        Without EGL or OpenGL 3.3.
+        EGL or OpenGL 3.3 is missing.
     SceneError
         A transform is not 4x4 finite numbers, or there are more than 2^24 triangles.
     """
@@ -102,12 +107,12 @@ class Rasterizer:
         """Start a frame with new transforms and vertices; the current ones become previous ones.
 
         Call it once per frame while objects move, and once more when they stop: motion is measured
-        from where they were before the last call.
+        from the state before the last call.
 
         Parameters
         ----------
         instances : sequence of Instance
-            The same objects, in the same order; vertices differ only of meshes that deform.
+            The same objects, in the same order; only meshes that deform may have other vertices.
 
         Raises
         ------
@@ -118,13 +123,13 @@ class Rasterizer:
             self._geometry.move(instances)
 
     def set_surface(self, surface: NDArray[np.float32]) -> None:
-        """Set the real scene that `coverage` compares with. Until then there is none.
+        """Set the real scene that `coverage` compares with; initially there is none.
 
         Parameters
         ----------
         surface : (H, W, 4) float32
-            Panorama; xyz = g such that the real surface is at radial distance 1 / (g . d) along
-            the unit direction d (0: nothing there); finite. w is not read.
+            Panorama; xyz = g such that the real surface is at radial distance 1 / (g . d) along the
+            unit direction d (0 where there is none); finite. w is not read.
         """
         height, width = surface.shape[:2]
         with self._context:
@@ -146,9 +151,9 @@ class Rasterizer:
         previous : View, optional
             The previous frame's view, of the same projection; by default `view` itself.
         shade : bool
-            Whether to add coverage and motion, and to borrow surfaces for covered edge pixels.
+            Add coverage and motion vectors, and borrow surfaces for covered edge pixels.
         back : bool
-            Whether to render the back layer, which only rays need that march through layers.
+            Render the back layer, which only screen-space ray marching needs.
 
         Returns
         -------
@@ -162,7 +167,7 @@ class Rasterizer:
             return self._render(view, previous, shade=shade, back=back)
 
     def close(self) -> None:
-        """Free the context and all that it holds."""
+        """Free the context and all its resources."""
         self._context.release()
 
     def _render(self, view: View, previous: View, *, shade: bool, back: bool) -> ObjectLayers:
@@ -194,8 +199,9 @@ class Rasterizer:
         return ObjectLayers.displayed(display, behind)
 
     def _see(self, frame: _Frame, *, back: bool) -> None:
-        """Nearest triangles that face the capture centre, and nearest that face away; without the
-        back layer those of either side at once.
+        """Find the nearest front-facing and the nearest back-facing triangles.
+
+        Without the back layer, find the nearest triangles of either orientation.
         """
         program, targets = frame.programs.visibility, frame.targets
         set_uniforms(program, _window(0, 0, 1, targets.size))
@@ -209,8 +215,8 @@ class Rasterizer:
     def _draw(self, program: moderngl.Program, parts: Sequence[Part], side: int) -> None:
         """Draw triangles into the bound target; `program` knows its window.
 
-        `side` is 1 for those that face away from the capture centre, -1 for the others, 0 for all.
-        The perspective projection leaves the choice to OpenGL, the equirect one makes it itself.
+        `side` is 1 for back-facing triangles, -1 for front-facing ones, 0 for all. OpenGL culls in
+        the perspective projection; the equirect shaders cull themselves.
         """
         context = self._context
         context.enable_only(moderngl.DEPTH_TEST)
@@ -220,7 +226,7 @@ class Rasterizer:
             context.cull_face = "front" if side > 0 else "back"
         vertices = context.vertex_array(program, [(self._geometry.positions, "3f", "position")])
         for part in parts:
-            # Rows run down, which turns every triangle over.
+            # Image rows run downwards, which flips the winding of every triangle.
             context.front_face = "ccw" if part.mirrored else "cw"
             set_uniforms(program, {"side": -side if part.mirrored else side})
             first, count = 3 * part.first_triangle, 3 * len(part.triangles)
@@ -228,7 +234,7 @@ class Rasterizer:
         vertices.release()
 
     def _shade(self, frame: _Frame, layers: Sequence[Target]) -> None:
-        """Layers from their visible triangles; then again where a material has a texture."""
+        """Shade layers from their visible triangles, then again for each textured material."""
         geometry, programs, targets = self._geometry, frame.programs, frame.targets
         textures = {
             "triangles": geometry.triangles,
@@ -252,7 +258,7 @@ class Rasterizer:
                         self._fill(programs.shade_textured, layer, rects, which | textured)
 
     def _finish(self, frame: _Frame, tile: Rect) -> None:
-        """The displayed layer within a tile: sub-sampled distances first, then the rest."""
+        """Render the displayed layer of a tile: sub-sampled distances, then the finish pass."""
         _, _, width, height = tile.viewport
         side = self._samples_a_side
         window = (0, 0, width * side, height * side)
@@ -306,7 +312,7 @@ class Rasterizer:
         return self._programs[view.projection]
 
     def _targets_for(self, view: View) -> Targets:
-        """Targets of the view's size; one set per projection is kept."""
+        """Return targets of the view's size; one set per projection is kept."""
         size = (view.width, view.height)
         held = self._targets.get(view.projection)
         if held is not None and held.size == size:
@@ -336,7 +342,7 @@ def _view_uniforms(view: View) -> dict[str, Any]:
 
 
 def _window(x: int, y: int, samples_per_pixel: int, size: tuple[int, int]) -> dict[str, Any]:
-    """Uniforms of a target of `size` samples: from pixel (x, y), so many samples per pixel."""
+    """Return the uniforms of a target of `size` samples whose first sample lies in pixel (x, y)."""
     return {"window": (x, y, samples_per_pixel), "target_size": size}
 
 

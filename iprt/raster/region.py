@@ -1,4 +1,4 @@
-"""Which rectangles of a view can show an object: bounds of boxes in both projections."""
+"""Screen-space bounds of objects in both projections."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from iprt.geometry.camera import View
 Float = NDArray[np.float64]
 
 _EDGES = np.array([(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit])
-"""Corner pairs of a box whose corner i takes the upper bound of axis k where bit k of i is set."""
+"""Corner pairs that form the edges of a box. Corner i takes the upper bound of axis k if bit k of i
+is set."""
 
 _MARGIN = 1
-"""Pixels around the bounds: sub-pixel coverage borrows from the next pixel."""
+"""Margin around the bounds in pixels: sub-pixel coverage borrows from the next pixel."""
 
 
 @dataclass(frozen=True)
 class Rect:
-    """Pixels x0 <= x < x1, y0 <= y < y1."""
+    """A rectangle of the pixels x0 <= x < x1, y0 <= y < y1."""
 
     x0: int
     y0: int
@@ -29,20 +30,22 @@ class Rect:
 
     @property
     def viewport(self) -> tuple[int, int, int, int]:
-        """x, y, width, height."""
+        """The rectangle as (x, y, width, height)."""
         return self.x0, self.y0, self.x1 - self.x0, self.y1 - self.y0
 
     @property
     def pixels(self) -> tuple[slice, slice]:
-        """Index of an (H, W, ...) array."""
+        """Index into an (H, W, ...) array."""
         return slice(self.y0, self.y1), slice(self.x0, self.x1)
 
     def touches(self, other: Rect) -> bool:
+        """Return True if both rectangles share a pixel."""
         return (
             self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
         )
 
     def union(self, other: Rect) -> Rect:
+        """Return the bounding rectangle of both."""
         return Rect(
             min(self.x0, other.x0),
             min(self.y0, other.y0),
@@ -51,7 +54,7 @@ class Rect:
         )
 
     def tiles(self, size: int) -> list[Rect]:
-        """The rectangle in tiles of at most `size` x `size` pixels."""
+        """Split the rectangle into tiles of at most `size` x `size` pixels."""
         return [
             Rect(x, y, min(x + size, self.x1), min(y + size, self.y1))
             for y in range(self.y0, self.y1, size)
@@ -60,13 +63,13 @@ class Rect:
 
 
 def box_corners(low: Float, high: Float) -> Float:
-    """(8, 3) corners of an axis-aligned box."""
+    """Return the (8, 3) corners of an axis-aligned box."""
     upper = (np.arange(8)[:, None] >> np.arange(3)) & 1
     return np.where(upper == 1, high, low)
 
 
 def box_rects(view: View, corners: Float) -> list[Rect]:
-    """Rectangles that hold all pixels which the box can touch: none, one, or two at the seam.
+    """Return rectangles that hold all pixels of a box: none, one, or two at the seam.
 
     Parameters
     ----------
@@ -80,7 +83,7 @@ def box_rects(view: View, corners: Float) -> list[Rect]:
 
 
 def merge(rects: list[Rect]) -> list[Rect]:
-    """Disjoint rectangles that cover the same pixels, and maybe more."""
+    """Merge rectangles into disjoint ones that cover at least the same pixels."""
     merged: list[Rect] = []
     for rect in rects:
         current = rect
@@ -109,9 +112,9 @@ def _perspective_rects(view: View, local: Float) -> list[Rect]:
 
 
 def _equirect_rects(view: View, local: Float) -> list[Rect]:
-    """Bounds of the cone from the origin, about the box's centre, that holds its corners.
+    """Bound the cone from the origin, about the box's centre, that contains its corners.
 
-    A meridian touches a cone of half angle a about colatitude t at azimuth asin(sin a / sin t).
+    A meridian is tangent to a cone of half angle a at colatitude t at azimuth asin(sin a / sin t).
     """
     whole = [Rect(0, 0, view.width, view.height)]
     lengths = np.linalg.norm(local, axis=1)
@@ -142,7 +145,7 @@ def _equirect_rects(view: View, local: Float) -> list[Rect]:
 
 
 def _clipped(view: View, low: Float, high: Float) -> list[Rect]:
-    """The pixels of bounds in image points, with a margin, that lie in the frame."""
+    """Return the pixels of bounds in image points, with a margin, clipped to the frame."""
     size = np.array([view.width, view.height])
     first = np.clip(np.floor(low) - _MARGIN, 0, size).astype(int)
     last = np.clip(np.ceil(high) + _MARGIN, 0, size).astype(int)

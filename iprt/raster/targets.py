@@ -1,4 +1,4 @@
-"""The images that rasterization renders into, and their way to NumPy."""
+"""Render targets of the rasterizer, and reading them back to NumPy."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from iprt.raster.region import Rect
 
 DEPTH_BYTES = 4
-"""A texel of depth takes as many, as drivers store it."""
+"""Bytes of a depth texel, as drivers store it."""
 
 
 def texture_bytes(texture: moderngl.Texture) -> int:
-    """Bytes of a texture without mipmaps, as it was asked for; drivers may round up."""
+    """Return the bytes of a texture without mipmaps, as requested; drivers may round up."""
     texel = DEPTH_BYTES if texture.depth else texture.components * int(texture.dtype[1:])
     return int(texture.width * texture.height * texel)
 
 
 @dataclass(frozen=True)
 class Target:
-    """A framebuffer with float32 images; texel (x, y) is the pixel in column x, row y."""
+    """A framebuffer with float32 images; texel (x, y) is the pixel in column x and row y."""
 
     framebuffer: moderngl.Framebuffer
     images: tuple[moderngl.Texture, ...]
@@ -38,18 +38,19 @@ class Target:
         channels: int = 4,
         depth: moderngl.Renderbuffer | None = None,
     ) -> Target:
+        """Create a framebuffer with `images` float32 textures of a size (width, height)."""
         textures = tuple(context.texture(size, channels, dtype="f4") for _ in range(images))
         return cls(context.framebuffer(textures, depth), textures)
 
     def read(self, image: int, regions: Sequence[Rect]) -> NDArray[np.float32]:
-        """(H, W, 4) float32 of one image within the regions, 0 elsewhere."""
+        """Return one image as (H, W, 4) float32, read within the regions and 0 elsewhere."""
         width, height = self.framebuffer.size
         pixels = np.zeros((height, width, 4), np.float32)
         self.read_into(pixels, image, regions)
         return pixels
 
     def read_into(self, pixels: NDArray[np.float32], image: int, regions: Sequence[Rect]) -> None:
-        """Overwrite the regions of (H, W, 4) float32 with one image's."""
+        """Overwrite the regions of an (H, W, 4) float32 array with one image."""
         for rect in regions:
             data = self.framebuffer.read(rect.viewport, components=4, attachment=image, dtype="f4")
             texels = np.frombuffer(data, np.float32)
@@ -57,9 +58,11 @@ class Target:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all images."""
         return sum(map(texture_bytes, self.images))
 
     def release(self) -> None:
+        """Free the framebuffer and its images."""
         self.framebuffer.release()
         for image in self.images:
             image.release()
@@ -67,21 +70,21 @@ class Target:
 
 @dataclass(frozen=True)
 class Targets:
-    """All that is rendered for a view.
+    """All render targets of a view.
 
     Attributes
     ----------
     size : (width, height)
         Pixels.
     depth : moderngl.Renderbuffer
-        Depth of `facing` and of `away`.
+        Depth buffer shared by `facing` and `away`.
     facing, away : Target
-        1 + number of the nearest triangle that faces the capture centre, and that faces away.
+        1 + index of the nearest front-facing and of the nearest back-facing triangle.
     front, back : Target
-        The arrays of `Layer`; where meshes deform, the front has (displacement, 0), in world space,
-        too.
+        The arrays of `Layer`. If meshes deform, the front also has (displacement, 0) in world
+        space.
     display : Target
-        The arrays of the displayed front layer, and what else `ObjectLayers.display` holds.
+        The three arrays of `ObjectLayers.display`.
     """
 
     size: tuple[int, int]
@@ -96,6 +99,7 @@ class Targets:
     def create(
         cls, context: moderngl.Context, size: tuple[int, int], *, deforming: bool
     ) -> Targets:
+        """Create all targets for a size (width, height)."""
         depth = context.depth_renderbuffer(size)
         return cls(
             size,
@@ -113,11 +117,12 @@ class Targets:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all images and of the depth."""
+        """Bytes of all images and of the depth buffer."""
         width, height = self.size
         return sum(target.nbytes for target in self._all) + DEPTH_BYTES * width * height
 
     def release(self) -> None:
+        """Free all targets."""
         for target in self._all:
             target.release()
         self.depth.release()

@@ -1,0 +1,1 @@
+"""The scene folder: its manifest, footage, objects and edits."""

@@ -1,4 +1,4 @@
-"""Stand a mesh in a scene, with a view of it: the mesh is copied, and `scene.toml` extended."""
+"""Add a mesh to a scene, with a view of it: copy the mesh and extend `scene.toml`."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ class Added:
     base : (3,) float64
         World-space point below the object's middle, at the height of its lowest point.
     size : str
-        How large it is, in the scene and in its file, and which side is up.
+        The object's size in the scene and in its file, and its up axis, in words.
     hints : tuple of str
-        Flags that it may need.
+        Flags that the user may need.
     warnings : tuple of str
-        What is wrong with its place, as `iprt scene check` tells it.
+        Faults of its placement, as `iprt scene check` reports them.
     dropped : tuple of str
-        What the mesh file holds and is not read.
+        Unread contents of the mesh file.
     """
 
     name: str
@@ -79,27 +79,28 @@ def add_object(
     name: str | None = None,
     allow_outside: bool = False,
 ) -> Added:
-    """Stand a mesh on the surface seen in a direction, and add a view that frames it.
+    """Place a mesh on the surface seen in a direction, and add a view that frames it.
 
     Parameters
     ----------
     yaw_deg, pitch_deg : float
-        Where to look from the capture centre: right and up.
+        Direction from the capture centre: to the right and up.
     stance : Stance or None
         Default: +Y up, and its longest side a fifth of the distance.
     material : dict or None
         As in the manifest; by default the mesh file's own.
     animation : str or int or None
-        Name or number of an animation of a glTF file.
+        Name or index of an animation of a glTF file.
     name : str or None
-        By default the mesh file's, numbered where taken.
+        By default the mesh file's name, with a number if taken.
     allow_outside : bool
-        Whether files of the scene may be links out of its folder, and the mesh's out of its own.
+        Allow links from the scene's files out of its folder, and from the mesh's files out of its
+        own.
 
     Raises
     ------
     SceneError, FormatError
-        Nothing has been written then.
+        The mesh cannot be added; nothing has been written.
     """
     stance = stance or Stance()
     with changing(scene_path.parent if scene_path.name == MANIFEST_NAME else scene_path):
@@ -127,7 +128,7 @@ def add_object(
         copies, target = mesh_copies(scene.root, file, chosen)
         for copy in copies:
             require_inside(copy, scene.within)
-        # Appending text keeps every comment; TOML lets [[objects]] follow other tables.
+        # Appending text keeps every comment; TOML allows [[objects]] after other tables.
         path = scene.root / MANIFEST_NAME
         before = manifest_text(path)
         document = tomlkit.parse(before)
@@ -147,7 +148,7 @@ def add_object(
 
 
 def _check(path: Path, text: str, complaint: str) -> None:
-    """Raise SceneError if the new text of a `scene.toml` is not one."""
+    """Raise SceneError if the new text is not a valid `scene.toml`."""
     try:
         parse_toml(text)
     except ValueError as error:
@@ -162,7 +163,7 @@ def _check(path: Path, text: str, complaint: str) -> None:
 
 
 def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
-    """The name that the object gets."""
+    """Return the name for the object, free and valid."""
     if len(scene.manifest.objects) >= MAX_OBJECTS:
         raise SceneError(
             f"{scene.root}: has {MAX_OBJECTS} objects, and no more are read; join some of their "
@@ -179,7 +180,7 @@ def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
 
 
 def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -> Mesh:
-    """The mesh at time 0."""
+    """Load the mesh at time 0."""
     within = anywhere(file.path.parent) if allow_outside else None
     if animation is None:
         return load_mesh(file.path, within=within)
@@ -187,7 +188,7 @@ def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -
 
 
 def _base(corners: Corners, to_world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The middle of the lower side of the box around the placed mesh."""
+    """Return the centre of the bottom of the box around the placed mesh."""
     ends = np.stack(np.meshgrid(*np.transpose(corners), indexing="ij"), axis=-1).reshape(-1, 3)
     placed = transformed(to_world, ends)
     middle: NDArray[np.float64] = 0.5 * (placed.min(axis=0) + placed.max(axis=0))
@@ -215,7 +216,7 @@ def _animation_hints(file: MeshFile, animation: str | int | None) -> list[str]:
 
 
 def _view_text(name: str, object_name: str, corners: Corners, to_world: NDArray[np.float64]) -> str:
-    """A view at the object's centre, two and a half times as high as the object appears."""
+    """Return a view towards the object's centre, 2.5 times as high as the object appears."""
     low, high = corners
     center = to_world[:3, :3] @ (0.5 * (low + high)) + to_world[:3, 3]
     distance = max(float(np.linalg.norm(center)), 1e-6)

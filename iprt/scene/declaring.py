@@ -1,4 +1,4 @@
-"""Glossy surfaces that were found, as tables of `scene.toml`."""
+"""Found glossy surfaces, written as tables of `scene.toml`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 
 
 def declaration(material: RealMaterial) -> str:
-    """The `[[real_materials]]` table of a coat on a plane, and its evidence as a comment."""
+    """Return the `[[real_materials]]` table of a coat on a plane, with a comment of evidence."""
     plane, evidence, coat = material.plane, material.evidence, material.material
     assert plane is not None
     table = table_text(
@@ -28,18 +28,18 @@ def declaration(material: RealMaterial) -> str:
 
 
 def declare(root: Path, materials: Iterable[RealMaterial]) -> None:
-    """Append declarations to the `scene.toml` of a folder; all else that it says stays.
+    """Append declarations to the `scene.toml` of a folder, and keep the rest of the file.
 
     Raises
     ------
     SceneError
-        It cannot be extended, or is read-only; nothing has been written.
+        The file cannot be extended, or is read-only; nothing has been written.
     FormatError
-        It cannot be written.
+        The file cannot be written.
     """
     path = root / MANIFEST_NAME
     with changing(root):
-        # TOML lets [[real_materials]] follow other tables.
+        # TOML allows [[real_materials]] after other tables.
         tables = [declaration(material) for material in materials]
         text = "\n".join([manifest_text(path).rstrip("\r\n") + "\n", *tables])
         try:

@@ -1,4 +1,4 @@
-"""Make a scene folder from pictures, and change one. Nothing is left half written."""
+"""Creation of scene folders from pictures, and changes to them; writes are all or nothing."""
 
 from __future__ import annotations
 
@@ -56,33 +56,33 @@ def new_scene(
     eye: Eye | None = None,
     fit: Fit | None = None,
 ) -> int:
-    """Make a scene folder with copies of the pictures and a scene.toml.
+    """Create a scene folder with copies of the pictures and a scene.toml.
 
     Parameters
     ----------
     folder : Path
-        Made where it does not exist; must not hold a scene.
+        Created if missing; must not hold a scene.
     color, depth : Path
-        Pictures, printf patterns for the frames of a video, or video files. Without `depth`,
-        the file of `color` holds it.
+        Pictures, printf patterns for the frames of a video, or video files. Without `depth`, the
+        file of `color` holds it.
     code : DepthCode
-        What stored depth stands for; needed where it is stored as integers.
+        Encoding of stored depth; required for integers.
     normal : Path or None
-        By default, layers of `color` are taken that are normals by name and agree with depth.
+        By default, layers of `color` named as normals that agree with depth.
     color_layer, depth_layer : str or None
-        Layers of EXR files, where their names do not tell.
+        Layers of EXR files, for names that do not tell.
     eye, fit
-        Which half of stereo pictures, and how pictures that are not 2:1 cover the sphere.
+        Half of a stereo picture to use, and how pictures that are not 2:1 cover the sphere.
 
     Returns
     -------
     int
-        The number of frames.
+        Number of frames.
 
     Raises
     ------
     SceneError, FormatError
-        Nothing has been written then.
+        The scene cannot be created; nothing has been written.
     """
     if (folder / MANIFEST_NAME).exists():
         raise SceneError(f"{folder}: holds a scene already; choose another folder")
@@ -101,7 +101,7 @@ def new_scene(
     choices = {"color_layer": color_layer, "depth_layer": depth_layer, "eye": eye, "fit": fit}
     chosen = {key: choice for key, choice in choices.items() if choice is not None}
     source = _source_of(sources, chosen, code, None if is_video else (numbers[0], numbers[-1]))
-    # Pictures in regular steps become frames one after the other.
+    # Pictures numbered in regular steps become consecutive frames.
     there = source.indices if is_video else numbers
     frames = None if is_video else (numbers[0], numbers[0] + len(numbers) - 1)
     if numbers.step > 1:
@@ -122,7 +122,7 @@ def new_scene(
     raw = source.read(source.indices[0])
     if normal is None and not is_video and has_own_normals(picture, raw):
         sources["normal"] = color
-    # What lies in the file of colour needs no second copy of it.
+    # A file shared with colour is copied once.
     keys = {key: "color" if path == color else key for key, path in sources.items()}
     names = {key: _target_name(keys[key], path) for key, path in sources.items()}
     copies = {
@@ -140,7 +140,7 @@ def new_scene(
 
 
 def _require_floats(depth: Path, layer: str | None) -> None:
-    """Raise SceneError for a file of depth that stores integers, whose unit nobody can guess."""
+    """Raise SceneError if a depth file stores integers, whose unit is unknown."""
     if is_container(Path(), str(depth)) or read_depth(depth, layer)[1]:
         raise SceneError(
             f"{depth}: stores integers; give --depth-scale, the metres of one step "
@@ -154,7 +154,7 @@ def _source_of(
     code: DepthCode,
     frames: tuple[int, int] | None,
 ) -> FrameSource:
-    """Return the source of the frames that a new scene is to have, from where its files lie."""
+    """Return the frame source of the new scene, reading the original files."""
     entries: dict[str, Any] = {
         **{key: str(path) for key, path in sources.items()},
         **chosen,
@@ -166,16 +166,19 @@ def _source_of(
         "depth_sky": None if code.marks is None else list(code.marks.sky),
         "frames": None if frames is None else list(frames),
     }
-    # Not checked as a manifest's table is, for these paths may lead anywhere.
+    # Not validated as a manifest's table would be: these paths may lead anywhere.
     return FrameSource(Path(), VideoTable.model_construct(**entries), anywhere(Path()))
 
 
 def parse_material(text: str) -> dict[str, Any]:
-    """`diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]` or `mirror` as a table.
+    """Parse a material into a manifest table.
+
+    The forms are `diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]` and `mirror`.
 
     Raises
     ------
     SceneError
+        The text has another form or numbers outside [0, 1].
     """
     if text == "mirror":
         return {"kind": "conductor", "reflectance": [0.95, 0.95, 0.95], "alpha": 0.0}
@@ -199,12 +202,12 @@ def parse_material(text: str) -> dict[str, Any]:
 
 @contextmanager
 def copied(copies: dict[Path, Path]) -> Iterator[None]:
-    """Copy files (target -> source); take the new ones away again if what follows fails.
+    """Copy files (target -> source), and delete the new ones if the block fails.
 
     Raises
     ------
     SceneError
-        A different file is in the way.
+        A different file has the target's name.
     """
     for target, source in copies.items():
         if target.exists() and not filecmp.cmp(source, target, shallow=False):
@@ -232,9 +235,10 @@ def copied(copies: dict[Path, Path]) -> Iterator[None]:
 
 @contextmanager
 def changing(folder: Path) -> Iterator[None]:
-    """Wait until no other process changes the scene in a folder, and keep others out of the block.
+    """Lock a scene folder against changes by other processes during the block.
 
-    File systems without locks keep nobody out; where there is no scene, the block finds that.
+    It waits for other processes. File systems without locks are not protected. A missing scene is
+    left for the block to find.
 
     Raises
     ------
@@ -243,7 +247,7 @@ def changing(folder: Path) -> Iterator[None]:
     """
     path = folder / MANIFEST_NAME
     with suppress(OSError):
-        # Where a folder can be written to, even read-only files can be replaced.
+        # In a writable folder even read-only files could be replaced.
         writable = path.stat().st_mode & 0o222 and os.access(path, os.W_OK)
         if not writable:
             raise SceneError(f"{path}: is read-only; make it writable to change the scene")
@@ -288,7 +292,7 @@ def inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
 def _manifest_text(
     name: str, files: dict[str, str], code: DepthCode, frames: tuple[int, int] | None
 ) -> str:
-    """Return a manifest: `files` and choices by key; a video file tells its frames and rate."""
+    """Return a manifest with `files` and choices by key; video files give frames and rate."""
     document = tomlkit.document()
     document.update({"format": 1, "name": name, "exposure": 1.0})
     document["exposure"].comment("display = sRGB of exposure times radiance")
@@ -331,12 +335,12 @@ def object_text(
 
 
 def outdate_truths(document: Any, names: Iterable[str]) -> bool:
-    """Have a `scene.toml` say which truths show objects that are edited; whether any does.
+    """Mark the truths of a `scene.toml` that show edited objects; return True if there are any.
 
     Parameters
     ----------
     document : tomlkit document
-        As it was before the edits.
+        The document before the edits.
     names : iterable of str
         Names of objects that are moved, painted, removed, or new.
     """
@@ -350,7 +354,7 @@ def outdate_truths(document: Any, names: Iterable[str]) -> bool:
 def mesh_copies(
     root: Path, file: MeshFile, name: str, others: Mapping[Path, Path] | None = None
 ) -> tuple[dict[Path, Path], str]:
-    """Files to copy (target -> source) and the mesh's path in the manifest.
+    """Return the files to copy (target -> source), and the mesh's path in the manifest.
 
     Parameters
     ----------
@@ -359,12 +363,12 @@ def mesh_copies(
     name : str
         The object's name.
     others : mapping of Path to Path or None
-        What will be copied besides.
+        Other files that will be copied (target -> source).
     """
     mesh, references = file.path, dict.fromkeys(file.references.values())
     if mesh.resolve().is_relative_to(root.resolve()):
         return {}, mesh.resolve().relative_to(root.resolve()).as_posix()
-    # Files that come together stay together, apart from other meshes' files of the same names.
+    # Files that refer to each other share a folder, apart from equally named files of other meshes.
     folder, others = root / "meshes", others or {}
     there = {target: target for target in folder.iterdir()} if folder.is_dir() else {}
     there |= others
@@ -382,6 +386,7 @@ def mesh_copies(
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
+    """Return a valid name that is not taken, with a number if needed."""
     base = re.sub(r"[^\w. -]", "_", wanted).strip() or "object"
     number = 2
     name = base

@@ -1,6 +1,6 @@
-"""Objects of a scene as they were edited, and the edits written to `scene.toml`.
+"""Edits of a scene's objects, and writing them to `scene.toml`.
 
-Comments, order and all else that the file says stay as they are.
+Comments, order and everything else in the file stay unchanged.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from iprt.scene.objects import AnyMesh, SceneObject, made_of
 from iprt.scene.scene import Scene
 
 SAVED_VIEW = "saved"
-"""Name of the view that saving keeps: where the user looked, with all objects that were shown."""
+"""Name of the view that saving keeps: the user's view, with all shown objects."""
 Matrix = tuple[float, ...]
-"""The 16 values of a (4, 4) transform, row by row."""
+"""The 16 values of a (4, 4) transform, row-major."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,17 @@ class ObjectEdit:
     Attributes
     ----------
     to_world : tuple of 16 float or None
-        In place of its own; keyframes move it from there.
+        Replaces the object's own; keyframes are relative to it.
     material : Material or None
-        In place of its own ones.
+        Replaces the object's own materials.
     mesh : Mesh or AnimatedMesh or None
-        The mesh, if the files do not have the object.
+        The mesh of an object that the files do not have.
     path : Path or None
-        Where that was read from.
+        Source file of `mesh`.
     removed : bool
-        It is not shown.
+        The object is removed.
     textured : bool
-        Whether `material` has a texture, which comparing materials does not show.
+        `material` has a texture. Comparisons of materials ignore textures.
     """
 
     name: str
@@ -81,17 +81,17 @@ class ObjectEdit:
 
 
 def flat(to_world: NDArray[np.float64]) -> Matrix:
-    """A (4, 4) transform as edits have it."""
+    """Return a (4, 4) transform as a row-major tuple."""
     return tuple(float(value) for value in np.reshape(to_world, 16))
 
 
 def require_place(name: str, to_world: NDArray[np.float64]) -> None:
-    """Check that an object can be put there; (4, 4).
+    """Check that `scene.toml` may hold a (4, 4) transform.
 
     Raises
     ------
     SceneError
-        `scene.toml` would not take it.
+        It may not.
     """
     try:
         allowed_transform(list(flat(to_world)))
@@ -102,7 +102,7 @@ def require_place(name: str, to_world: NDArray[np.float64]) -> None:
 def edited_objects(
     objects: Sequence[SceneObject], edits: Iterable[ObjectEdit]
 ) -> tuple[SceneObject, ...]:
-    """The objects with all edits; those that the scene does not have come last."""
+    """Return the objects with all edits applied; objects new to the scene come last."""
     by_name = {edit.name: edit for edit in edits}
     known = {entry.name for entry in objects}
     found = [_edited(entry, by_name.get(entry.name)) for entry in objects]
@@ -133,7 +133,7 @@ class Look:
     Attributes
     ----------
     objects : tuple of str or None
-        Names of those that are shown. None: all.
+        Names of the shown objects; None for all.
     """
 
     view: View
@@ -147,16 +147,16 @@ def save_edits(
     base: str | None = None,
     look: Look | None = None,
 ) -> dict[str, Path]:
-    """Write edits to a scene's `scene.toml`; files of objects that it did not have are copied.
+    """Write edits to a scene's `scene.toml`, and copy the files of new objects.
 
-    A view that lists its objects shows new ones, too, unless it has a truth: that does not. Where
-    there is such a view, `look` is kept as the view `SAVED_VIEW`, which shows them. Views whose
+    New objects are added to views that list their objects, unless the view has a truth. If a view
+    with a truth omits them, `look` is kept as the view `SAVED_VIEW`, which shows them. Views whose
     truth shows edited objects are marked with `truth_outdated`.
 
     Parameters
     ----------
     base : str or None
-        The text that the edits are made to. None: what the file says now.
+        Text that the edits apply to; None for the file's current text.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def save_edits(
     Raises
     ------
     SceneError, FormatError
-        Nothing has been written then.
+        The edits cannot be saved; nothing has been written.
     """
     with changing(scene.root):
         return _save(scene, edits, base, look)
@@ -177,7 +177,7 @@ def _save(
 ) -> dict[str, Path]:
     path = scene.root / MANIFEST_NAME
     before = manifest_text(path)
-    parse_manifest(before, str(path))  # somebody may have edited it since it was read
+    parse_manifest(before, str(path))  # it may have changed since it was read
     document = tomlkit.parse(before if base is None else base)
     tables = {str(table["name"]): table for table in document.get("objects", ())}
     edits = [edit for edit in edits if edit != ObjectEdit(edit.name)]
@@ -218,25 +218,25 @@ def _save(
 
 
 def _remove(document: Any, name: str) -> None:
-    """Take an object out, and its name from the views that show it."""
+    """Remove an object, and its name from the views that show it."""
     objects = document.get("objects", ())
     for number in reversed(range(len(objects))):
         if objects[number]["name"] == name:
             del objects[number]
     if "objects" in document and not objects:
-        del document["objects"]  # `objects = []` would forbid the tables of new ones
+        del document["objects"]  # `objects = []` would forbid tables for new objects
     for view in document.get("views", ()):
         if name in view.get("objects", ()):
             view["objects"].remove(name)
 
 
 def _show(document: Any, name: str) -> bool:
-    """Put a new object into the views that list theirs, but those with a truth.
+    """Add a new object to the views that list their objects, except views with a truth.
 
     Returns
     -------
     bool
-        All views show it.
+        True if all views show it.
     """
     everywhere = True
     for view in document.get("views", ()):
@@ -248,7 +248,7 @@ def _show(document: Any, name: str) -> bool:
 
 
 def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
-    """Have the view `SAVED_VIEW` look so; its text, where it is `needed` and not there yet."""
+    """Set the view `SAVED_VIEW` to a look; return its text if it is `needed` and missing."""
     view = look.view
     values = {
         "yaw_deg": round(view.yaw_deg, 3),
@@ -277,7 +277,7 @@ def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
 
 
 def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
-    """The new `material` table."""
+    """Return the new `material` table."""
     material = edit.material
     assert material is not None
     color = "reflectance" if material.kind == "conductor" else "albedo"
@@ -297,7 +297,7 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
 
 
 def _texture_name(name: str, texture: NDArray[np.float32], scene: Scene) -> str:
-    """The file that a texture was read from, as the scene names it."""
+    """Return the file that a texture was read from, as named in the scene."""
     for table, entry in zip(scene.manifest.objects, scene.objects, strict=True):
         if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
             known = entry.bound.materials[0].texture

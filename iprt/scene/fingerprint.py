@@ -1,4 +1,4 @@
-"""Whether a scene is still the one that something was made from."""
+"""A fingerprint of a scene, to tell whether results still match it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from iprt.scene.scene_files import made_of
 
 DIGITS = 16
 READING = 2
-"""To be raised when files are read in another way, such as meshes with other normals."""
+"""Raise this when files are read differently, for example meshes with other normals."""
 
 
 def fingerprint(scene: Scene) -> str:
-    """Digits that are others once the manifest says something else, or a file was written again
-    or is read in another way.
+    """Return digits that change with the manifest, its files, or the way they are read.
 
-    Files are judged by their size and time, and are not read.
+    Files are compared by size and modification time, and are not read.
     """
     digest = hashlib.sha256(f"{READING} {scene.manifest.model_dump_json()}".encode())
     for file in sorted(made_of(scene) - {scene.root / MANIFEST_NAME}):

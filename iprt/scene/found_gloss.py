@@ -1,4 +1,4 @@
-"""Glossy surfaces that a scene does not declare, looked for once and kept between runs."""
+"""Glossy surfaces that a scene does not declare, found once and cached between runs."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from iprt.scene.manifest import Manifest
 
 LOG = logging.getLogger("iprt.scene")
 VERSION = 4
-"""To be raised when `find_gloss` finds other things."""
+"""Raise this when `find_gloss` changes its results."""
 MIN_HEIGHT = 64
-"""Panoramas with fewer rows show no reflection that could be told from anything else."""
+"""Least number of rows of a panorama in which reflections can be detected."""
 FRAMES = 5
-"""Number of frames that are looked at in a video whose camera moves."""
+"""Number of frames to search in a video with a moving camera."""
 MOST_BYTES = 1 << 16
 
 
 class _Kept(Table):
-    """A surface as the cache holds it; fields as in `RealMaterial`, `Plane` and `Evidence`."""
+    """A surface in the cache; fields as in `RealMaterial`, `Plane` and `Evidence`."""
 
     name: Annotated[str, Field(pattern=r"^[a-z]+(_[0-9]+)?$")]
     alpha: Unit
@@ -84,11 +84,11 @@ _ALL_KEPT = TypeAdapter(list[_Kept])
 def found_materials(
     source: FrameSource, manifest: Manifest, declared: tuple[RealMaterial, ...]
 ) -> tuple[RealMaterial, ...]:
-    """What `find_gloss` finds in a scene beside what is declared.
+    """Return the undeclared glossy surfaces that `find_gloss` finds in a scene.
 
-    It is kept in `~/.cache/iprt/gloss`, by the table `[video]`, what is declared, and size and time
-    of the frames' files. A folder that cannot be written is no error; nor is a frame that cannot be
-    read, which whoever needs it reports.
+    Results are cached in `~/.cache/iprt/gloss`. The key has the table `[video]`, the declarations,
+    and sizes and times of the frames' files. An unwritable folder is not an error. Neither is an
+    unreadable frame, which is reported where it is needed.
     """
     file = own_folder() / "gloss" / f"{_key(source, manifest)}.json"
     kept = _read(file)
@@ -110,7 +110,7 @@ def found_materials(
 
 
 def _looked_at(source: FrameSource) -> list[int]:
-    """Numbers of frames evenly over a video whose camera moves, or of the first one alone."""
+    """Return evenly spaced frames of a video with a moving camera, else only the first frame."""
     indices = source.indices
     if source.pose(indices[0]) is None:
         return [indices[0]]
@@ -119,7 +119,7 @@ def _looked_at(source: FrameSource) -> list[int]:
 
 
 def _later(source: FrameSource, lights: ClippedLights) -> Iterator[Frame]:
-    """All but the first, with their lights recovered as those of the frame before."""
+    """Yield the searched frames after the first, with lights recovered in the same sequence."""
     for index in _looked_at(source)[1:]:
         with suppress(FormatError):
             yield lights(source.read(index).sanitised())
@@ -138,7 +138,7 @@ def _key(source: FrameSource, manifest: Manifest) -> str:
 
 
 def _read(file: Path) -> tuple[RealMaterial, ...] | None:
-    """What the cache holds; None for nothing, or nothing that could be meant."""
+    """Read the cache; return None if the entry is missing or invalid."""
     try:
         with file.open("rb") as opened:
             text = opened.read(MOST_BYTES + 1)

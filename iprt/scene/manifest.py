@@ -1,7 +1,6 @@
-"""`scene.toml`, format 1: what it may say, and every problem with it at once.
+"""`scene.toml`, format 1: its model, and a report of all its problems at once.
 
-The models hold what the file says; what other files say (sizes, missing files) is the scene's
-business.
+The models validate the file itself. Sizes and missing files are checked by the scene.
 """
 
 from __future__ import annotations
@@ -67,30 +66,39 @@ def _not_null(values: list[float]) -> list[float]:
 
 
 class DiffuseTable(Table):
+    """A diffuse material."""
+
     kind: Literal["diffuse"]
     albedo: Color
     texture: RelativePath | None = None
 
     def material(self, texture: NDArray[np.float32] | None = None) -> Material:
+        """Build the material, with the texels of its texture."""
         return Material("diffuse", _triple(self.albedo), texture=texture)
 
 
 class ConductorTable(Table):
+    """A conductor: a metal or a mirror."""
+
     kind: Literal["conductor"]
     reflectance: Color
     alpha: Unit = 0.1
 
     def material(self) -> Material:
+        """Build the material."""
         return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
 
 
 class PlasticTable(Table):
+    """A plastic: a dielectric coat over a diffuse base."""
+
     kind: Literal["plastic"]
     albedo: Color
     alpha: Unit = 0.1
     ior: Ior = 1.5
 
     def material(self) -> Material:
+        """Build the material."""
         return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
 
 
@@ -112,12 +120,12 @@ MaterialTable = Annotated[
 
 
 def allowed_transform(values: list[float]) -> list[float]:
-    """The 16 values of an object's (4, 4) transform, row by row.
+    """Check the 16 values of an object's (4, 4) transform, row-major, and return them.
 
     Raises
     ------
     ValueError
-        They are not finite, or too large, or flatten the object.
+        They are not finite, too large, or singular.
     """
     matrix = np.array(values, np.float64).reshape(4, 4)
     if not np.isfinite(matrix).all():
@@ -135,7 +143,7 @@ def allowed_transform(values: list[float]) -> list[float]:
 
 
 class ObjectTable(Table):
-    """`[[objects]]`: a mesh and where it stands, and how it moves."""
+    """`[[objects]]`: a mesh with its placement and motion."""
 
     name: Name
     mesh: RelativePath
@@ -163,13 +171,14 @@ class PlaneTable(Table):
 
     @property
     def plane(self) -> Plane:
+        """The plane with a unit normal."""
         length = math.hypot(*self.normal)
         normal = [value / length for value in self.normal]
         return Plane(_triple(self.point), _triple(normal), self.tolerance)
 
 
 class _RealMaterialTable(Table, ABC):
-    """`[[real_materials]]`: where the panorama shows a glossy surface. All that is given holds."""
+    """`[[real_materials]]`: a glossy surface in the panorama; all given conditions must hold."""
 
     name: Name
     mask: RelativePath | None = None
@@ -178,7 +187,7 @@ class _RealMaterialTable(Table, ABC):
     plane: PlaneTable | None = None
 
     def real_material(self, mask: NDArray[np.bool_] | None) -> RealMaterial:
-        """`mask`: what the file that is named holds."""
+        """Build the real material; `mask` holds the pixels of the named file."""
         return RealMaterial(
             self.name,
             self.material(),
@@ -190,19 +199,22 @@ class _RealMaterialTable(Table, ABC):
 
     @abstractmethod
     def material(self) -> Material:
-        """The reflectance that the kind stands for."""
+        """Build the reflectance of this kind."""
 
 
 class RealConductorTable(ConductorTable, _RealMaterialTable):
-    """A metal, as objects have them."""
+    """A conductor: a metal or a mirror."""
 
 
 class RealPlasticTable(_RealMaterialTable):
+    """A plastic coat; the panorama itself is the base."""
+
     kind: Literal["plastic"]
     alpha: Unit = 0.1
     ior: Ior = 1.5
 
     def material(self) -> Material:
+        """Build the reflectance of the coat."""
         return Material("plastic", alpha=self.alpha, ior=self.ior)
 
 
@@ -217,7 +229,7 @@ RealMaterialTable = Annotated[
 
 
 class ViewTable(Table):
-    """`[[views]]`: a picture to render, and what it ought to look like."""
+    """`[[views]]`: a picture to render, and its ground truth."""
 
     name: Name
     yaw_deg: Degrees = 0.0
@@ -234,6 +246,7 @@ class ViewTable(Table):
 
     @property
     def view(self) -> View:
+        """The view without keyframes."""
         width, height = self.size
         return View(width, height, self.yaw_deg, self.pitch_deg, self.fov_y_deg)
 
@@ -260,18 +273,18 @@ def read_manifest(path: Path) -> Manifest:
     Raises
     ------
     SceneError
-        Not readable, not TOML, or any number of problems with it, each named with its key.
+        The file is unreadable or no TOML, or has problems, all listed by key.
     """
     return parse_manifest(manifest_text(path), str(path))
 
 
 def manifest_text(path: Path) -> str:
-    """The text of `scene.toml`, as `read_text` has it.
+    """Return the text of `scene.toml`, as `read_text` does.
 
     Raises
     ------
     SceneError
-        Not readable, or not UTF-8.
+        The file is unreadable or not UTF-8.
     """
     try:
         return read_text(path)
@@ -284,7 +297,7 @@ def manifest_text(path: Path) -> str:
 
 
 def parse_manifest(text: str, source: str) -> Manifest:
-    """As `read_manifest`, of text; `source` names it in errors."""
+    """Parse a manifest like `read_manifest`, from text; `source` names it in errors."""
     try:
         data = parse_toml(text)
     except ValueError as error:
@@ -315,11 +328,11 @@ _TABLES: dict[tuple[str, str], type[BaseModel]] = {
     ("views", "views"): ViewTable,
     ("views", "keyframes"): ViewKeyframe,
 }
-"""Tables by the first and the last name on the way to their keys."""
+"""Tables by the first and the last name on the path to their keys."""
 
 
 def _table_of(location: tuple[Any, ...]) -> type[BaseModel] | None:
-    """The table whose keys a problem's innermost key may have meant."""
+    """Return the table with the keys that a problem's innermost key may have meant."""
     names = [step for step in location[:-1] if isinstance(step, str)]
     return _TABLES.get((names[0], names[-1])) if names else Manifest
 

@@ -1,4 +1,4 @@
-"""The objects of a scene: their meshes read, and where they are over time."""
+"""The objects of a scene: loading their meshes, and their placement over time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AnyMesh = Mesh | AnimatedMesh
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object over time."""
+    """An object with its motion."""
 
     name: str
     mesh: AnyMesh
@@ -34,11 +34,11 @@ class SceneObject:
 
     @property
     def bound(self) -> Mesh:
-        """The mesh whose triangles and materials it has at all times."""
+        """The mesh with the triangles and materials of all times."""
         return self.mesh.bound if isinstance(self.mesh, AnimatedMesh) else self.mesh
 
     def describe(self) -> tuple[str, ...]:
-        """How it moves, a phrase each; nothing if it does not."""
+        """Describe the motion, one phrase each; empty if the object is static."""
         phrases = [self.motion.describe()]
         if isinstance(self.mesh, AnimatedMesh):
             clip = self.mesh.clip
@@ -47,7 +47,7 @@ class SceneObject:
 
 
 def objects_at(objects: Iterable[SceneObject], time_s: float) -> tuple[Instance, ...]:
-    """The objects at a time; those that share a mesh share what becomes of it."""
+    """Return the objects at a time; objects that share a mesh share its deformed copy."""
     bent: dict[int, Mesh] = {}
     instances = []
     for entry in objects:
@@ -68,16 +68,16 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     root : Path
         The scene's folder.
     within : Path
-        Folder that all files must lie in, links followed.
+        Folder that must hold all files, with links resolved.
 
     Raises
     ------
     FormatError
-        One cannot be read, or all of them together are too large.
+        A file cannot be read, or all together are too large.
     """
     texture = cache(lambda name: read_color(root / name))
 
-    @cache  # objects may share them
+    @cache  # objects may share meshes
     def mesh(name: str, animation: str | int | None, material: Material | None) -> AnyMesh:
         if animation is None:
             return load_mesh(root / name, material, within)
@@ -101,7 +101,7 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
 
 
 def made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
-    """The mesh, all of one material."""
+    """Return the mesh with a single material."""
     if isinstance(mesh, AnimatedMesh):
         return replace(mesh, bound=_made_of(mesh.bound, material))
     return _made_of(mesh, material)
@@ -114,7 +114,7 @@ def _made_of(mesh: Mesh, material: Material) -> Mesh:
 
 
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:
-    """Raise FormatError if the triangles or textures of objects are too many together."""
+    """Raise FormatError if the objects have too many triangles or texels in total."""
     arrays: dict[int, NDArray[np.int32]] = {}
     textures: dict[int, NDArray[np.float32]] = {}
     for mesh in meshes:

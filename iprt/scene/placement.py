@@ -1,4 +1,4 @@
-"""Real surfaces as points, and objects set down on them."""
+"""Real surfaces as points, and placement of objects on them."""
 
 from __future__ import annotations
 
@@ -21,42 +21,43 @@ from iprt.scene.walls import Walls
 Array = NDArray[np.float64]
 
 UPRIGHT = 0.7
-"""Least |y| of the normal of a floor or ceiling."""
+"""Least |y| of the unit normal of a floor or ceiling."""
 _SMOOTHING_TEXELS = 9
-"""Normals are averaged over so many texels: depth of real captures is noisy."""
+"""Width of the window over which normals are averaged, in texels: captured depth is noisy."""
 _MAX_ROWS = 512
 _STEP = 0.02
-"""Gap between the heights of two surfaces, over the height of the camera above the upper one."""
+"""Height difference that separates two surfaces, as a fraction of the camera's height above the
+upper one."""
 _STRAY = 0.05
-"""Largest share of the solid angle around that stray points have."""
+"""Largest share of the local solid angle that stray points may have."""
 _LEAST_SLANT = 0.01
-"""Least sine of the angle at which level surfaces are seen: they have no area at the horizon."""
+"""Least sine of the viewing angle of level surfaces, which bounds their area near the horizon."""
 _SETTLE = 0.01
-"""Gap from which on an object counts as floating or sunk, over the median depth."""
+"""Gap from which an object counts as floating or sunk, as a fraction of the median depth."""
 _DEEP, _LITTLE = 0.5, 5e-3
-"""Depth below the floor, over the camera's height above it, and share of the sphere: a surface so
-deep that fills so little is more likely an error of depth than a place."""
+"""Depth below the floor, as a fraction of the camera's height above it, and share of the sphere. A
+deeper surface with a smaller share is more likely a depth error than a place."""
 _VISIBLE = 1e-3
 """Least size over distance of a visible object: a third of a pixel at 60° and 1024 pixels."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """An object's place in the room.
+    """The placement of an object relative to the real surfaces.
 
     Attributes
     ----------
     gap_m : float or None
-        Height of its lowest point over the surface below it; None where none is seen.
+        Height of its lowest point above the surface below it; None if no such surface is seen.
     below_m : float
-        Depth of that surface below the floor, where so little of it is seen that it may be none;
+        Depth of that surface below the floor if it is seen so little that it may be a depth error;
         else 0.
     hidden : float
-        Fraction of its vertices that lie behind the real surfaces.
+        Fraction of its vertices behind the real surfaces.
     tolerance_m : float
-        Largest |gap| that a contact may have.
+        Largest |gap| that counts as contact.
     size_m, room_m : (3,) float64
-        Sizes of boxes around it and around the real surfaces.
+        Sizes of boxes around the object and around the real surfaces.
     distance_m : float
         Distance of its nearest vertex.
     around : bool
@@ -73,7 +74,7 @@ class Standing:
     around: bool
 
     def warnings(self) -> list[str]:
-        """Faults, one phrase each."""
+        """Return the faults of the placement, one phrase each."""
         found = []
         if self.size_m.max() < _VISIBLE * self.distance_m:
             found.append(
@@ -108,26 +109,26 @@ class SetDown:
     ----------
     to_world : (4, 4) float64
     fits : bool
-        The object cuts no wall.
+        True if the object intersects no wall.
     """
 
     to_world: Array
     fits: bool
 
     def warnings(self) -> list[str]:
-        """Return its faults, one phrase each."""
+        """Return the faults of the placement, one phrase each."""
         if self.fits:
             return []
         return ["cuts a wall: no place that is free is nearer than the object is large"]
 
 
 class RealSurfaces:
-    """The points that a frame's depth describes, thinned to 512 rows; openings left out.
+    """The points of a frame's depth map, thinned to at most 512 rows and without openings.
 
     Attributes
     ----------
     points, normals : (N, 3) float64
-        Metres, and unit vectors averaged over a few texels.
+        Points in metres, and unit normals averaged over a few texels.
     """
 
     def __init__(self, frame: Frame) -> None:
@@ -144,12 +145,12 @@ class RealSurfaces:
         self.points = directions * depth[kept][:, None]
         self._smooth = _smoothed(frame.fitted_normal[rows, columns])
         self.normals = self._smooth[kept]
-        # Averages alone would take the foot of a wall for floor; single normals, noise.
+        # Averages alone would take the foot of a wall for floor; single normals are too noisy.
         upright = (
             np.minimum(frame.fitted_normal[rows, columns][..., 1], self._smooth[..., 1]) > UPRIGHT
         )
         self._upward = upright[kept]
-        # What faces up, how far apart its points are, and the area that each stands for.
+        # Upward-facing points, their spacing, and the area that each represents.
         self._level = self.points[self._upward]
         distance = np.linalg.norm(self._level, axis=1)
         self._apart = step * np.pi / frame.height * distance
@@ -158,9 +159,9 @@ class RealSurfaces:
         self._step = step
 
     def hit(self, yaw_deg: float, pitch_deg: float) -> tuple[Array, Array]:
-        """Point (3,) and normal (3,) of the surface seen in a direction.
+        """Return the point (3,) and normal (3,) of the surface seen in a direction.
 
-        Its depth is the median of 3 x 3 texels, among which a stray one does not count.
+        Depth is the median of 3 x 3 texels, which ignores a stray one.
 
         Raises
         ------
@@ -185,14 +186,14 @@ class RealSurfaces:
     def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:
         """Return y of the highest upward-facing surface around (x, z), not above `top`.
 
-        It is the median over the area of that surface. Its highest points would lift objects by
-        the noise of depth. Surfaces that fill little of the view there are stray points, however
-        large they would be at their depth.
+        It is the area-weighted median of that surface, because the highest points would lift
+        objects by the noise of depth. Surfaces with a small share of the local solid angle count as
+        stray points, however large they would be at their depth.
 
         Returns
         -------
         float or None
-            Metres; None where no such surface is seen.
+            Metres; None if no such surface is seen.
         """
         offset = self._level[:, [0, 2]] - (x, z)
         near = np.einsum("ij,ij->i", offset, offset) < np.maximum(radius, self._apart) ** 2
@@ -211,7 +212,7 @@ class RealSurfaces:
         return float(np.quantile(heights, 0.5, weights=area, method="inverted_cdf"))
 
     def floor(self) -> float | None:
-        """Return y of the floor: below four fifths of upward surfaces, by solid angle."""
+        """Return y of the floor, the 20% quantile of upward surfaces by solid angle, or None."""
         if not self._upward.any():
             return None
         heights, weights = self._level[:, 1], self._weights[self._upward]
@@ -222,7 +223,7 @@ class RealSurfaces:
         return Walls(self.points, self.normals, centre, reach)
 
     def standing(self, instance: Instance) -> Standing:
-        """The place of an object."""
+        """Measure the placement of an object."""
         vertices = transformed(instance.to_world, instance.mesh.positions.astype(np.float64))
         row, column = equirect_texel(vertices, self._frame.width, self._frame.height)
         distance = np.linalg.norm(vertices, axis=1)
@@ -246,7 +247,7 @@ class RealSurfaces:
         )
 
     def _doubtful_depth(self, support: float) -> float:
-        """Return how far below the floor a surface is; 0 where it is no error."""
+        """Return the depth of a surface below the floor if it may be a depth error, else 0."""
         floor = self.floor()
         if floor is None or not floor < 0.0 or floor - support < _DEEP * -floor:
             return 0.0
@@ -260,7 +261,7 @@ class RealSurfaces:
 
     @cached_property
     def _room(self) -> Array:
-        """(3,) metres: of a box around the points, but for a few that are far out."""
+        """(3,) size in metres of a box around the points, without outliers."""
         if len(self.points) == 0:
             return np.full(3, np.inf)
         low, high = np.percentile(self.points, (0.1, 99.9), axis=0)
@@ -268,7 +269,7 @@ class RealSurfaces:
 
 
 def metres(size: Array) -> str:
-    """`1.20 x 0.85 x 0.40 m`; three figures of what is small or large."""
+    """Format a size, such as `1.20 x 0.85 x 0.40 m`; small or large values get 3 digits."""
     return (
         " x ".join(f"{side:.2f}" if 0.095 <= side < 1000 else f"{side:.3g}" for side in size) + " m"
     )
@@ -277,7 +278,7 @@ def metres(size: Array) -> str:
 def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
     """Return the lowest and highest corner, (3,) each, of the triangles of a mesh.
 
-    `rotation`: (3, 3), before that.
+    The rotation (3, 3), if given, is applied first.
     """
     used = np.zeros(len(mesh.positions), np.bool_)
     used[mesh.triangles] = True
@@ -290,17 +291,17 @@ def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
 def set_down(
     surfaces: RealSurfaces, mesh: Mesh, yaw_deg: float, pitch_deg: float, stance: Stance
 ) -> SetDown:
-    """Stand an object upright on the surface seen in a direction.
+    """Place an object upright on the surface seen in a direction.
 
-    A floor or table is taken as it is. At a wall, the object goes to the surface at its foot, and
-    away from the wall until it does not cut it: to the nearest free place no further off than the
-    object is large. Where there is none, it stays where it was asked for, and cuts the wall.
+    Floors and tables are used as they are. At a wall, the object goes to the surface at the wall's
+    foot and then away from the wall, to the nearest free place within the object's own size. If
+    there is none, it stays at the chosen place and intersects the wall.
 
     Raises
     ------
     SceneError
-        No depth in that direction, or no floor anywhere; or the object becomes so large or small
-        that `scene.toml` cannot say it.
+        There is no depth in that direction or no floor, or the object's size is outside the range
+        of `scene.toml`.
     """
     rotation = stance.rotation
     low, high = bounds(mesh, rotation)
@@ -341,17 +342,17 @@ def set_on(
     ----------
     to_world : (4, 4) float64
     corners : pair of (3,) float64
-        Lowest and highest of its mesh (`bounds`).
+        Lowest and highest corner of its mesh (`bounds`).
     point : (3,) float64
         A point of the surface, in the world.
     normal : (3,) float64 or None
-        Unit vector that the object's own +Y is turned to, by the shortest way. None: it keeps its
-        rotation.
+        Unit vector to align the object's own +Y with, by the shortest rotation; None keeps the
+        object's rotation.
 
     Returns
     -------
     (4, 4) float64
-        The middle of its lower side is at `point`; its scale is kept.
+        Transform with the centre of the object's bottom at `point` and the same scale.
     """
     low, high = corners
     foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
@@ -365,7 +366,7 @@ def set_on(
 
 
 def _support(surfaces: RealSurfaces, base: Array, radius: float, top: float) -> float:
-    """y of the surface below; the floor's where none is seen (behind furniture)."""
+    """Return y of the surface below, or of the floor if none is seen (behind furniture)."""
     height = surfaces.height_below(base[0], base[2], 0.5 * radius, top)
     if height is None:
         height = surfaces.floor()
@@ -375,7 +376,7 @@ def _support(surfaces: RealSurfaces, base: Array, radius: float, top: float) -> 
 
 
 def _smoothed(normal: NDArray[np.float32]) -> Array:
-    """Normals (H, W, 3) averaged over a window that wraps around the seam, and unit again."""
+    """Average normals (H, W, 3) over a window that wraps around the seam, and normalise them."""
     mean = ndimage.uniform_filter(
         normal.astype(np.float64), _SMOOTHING_TEXELS, mode=("nearest", "wrap"), axes=(0, 1)
     )

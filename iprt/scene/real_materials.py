@@ -17,12 +17,12 @@ Mask = NDArray[np.bool_]
 
 
 def declared_materials(root: Path, manifest: Manifest) -> tuple[RealMaterial, ...]:
-    """`[[real_materials]]` of a scene in the folder `root`, in the manifest's order.
+    """Return the `[[real_materials]]` of a scene in the folder `root`, in the manifest's order.
 
     Raises
     ------
     FormatError
-        A mask cannot be read, or is not twice as wide as high, or all are too large together.
+        A mask cannot be read or is not twice as wide as high, or the masks are too large in total.
     """
     masks: dict[str, Mask] = {}
     for table in manifest.real_materials:
@@ -39,7 +39,7 @@ def declared_materials(root: Path, manifest: Manifest) -> tuple[RealMaterial, ..
 
 
 def _mask(path: Path, yaw_offset_deg: float) -> Mask:
-    """The mask (h, w) in a file, turned as the pictures of `[video]` are."""
+    """Read a mask (h, w), rotated like the pictures of `[video]`."""
     mask = (read_color(path) > 0.0).any(axis=-1)
     height, width = mask.shape
     if width != 2 * height:

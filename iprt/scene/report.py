@@ -1,4 +1,4 @@
-"""A scene in numbers: for `iprt scene info` and `iprt scene check`."""
+"""Statistics of a scene, for `iprt scene info` and `iprt scene check`."""
 
 from __future__ import annotations
 
@@ -40,8 +40,10 @@ class Share:
 
 @dataclass(frozen=True)
 class ObjectReport:
-    """An object: its size in metres at first, how it moves, and what is lost of its file or wrong
-    with its place.
+    """Statistics of an object.
+
+    They are its initial size in metres, its motion, unread contents of its file, and faults of its
+    placement.
     """
 
     name: str
@@ -56,8 +58,9 @@ class ObjectReport:
 
 @dataclass(frozen=True)
 class RealMaterialReport:
-    """A glossy real surface, how much of the first frame shows it, and the evidence of one that is
-    not declared.
+    """Statistics of a glossy real surface.
+
+    They are its share of the first frame, and the evidence for a surface that is not declared.
     """
 
     name: str
@@ -67,7 +70,7 @@ class RealMaterialReport:
     evidence: Evidence | None
 
     def warnings(self) -> list[str]:
-        """Faults of its region."""
+        """Return the faults of its region."""
         if self.share.area > 0.0:
             return []
         return ["no texel belongs to it; check its mask, color and plane, and later entries"]
@@ -75,10 +78,10 @@ class RealMaterialReport:
 
 @dataclass(frozen=True)
 class SceneReport:
-    """A scene in numbers; depth percentiles in metres.
+    """Statistics of a scene; depth percentiles in metres.
 
-    `depth_unit` says what stored depth stands for.
-    `unlikely` has unlikely facts about depth and normals, a phrase each.
+    `depth_unit` describes the encoding of depth. `unlikely` lists doubtful facts about depth and
+    normals, a phrase each.
     """
 
     name: str
@@ -103,7 +106,7 @@ class SceneReport:
     views: dict[str, dict[str, Any]]
 
     def record(self) -> dict[str, Any]:
-        """Plain values, for JSON; no depth percentiles where nothing has a depth."""
+        """Return plain values for JSON; depth percentiles are None if there is no depth."""
         record = asdict(self)
         if any(np.isnan(value) for value in self.depth_percentiles.values()):
             record["depth_percentiles"] = None
@@ -111,7 +114,7 @@ class SceneReport:
 
 
 def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
-    """Numbers of a scene.
+    """Compute the statistics of a scene.
 
     Parameters
     ----------
@@ -182,14 +185,12 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
 
 
 def surroundings_of(scene: Scene, raw: RawFrame) -> Surroundings | None:
-    """The place that a frame as read shows; None where it has no depth."""
+    """Estimate the kind of place from a raw frame; None if it has no depth."""
     return Surroundings.of(raw.depth, is_cube=scene.source.code.kind == "cube")
 
 
 def unlikely(scene: Scene, raw: RawFrame, place: Surroundings | None) -> list[str]:
-    """Return guesses and doubts about the depth and normals of a frame as read; a phrase
-    each.
-    """
+    """Return guesses and doubts about the depth and normals of a raw frame, a phrase each."""
     found = scene.source.doubts()
     found += [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
     if raw.normal is not None:
@@ -203,13 +204,13 @@ def check_files(scene: Scene) -> list[str]:
     Returns
     -------
     list of str
-        Faults that the reader of the video makes up for, and outdated truths; a line each. Faults
-        are frames after the first that cannot be read, and streams that do not agree.
+        Warnings, a line each: unreadable frames after the first and inconsistent streams, for which
+        the video reader compensates, and outdated truths.
 
     Raises
     ------
     SceneError
-        All problems, a line each.
+        There are problems, listed a line each.
     """
     problems: list[str] = []
     _collect(problems, scene, scene.raw_frame)
@@ -247,7 +248,7 @@ def _frames_of(scene: Scene, pattern: str) -> list[Any]:
 
 
 def _collect(problems: list[str], scene: Scene, action: Callable[[], Any]) -> Any:
-    """The result of `action`; None if it fails, with the problem noted, by a short name."""
+    """Return the result of `action`, or note its error with a short path and return None."""
     try:
         return action()
     except IprtError as error:

@@ -1,4 +1,4 @@
-"""An opened scene: what its folder holds, checked, and read when it is asked for."""
+"""A scene folder, checked when opened; its pictures and meshes are read on demand."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ from iprt.scene.scene_files import made_of, missing_files
 
 @dataclass(frozen=True)
 class SceneView:
-    """A view of the scene and its truth.
+    """A view of the scene with its ground truth.
 
     Attributes
     ----------
     objects : tuple of str
-        Names of the objects that it shows.
+        Names of the shown objects.
     truth, truth_background, truth_mask : Path or None
-        Path-traced pictures with and without the objects, and the objects' coverage; absolute,
-        possibly with a printf pattern for the frame's number (`frame_path`).
+        Path-traced pictures with and without the objects, and the objects' coverage. Absolute, with
+        an optional printf pattern for the frame's number (`frame_path`).
     cuts : tuple of (x0, y0, x1, y1)
         Crops in pixels.
     motion : ViewMotion or None
-        Where it looks over time; None: where `view` does. That is where it looks at first.
+        The view over time; None if it is static. `view` is the view at time 0.
     truth_outdated : bool
-        Objects that it shows have been edited since its truth was made.
+        Objects in the view have been edited since the truth was made.
     """
 
     name: str
@@ -66,7 +66,7 @@ class SceneView:
 
     @property
     def truth_warning(self) -> str | None:
-        """Why comparisons with the truth mislead; None: they do not."""
+        """Reason not to trust comparisons with the truth, or None."""
         if self.truth is None or not self.truth_outdated:
             return None
         return (
@@ -75,19 +75,19 @@ class SceneView:
         )
 
     def at(self, time_s: float) -> View:
-        """The view at a time (`Scene.time_of`)."""
+        """Return the view at a time in seconds (`Scene.time_of`)."""
         return self.view if self.motion is None else self.motion.at(time_s)
 
 
 class Scene:
-    """A scene folder. Pictures and meshes are read when they are asked for.
+    """A scene folder, whose pictures and meshes are read on demand.
 
     Parameters
     ----------
     root : Path
         The folder.
     within : Path or None
-        Folder that all files must lie in, links followed; by default the scene's own.
+        Folder that must hold all files, with links resolved; by default the scene's own.
 
     Attributes
     ----------
@@ -110,15 +110,15 @@ class Scene:
         Parameters
         ----------
         allow_outside : bool
-            Whether files may be links to what lies outside the folder.
+            Allow links to files outside the folder.
         strict : bool
-            Whether any frame without a file is a problem, and not only the first.
+            Treat any frame without a file as a problem, not only the first.
 
         Raises
         ------
         SceneError, FormatError
-            All problems with the manifest, or else all files that it names and that are missing or
-            outside.
+            The manifest has problems, or its files are missing or outside the folder; all are
+            listed.
         """
         root = path.parent if path.name == MANIFEST_NAME else path
         manifest_path = root / MANIFEST_NAME
@@ -132,6 +132,7 @@ class Scene:
 
     @property
     def name(self) -> str:
+        """The scene's name."""
         return self.manifest.name
 
     @property
@@ -141,7 +142,7 @@ class Scene:
 
     @property
     def exposure(self) -> float:
-        """Display = sRGB of exposure times radiance."""
+        """Factor on radiance for display: sRGB of exposure times radiance."""
         return self.manifest.exposure
 
     @property
@@ -151,37 +152,42 @@ class Scene:
 
     @property
     def width(self) -> int:
+        """Width of the panorama in pixels."""
         return self.size[0]
 
     @property
     def height(self) -> int:
+        """Height of the panorama in pixels."""
         return self.size[1]
 
     @property
     def frame_indices(self) -> range:
+        """Numbers of the video's frames."""
         return self.source.indices
 
     def frame(self, index: int | None = None) -> Frame:
-        """Read and sanitise a frame; the first by default. Not kept.
+        """Read and sanitise a frame; by default the first. Frames are not cached.
 
         Raises
         ------
         SceneError
-            No such frame.
+            There is no such frame.
         FormatError
             Its files cannot be used.
         """
         return self.sanitised(self.raw_frame(index))
 
     def sanitised(self, raw: RawFrame) -> Frame:
-        """A frame as read to one as it is rendered: cleaned, its glossy surfaces known, and the
-        light of what is clipped.
+        """Prepare a raw frame for rendering.
+
+        The frame is cleaned, its glossy surfaces are assigned, and the radiance of clipped lights
+        is recovered.
         """
         frame = with_gloss(raw.sanitised(), self.real_materials)
         return ClippedLights(self.source.white)(frame)
 
     def raw_frame(self, index: int | None = None) -> RawFrame:
-        """As `frame`, before anything is filled or cleaned."""
+        """Read a frame like `frame`, without filling or cleaning."""
         chosen = self.frame_indices[0] if index is None else index
         self._require_frames([chosen])
         return self.source.read(chosen)
@@ -189,33 +195,33 @@ class Scene:
     def stream(
         self, indices: Iterable[int], *, strict: bool = False, drift: bool = True, ahead: int = 2
     ) -> Ahead[Frame]:
-        """Frames of the video, decoded and sanitised ahead on a thread, in the order asked for.
+        """Stream frames of the video, decoded and sanitised ahead on a thread, in the given order.
 
-        A frame that cannot be read does not end the stream: what can be read of it is filled up
-        from the last good frame (`SteadyReader`), and the log tells once per run of such frames.
+        An unreadable frame does not end the stream. Its missing parts are taken from the last good
+        frame (`SteadyReader`), with one log message per run of such frames.
 
         Parameters
         ----------
         indices : iterable of int
-            Numbers of frames. In ascending order is quickest. An iterator is asked for the next
-            one by the thread, when it is about to decode that.
+            Numbers of frames; ascending order is fastest. The thread advances an iterator just
+            before it decodes the next frame.
         strict : bool
-            Whether a frame that cannot be read is an error.
+            Treat an unreadable frame as an error.
         drift : bool
-            Whether frames get a `color_map` (`Drift`).
+            Estimate the frames' `color_map` (`Drift`).
         ahead : int
-            Frames that lie ready at most.
+            Largest number of frames that are ready in advance.
 
         Returns
         -------
         Ahead
-            A context manager that gives what iterates over the frames, once; FormatError comes from
-            there. Leaving the context ends the thread.
+            A context manager that yields an iterator over the frames, which may raise FormatError.
+            It can be iterated once. Leaving the context ends the thread.
 
         Raises
         ------
         SceneError
-            No such frame.
+            There is no such frame.
         """
         if not isinstance(indices, Iterator):
             indices = list(indices)
@@ -224,8 +230,8 @@ class Scene:
         return Ahead(frames, ahead)
 
     def _stages(self, drift: bool) -> list[Stage]:
-        """The stages of a stream after sanitising, in order; made anew for each stream."""
-        # Materials are known by their hue, in the colours of the reference frame.
+        """Return new stages that follow sanitising in a stream, in order."""
+        # Materials are matched by hue, in the colours of the reference frame.
         return [
             *([Drift(self.source.white)] if drift else []),
             Glossy(self.real_materials),
@@ -234,7 +240,7 @@ class Scene:
         ]
 
     def prepared(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
-        """Frames of `stream` made of frames as they are read, on the thread that asks for them."""
+        """Yield the frames of `stream`, made from raw frames on the calling thread."""
         stages = self._stages(drift=True)
         for raw in raws:
             frame = raw.sanitised()
@@ -244,7 +250,7 @@ class Scene:
 
     @property
     def clips(self) -> bool:
-        """Whether bright lights are clipped, so that frames may come with their `light`."""
+        """True if bright lights are clipped, so that frames may have a `light`."""
         return math.isfinite(self.source.white)
 
     def _require_frames(self, indices: Iterable[int]) -> None:
@@ -255,8 +261,9 @@ class Scene:
 
     @property
     def real_materials(self) -> tuple[RealMaterial, ...]:
-        """The glossy real surfaces: those found, where the video's are (`gloss`), then those
-        declared, which hold where they overlap.
+        """The glossy real surfaces: found ones (if `gloss` is "auto"), then declared ones.
+
+        Declared surfaces take precedence where they overlap.
 
         Raises
         ------
@@ -268,7 +275,7 @@ class Scene:
 
     @cached_property
     def found_materials(self) -> tuple[RealMaterial, ...]:
-        """Those that nobody declared (`iprt.footage.found_gloss`).
+        """The undeclared glossy surfaces (`iprt.scene.found_gloss`).
 
         Raises
         ------
@@ -279,19 +286,20 @@ class Scene:
 
     @cached_property
     def declared_materials(self) -> tuple[RealMaterial, ...]:
-        """The glossy real surfaces that the manifest names, in its order.
+        """The glossy real surfaces of the manifest, in its order.
 
         Raises
         ------
         FormatError
-            A mask cannot be read, or is not twice as wide as high, or all are too large together.
+            A mask cannot be read or is not twice as wide as high, or the masks are too large in
+            total.
         """
         return declared_materials(self.root, self.manifest)
 
     def time_of(self, index: int) -> float:
-        """Seconds from the video's first frame to frame `index`, which keyframes count by.
+        """Return the seconds from the video's first frame to frame `index`: the time of keyframes.
 
-        A video that loops starts anew with every round, and what moves in it does so with it.
+        In a looping video, time restarts with every round, and animated objects with it.
         """
         frames = self.frame_indices
         played = index - frames[0]
@@ -305,7 +313,7 @@ class Scene:
         Raises
         ------
         FormatError
-            A mesh or texture cannot be read, or all of them together are too large.
+            A mesh or texture cannot be read, or all together are too large.
         """
         return load_objects(self.root, self.manifest, self.within)
 
@@ -323,22 +331,22 @@ class Scene:
     def instances_at(
         self, time_s: float, names: tuple[str, ...] | None = None
     ) -> tuple[Instance, ...]:
-        """The objects of these names, by default all, at a time (`time_of`).
+        """Return the objects of these names, by default all, at a time (`time_of`).
 
-        Their names, order, triangles and materials are the same at all times; transforms, and the
-        vertices of meshes that deform, are not.
+        Names, order, triangles and materials are the same at all times. Transforms, and vertices of
+        meshes that deform, may differ.
         """
         return objects_at(
             (entry for entry in self.objects if names is None or entry.name in names), time_s
         )
 
     def instances_of(self, view: str | None = None) -> tuple[Instance, ...]:
-        """The objects that a view shows; all without a view.
+        """Return the objects that a view shows, or all without a view.
 
         Raises
         ------
         SceneError
-            No such view.
+            There is no such view.
         """
         if view is None:
             return self.instances
@@ -348,11 +356,11 @@ class Scene:
         return self.instances_named(self.views[view].objects)
 
     def instances_named(self, names: tuple[str, ...]) -> tuple[Instance, ...]:
-        """The objects of these names, in the manifest's order."""
+        """Return the objects of these names, in the manifest's order."""
         return tuple(instance for instance in self.instances if instance.name in names)
 
     def require_not_ours(self, *paths: Path) -> None:
-        """Keep outputs from replacing what the scene is made of; truths may be replaced.
+        """Refuse outputs that would overwrite the scene's inputs; truths may be overwritten.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Whether the files that a scene names are there, and inside its folder."""
+"""Checks that the files of a scene exist and lie inside its folder."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from iprt.footage.video.source import FrameSource
 from iprt.scene.manifest import MANIFEST_NAME, Manifest
 
 MAX_TRIES = 10_000
-"""Names of truths that are looked for in a scene without all its frames."""
+"""Limit for the truth files to look for in a scene with missing frames."""
 
 
 class NamesFiles(Protocol):
-    """The part of a `Scene` that files are found from."""
+    """The attributes of a `Scene` that name its files."""
 
     root: Path
     manifest: Manifest
@@ -26,13 +26,14 @@ class NamesFiles(Protocol):
     source: FrameSource
 
     @property
-    def frame_indices(self) -> Sequence[int]: ...
+    def frame_indices(self) -> Sequence[int]:
+        """Numbers of the video's frames."""
 
 
 def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
-    """Files that are not there, or not inside; one line each.
+    """Return the missing files and the files outside the folder, one line each.
 
-    Only the first of a video's frames must be there, or all if `strict`.
+    Of a video's frames only the first must exist, or all if `strict`.
     """
     frames = scene.source.problems(strict=strict)
     problems = [
@@ -42,9 +43,9 @@ def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
     try:
         few = frames or scene.source.notices()
         tries = len(scene.frame_indices) * len(scene.manifest.views)
-    except FormatError:  # reported above: without its files, a video has no frames
+    except FormatError:  # reported above
         return problems
-    # Missing frames show how few there are, where a manifest would have us try many.
+    # With missing frames, a manifest could demand any number of look-ups for truths.
     for view in [] if few and tries > MAX_TRIES else scene.manifest.views:
         for key in ("truth", "truth_background", "truth_mask"):
             name = getattr(view, key)
@@ -54,7 +55,7 @@ def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
 
 
 def made_of(scene: NamesFiles) -> set[Path]:
-    """The manifest and all files that it names, but truths; some frames may be missing."""
+    """Return the manifest and all files that it names except truths; frames may be missing."""
     files = {scene.root / MANIFEST_NAME, *(scene.root / name for _, name in _files(scene))}
     if scene.manifest.video.poses is not None:
         files.add(scene.root / scene.manifest.video.poses)
@@ -64,7 +65,7 @@ def made_of(scene: NamesFiles) -> set[Path]:
 
 
 def _files(scene: NamesFiles) -> Iterator[tuple[str, str]]:
-    """Key and name of each file besides frames and truths."""
+    """Yield the key and name of each file other than frames and truths."""
     for table in scene.manifest.objects:
         yield f"objects.{table.name}.mesh", table.mesh
         texture = getattr(table.material, "texture", None)
@@ -76,7 +77,7 @@ def _files(scene: NamesFiles) -> Iterator[tuple[str, str]]:
 
 
 def _wrong(scene: NamesFiles, key: str, name: str) -> list[str]:
-    """Faults of a file that must exist: at most one line."""
+    """Return the fault of a file that must exist, in at most one line."""
     if not is_file(scene.root / name):
         return [f"{key}: there is no file {name}"]
     try:
@@ -87,7 +88,7 @@ def _wrong(scene: NamesFiles, key: str, name: str) -> list[str]:
 
 
 def _wrong_truth(scene: NamesFiles, key: str, pattern: str) -> list[str]:
-    """As `_wrong`; of a video, some frames may have no truth."""
+    """Return the fault of a truth like `_wrong`; some frames of a video may lack one."""
     files = dict.fromkeys(frame_path(scene.root, pattern, i) for i in scene.frame_indices)
     there = [str(file.relative_to(scene.root)) for file in files if is_file(file)]
     if not there:

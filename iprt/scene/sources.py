@@ -1,4 +1,4 @@
-"""Files that a new scene is made from: faults of their names, and layers that they hold."""
+"""Source files of a new scene: checks of their names, and their layers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from iprt.footage.video.source import RawFrame, require_unit
 
 LOG = logging.getLogger("iprt.scene")
 MAX_LISTED = 100_000
-"""Files of a folder that are looked at."""
+"""Limit for the files of a folder that are listed."""
 _NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 
 
@@ -34,7 +34,7 @@ def require_sources(sources: dict[str, Path]) -> None:
     Parameters
     ----------
     sources : dict of str to Path
-        By their flag without dashes: color, and depth and normal where they are given.
+        By flag without dashes: color, and depth and normal if given.
     """
     for key, path in sources.items():
         if path.is_dir():
@@ -50,16 +50,16 @@ def require_sources(sources: dict[str, Path]) -> None:
 
 
 def require_own_depth(color: Path, picture: Path, layer: str | None) -> None:
-    """Raise SceneError unless a picture holds its depth: a layer of EXR that is so named.
+    """Raise SceneError unless an EXR picture holds a layer named as depth.
 
     Parameters
     ----------
     color : Path
-        As given; may be a pattern.
+        The argument, possibly a pattern.
     picture : Path
-        The first picture of it.
+        The first picture.
     layer : str or None
-        Layer that is said to be depth.
+        The layer chosen as depth.
     """
     layers = exr_layers(picture) if file_kind(picture) == "exr" else []
     if layers and (layer is not None or named_depth(layers)):
@@ -74,16 +74,16 @@ def require_own_depth(color: Path, picture: Path, layer: str | None) -> None:
 
 
 def has_own_normals(picture: Path, raw: RawFrame) -> bool:
-    """Return whether an EXR picture holds normals by name, and these agree with its depth.
+    """Return True if an EXR picture has layers named as normals that agree with its depth.
 
-    Where they do not, a warning says so: programs write normals in axes of their own.
+    If they disagree, a warning is logged: some programs write normals in other axes.
 
     Parameters
     ----------
     picture : Path
         The picture of the first frame.
     raw : RawFrame
-        That frame.
+        The first frame.
     """
     if file_kind(picture) != "exr":
         return False
@@ -104,12 +104,12 @@ def has_own_normals(picture: Path, raw: RawFrame) -> bool:
 
 
 def layer_lists(sources: dict[str, Path]) -> list[str]:
-    """Return lines that list the layers of each file; a pattern stands for its first file.
+    """List the layers of each file, a line each; the first file represents a pattern.
 
     Parameters
     ----------
     sources : dict of str to Path
-        As of `require_sources`.
+        As in `require_sources`.
 
     Raises
     ------
@@ -126,10 +126,10 @@ def layer_lists(sources: dict[str, Path]) -> list[str]:
 
 
 def picture_numbers(color: Path) -> range:
-    """Return the numbers of the frames of a printf pattern as found on disk; 0 for one picture.
+    """Return the frame numbers of a printf pattern as found on disk; 0 for a single picture.
 
-    Numbers that go up in regular steps are all there; where they do not, every number between the
-    first and the last is a frame.
+    If the numbers rise in regular steps, the range has this step. Otherwise every number between
+    the first and the last is a frame.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def picture_numbers(color: Path) -> range:
     matcher = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
     siblings = color.parent.iterdir() if color.parent.is_dir() else iter(())
     found = [int(match[1]) for path in siblings if (match := matcher.fullmatch(path.name))]
-    # A number written otherwise, as 7 where the pattern has 007, is no frame's.
+    # A file with another padding, such as 7 for a pattern with 007, is no frame.
     numbers = sorted({n for n in found if is_file(frame_path(Path(), str(color), n))})
     if not numbers:
         raise FormatError(f"{color}: no file matches this pattern")
@@ -152,9 +152,9 @@ def picture_numbers(color: Path) -> range:
 
 
 def require_frames(pattern: Path, files: list[Path]) -> None:
-    """Raise SceneError if, of the files that a pattern names, the first or most are not there.
+    """Raise SceneError if the first or most of the files of a pattern are missing.
 
-    Otherwise, a warning names the gaps, which the reader of the video bridges.
+    Other gaps, which the video reader bridges, are logged as a warning.
     """
     missing = [file for file in files if not is_file(file)]
     if not missing:
@@ -169,7 +169,7 @@ def require_frames(pattern: Path, files: list[Path]) -> None:
 
 
 def pattern_in(folder: Path) -> str | None:
-    """The printf pattern that names most numbered pictures in a folder; None: there are none."""
+    """Return the printf pattern of most numbered pictures in a folder, or None without any."""
     found: Counter[str] = Counter()
     for path in islice(folder.iterdir(), MAX_LISTED):
         match = _NUMBERED.fullmatch(path.stem)
@@ -178,7 +178,7 @@ def pattern_in(folder: Path) -> str | None:
         before, number, after = match.groups()
         padded = number.startswith("0") and 1 < len(number) < 10
         found[f"{before}%{f'0{len(number)}' if padded else ''}d{after}{path.suffix}"] += 1
-    # Numbers without a leading zero may still be padded ones: color.0999.png, color.1000.png.
+    # Numbers without a leading zero may still be padded: color.0999.png, color.1000.png.
     for name in [name for name in found if "%0" in name]:
         found[name] += found.get(re.sub(r"%0\d", "%", name), 0)
     (best, count), *_ = found.most_common(1) or [("", 0)]

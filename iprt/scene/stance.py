@@ -1,6 +1,6 @@
-"""How a mesh is made to stand in a scene: which side is up, how far it is turned, how large it is.
+"""The orientation and size of a mesh in a scene: up axis, rotation and scale.
 
-Files say neither their unit nor, except for glTF, which axis is up.
+Files state no unit and, except for glTF, no up axis.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _TO_UP = {
     "z": ("x", -90.0),
     "-z": ("x", 90.0),
 }
-"""Axis and degrees of the rotation that takes an axis to +Y."""
+"""Axis and degrees of the rotation that takes each axis to +Y."""
 UP_AXES = tuple(_TO_UP)
 SHARE_OF_DISTANCE = 0.2
-"""Longest side over distance, where nothing says how large an object is."""
+"""Longest side over distance, the default size."""
 SMALLEST_M = 1e-6
 FLAT = 1e-3
-"""Height over longest side, up to which a height does not say how large an object is."""
+"""Height over longest side up to which an object counts as flat, and its height sets no scale."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,17 @@ class Stance:
     up : {"x", "-x", "y", "-y", "z", "-z"}
         The file's axis that points up.
     turn_deg : float
-        About the vertical afterwards, to the left: counter-clockwise from above.
+        Rotation about the vertical afterwards, counter-clockwise from above.
     height_m : float or None
-        How high it becomes, in metres; its longest side where it is flat.
+        Height in metres, or longest side of a flat object.
     unit_m : float or None
-        Metres of one unit of the file. With neither, its longest side becomes a fifth of its
-        distance.
+        Metres of one unit of the file. Without height and unit, the longest side becomes a fifth of
+        the distance.
 
     Raises
     ------
     SceneError
-        No such axis, both sizes, or numbers that make no sense.
+        The axis is unknown, both sizes are given, or numbers are out of range.
     """
 
     up: str = "y"
@@ -74,21 +74,21 @@ class Stance:
 
     @property
     def rotation(self) -> Array:
-        """(3, 3) from the file's axes to upright ones."""
+        """(3, 3) rotation from the file's axes to upright ones."""
         upright = Rotation.from_euler(*_TO_UP[self.up], degrees=True)
         turned = Rotation.from_euler("y", self.turn_deg, degrees=True) * upright
-        # Quarter turns to the digit, so that scene.toml has zeros.
+        # Rounded, so that quarter turns have exact zeros in scene.toml.
         return np.asarray(np.round(turned.as_matrix(), 12) + 0.0)
 
     def scale(self, extent: Array, distance: float) -> float:
-        """Metres of one unit of the file.
+        """Return the metres of one unit of the file.
 
         Parameters
         ----------
         extent : (3,) float64
             Size of the mesh along upright axes, in its own units.
         distance : float
-            Metres to where it will stand.
+            Distance of its place in metres.
 
         Raises
         ------
@@ -111,11 +111,12 @@ class Stance:
 
 
 def parse_unit(text: str) -> float:
-    """Metres of `m`, `cm`, `mm`, `in`, `ft`, or of a number.
+    """Return the metres of `m`, `cm`, `mm`, `in`, `ft`, or of a number.
 
     Raises
     ------
     SceneError
+        The text is neither.
     """
     try:
         return UNITS_M[text] if text in UNITS_M else float(text)
@@ -126,16 +127,16 @@ def parse_unit(text: str) -> float:
 
 
 def hints(suffix: str, corners: tuple[Array, Array], stance: Stance) -> list[str]:
-    """Flags that a mesh may need, by its size and place in its file.
+    """Return the flags that a mesh may need, judged by its size and position in its file.
 
     Parameters
     ----------
     suffix : str
         Suffix of the file's name, in lower case.
     corners : pair of (3,) float64
-        Lowest and highest, in the file's axes and units.
+        Lowest and highest corner, in the file's axes and units.
     stance : Stance
-        As it was asked for.
+        The chosen stance.
     """
     low, high = corners
     extent = high - low
@@ -147,7 +148,7 @@ def hints(suffix: str, corners: tuple[Array, Array], stance: Stance) -> list[str
         )
         found.append(f"its longest side is {longest:.6g} units of its file; is it {sizes}?")
     if stance.up == "y" and suffix not in (".gltf", ".glb"):
-        # Models are mostly made to stand on 0, and around the axis that points up.
+        # Most models stand on 0, centred around their up axis.
         stands = np.abs(low) <= 0.02 * extent
         if suffix == ".stl" or (stands[2] and not stands[1]):
             found.append("+Y of its file is up; if that should be +Z, give --up z")

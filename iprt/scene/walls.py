@@ -1,4 +1,4 @@
-"""Walls that objects keep away from."""
+"""Walls that placed objects keep away from."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _WALL = 0.9
-"""Least horizontal part of the normal of a wall."""
+"""Least horizontal part of a wall's unit normal."""
 _KERB = 0.15
-"""Share of an object's height that it may stand in front of: the foot of a wall is rounded."""
+"""Share of an object's height below which walls are ignored: depth rounds a wall's foot."""
 _TOUCHING = 1e-3
-"""Depth of a cut that does not count, over the object's radius."""
+"""Intersection depth that counts as contact, as a fraction of the object's radius."""
 _PUSHES = 8
 _RINGS, _DIRECTIONS = 12, 24
-"""Places around the one asked for that are tried: rings, and places on each."""
+"""Search for a free place: number of rings, and of places on each."""
 
 
 class Walls:
@@ -26,12 +26,12 @@ class Walls:
     Parameters
     ----------
     points : (N, 3) float64
-        Of all real surfaces, metres.
+        Points of all real surfaces, metres.
     normals : (N, 3) float64
         Unit vectors.
     centre : (3,) float64
     reach : float
-        Horizontal distance from `centre` up to which points are kept, metres.
+        Horizontal radius around `centre` in which points are kept, metres.
     """
 
     def __init__(self, points: Array, normals: Array, centre: Array, reach: float) -> None:
@@ -43,9 +43,9 @@ class Walls:
         self._out = sideways[wall] / length[wall, None]
 
     def push(self, base: Array, radius: float, height: float) -> Array:
-        """Return the shift (3,) that frees an upright cylinder from the wall it cuts deepest.
+        """Return the shift (3,) that frees an upright cylinder from the wall it intersects deepest.
 
-        It is horizontal, and zero where the cylinder cuts none.
+        The shift is horizontal, and zero if there is no intersection.
         """
         offset = base - self._points
         level = (-offset[:, 1] > _KERB * height) & (-offset[:, 1] < height)
@@ -58,7 +58,7 @@ class Walls:
         return shift
 
     def cut(self, base: Array, radius: float, height: float) -> float:
-        """Return how deep the cylinder cuts a wall, metres; 0 where it only touches one."""
+        """Return the depth of the intersection with a wall in metres; 0 for mere contact."""
         depth = float(np.linalg.norm(self.push(base, radius, height)))
         return depth if depth > _TOUCHING * radius else 0.0
 
@@ -70,24 +70,24 @@ class Walls:
         reach: float,
         support: Callable[[float, float], float | None],
     ) -> Array | None:
-        """Return the base (3,) of a cylinder that cuts no wall, near the one asked for.
+        """Return the base (3,) of a cylinder free of walls, near the chosen place.
 
-        Pushes that come to rest within `reach` win. Between walls that push in turns, it is the
-        nearest free place on rings around `base`.
+        Repeated pushes are tried first. If they do not settle within `reach`, for example between
+        two walls, the nearest free place on rings around `base` is taken.
 
         Parameters
         ----------
         base : (3,) float64
-            The place asked for, metres.
+            The chosen place, metres.
         reach : float
             Greatest horizontal distance from there, metres.
         support : callable
-            Height of the surface at (x, z); None beside it.
+            Height of the surface at (x, z), or None without one.
 
         Returns
         -------
         (3,) float64 or None
-            None where no place in reach is free.
+            None if no place within reach is free.
         """
         pushed = self._pushed(base, radius, height, support)
         if pushed is not None and np.hypot(*(pushed - base)[[0, 2]]) <= reach:
@@ -116,7 +116,7 @@ class Walls:
             moved = base + shift
             y = support(moved[0], moved[2])
             if y is None:
-                # Better to touch a wall than to be pushed off a table, out of sight.
+                # Intersecting a wall is better than falling off a table.
                 return base
             base = np.array([moved[0], y, moved[2]])
         return None

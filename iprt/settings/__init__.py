@@ -1,0 +1,1 @@
+"""Settings of the renderer: their model, defaults, presets and overrides."""

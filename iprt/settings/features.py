@@ -1,4 +1,4 @@
-"""Features that scene, view and settings require: they decide which passes and kernels exist."""
+"""Features that scene, view and settings require; they select the passes and kernels."""
 
 from __future__ import annotations
 
@@ -16,49 +16,49 @@ from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 
 CELL = 8
-"""Texels a side of the cells in which the highlight is compared with what the camera saw."""
+"""Side in texels of the cells in which highlights are compared with the panorama."""
 
 TOUCHED_FRAMES = 11.0
-"""For how many frames, the one of tracing among them, it is remembered that an object lit or
-shadowed a pixel (`Mask.touched`)."""
+"""Number of frames, the traced one included, for which a pixel counts as touched by an object's
+light or shadow (`Mask.touched`)."""
 
 
 BVH_DEFINES: Mapping[str, Define] = MappingProxyType({"OBJECTS_BVH": True, "BVH_STACK": STACK})
-"""`-D` variants of kernels that trace the hierarchy."""
+"""`-D` defines of kernels that trace the hierarchy."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """The parts of the method that a picture needs; everything else is neither built nor stored.
+    """The parts of the method that a picture needs; nothing else is built or stored.
 
     Attributes
     ----------
     objects : bool
-        Something is inserted. Without, the picture is the panorama, resampled.
+        There are virtual objects. Without any, the picture is the resampled panorama.
     tracing : bool
         Rays are traced.
     kinds : frozenset of str
-        Kinds of reflectance of the inserted objects; a conductor without roughness is a "mirror".
+        Kinds of reflectance of the objects; a conductor without roughness is a "mirror".
     deforming : bool
-        Vertices of one of them move.
+        Some object's mesh deforms.
     equirect_view : bool
         The picture is the whole panorama.
     opening_environment : bool
-        There are windows, and what lies behind them is assembled as a distant environment.
+        The scene has windows, and a distant environment is assembled behind them.
     clipped : bool
-        The picture shows some lights otherwise than rays find them: they were clipped.
+        Lights are clipped, so that the picture shows them darker than rays find them.
     color_map : bool
-        Frames of the video may be exposed or balanced otherwise than its first.
+        Exposure or white balance may differ between frames of the video.
     video : bool
         There are several frames.
     background : bool
-        What moving things hide is remembered, and rays find it.
+        Surfaces hidden by moving things are remembered, and rays find them.
     real_materials : tuple of Material
-        Glossy materials of the real scene that objects are reflected in; empty: all is diffuse.
+        Glossy materials of the real scene that reflect objects; empty if all is diffuse.
     moving_camera : bool
-        The video has poses: from frame to frame, real surfaces move past the capture centre.
+        The video has poses: real surfaces move relative to the capture centre.
     needs : Needs
-        What the method asks for.
+        Requirements of the method.
     settings : Settings
     """
 
@@ -87,7 +87,18 @@ class Features:
         *,
         deforming: bool = False,
     ) -> Features:
-        """`materials`: those of the objects; `deforming`: their vertices move."""
+        """Derive the features of a picture.
+
+        Parameters
+        ----------
+        materials : iterable of Material
+            Materials of the objects.
+        view : View
+        settings : Settings
+        footage : Footage
+        deforming : bool
+            Some object's mesh deforms.
+        """
         kinds = frozenset("mirror" if m.is_mirror else m.kind for m in materials)
         needs = method(settings.method).needs(settings)
         tracing = bool(kinds) and needs.tracing
@@ -116,81 +127,81 @@ class Features:
 
     @property
     def gloss(self) -> bool:
-        """Real surfaces reflect objects."""
+        """True if real surfaces reflect objects."""
         return bool(self.real_materials)
 
     @property
     def diffuse_signal(self) -> bool:
-        """Objects reflect diffusely."""
+        """True if objects have a diffuse lobe."""
         return bool(self.kinds & DIFFUSE_KINDS)
 
     @property
     def specular_signal(self) -> bool:
-        """Objects reflect glossily or as mirrors."""
+        """True if objects have a specular lobe, glossy or mirror."""
         return bool(self.kinds & SPECULAR_KINDS)
 
     @property
     def relit(self) -> bool:
-        """Objects shadow and light real surfaces."""
+        """True if objects shadow and light real surfaces."""
         return self.objects and self.needs.relit
 
     @property
     def jitter(self) -> bool:
-        """Rays of virtual surfaces start anywhere in their pixel."""
+        """True if rays of virtual surfaces start at jittered positions in their pixel."""
         return self.bvh and self.settings.trace.jitter
 
     @property
     def delta(self) -> bool:
-        """Real surfaces are relit by what objects change in a cached irradiance."""
+        """True if real surfaces are relit by the objects' change of a cached irradiance."""
         return self.tracing and self.needs.irradiance
 
     @property
     def light_sampling(self) -> bool:
-        """Rays are aimed at lights."""
+        """True if rays sample the lights."""
         return self.tracing and self.settings.trace.light_sampling
 
     @property
     def impostor(self) -> bool:
-        """Rays see a distance impostor around the objects."""
+        """True if rays meet a distance impostor around the objects."""
         return self.tracing and self.needs.impostor
 
     @property
     def relit_reflections(self) -> bool:
-        """Objects reflect what objects do to real surfaces."""
+        """True if objects reflect relit real surfaces."""
         return self.tracing and self.needs.relit_reflections
 
     @property
     def ratio_map(self) -> bool:
-        """They do so where the view does not show these, too."""
+        """True if objects also reflect relit real surfaces outside the view."""
         return self.relit_reflections and self.needs.ratio_rows > 0 and not self.equirect_view
 
     @property
     def bvh(self) -> bool:
-        """Rays meet the objects' triangles."""
+        """True if rays meet the objects' triangles."""
         return self.tracing and self.needs.objects == "triangles"
 
     @property
     def primary_rays(self) -> bool:
-        """Primary rays find the objects in the view, if OpenGL does not do it faster.
+        """True if primary rays find the objects in the view, instead of OpenGL.
 
-        OpenGL draws the layers that rays meet, and by default the view with them.
+        OpenGL always draws the layers for layer tracing, and then by default also the view.
         """
         chosen = self.settings.gbuffer
         return self.objects and (chosen == "cl" or (chosen == "auto" and not self.traced_layers))
 
     @property
     def traced_layers(self) -> bool:
-        """Rays meet rasterized layers of the objects instead."""
+        """True if rays meet rasterized layers of the objects instead of triangles."""
         return self.tracing and not self.bvh
 
     @property
     def equirect_layers(self) -> bool:
-        """Objects are rasterized in equirect space besides the screen, for rays off screen."""
+        """True if objects are also rasterized in equirect space, for rays off screen."""
         return self.traced_layers and not self.equirect_view
 
     @property
     def of_real_world(self) -> tuple[Hashable, ...]:
-        """All that the real world on a device depends on: views with equal ones can share it."""
+        """Key of the real world on a device; views with equal keys can share it."""
         settings, trace = self.settings, self.settings.trace
         return (
             self.objects,
@@ -209,7 +220,7 @@ class Features:
         )
 
     def real_defines(self) -> dict[str, Define]:
-        """Return `-D` variants of kernels whose rays meet real surfaces."""
+        """Return `-D` defines of kernels whose rays meet real surfaces."""
         return {
             "OUTSIDE_ROWS": OUTSIDE_ROWS,
             "BACKGROUND": self.background,
@@ -217,7 +228,7 @@ class Features:
         }
 
     def trace_defines(self) -> dict[str, Define]:
-        """Return `-D` variants of kernels whose rays meet objects, too."""
+        """Return `-D` defines of kernels whose rays also meet objects."""
         return self.real_defines() | {
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "IMPOSTOR": self.impostor,
@@ -225,15 +236,15 @@ class Features:
         }
 
     def highlight_defines(self) -> dict[str, Define]:
-        """Return `-D` variants of the kernels that find the highlights of real surfaces."""
+        """Return `-D` defines of kernels that estimate the highlights of real surfaces."""
         return self.real_defines() | {"CELL": CELL}
 
     def gloss_defines(self) -> dict[str, Define]:
-        """Return `-D` variants of kernels whose rays meet glossy real surfaces too."""
+        """Return `-D` defines of kernels whose rays also meet glossy real surfaces."""
         return self.trace_defines() | {"GLOSS": self.gloss, "CELL": CELL}
 
     def describe(self) -> dict[str, bool]:
-        """Features by name, and whether they are built."""
+        """Return all features by name, with True for the ones that are built."""
         return {
             "relighting of real surfaces (shadows, bounce light)": self.relit,
             "shading of virtual surfaces": self.objects,
@@ -243,11 +254,11 @@ class Features:
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
             "drift of the video's exposure and white balance": self.color_map,
-            "memory of what moving things hide": self.background,
+            "memory of surfaces that moving things hide": self.background,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "distance impostor around the objects": self.impostor,
-            "shadows in what objects reflect off screen": self.ratio_map,
+            "shadows in reflections of off-screen surfaces": self.ratio_map,
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,
             "objects in the view by rays, without OpenGL": self.primary_rays,
             "motion of the 360° camera": self.moving_camera,

@@ -1,4 +1,4 @@
-"""Settings of the passes that turn sparse samples into a picture."""
+"""Settings of the passes that filter sparse samples into a picture."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class MaskSettings(BaseModel):
-    """Where rays are saved: flat surfaces that no object lights or shadows."""
+    """Selection of traced pixels: fewer on flat surfaces that no object lights or shadows."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     sparse: bool = Field(
         default=True,
-        description="Trace fewer rays on flat surfaces, and where a mean that fades holds many "
+        description="Trace fewer rays on flat surfaces, and where a fading mean holds many "
         "samples; off: one ray per pixel.",
     )
     sigma_position: float = Field(
@@ -25,7 +25,7 @@ class MaskSettings(BaseModel):
 
 
 class InterpolateSettings(BaseModel):
-    """How alike an untraced pixel and a ray's pixel, or block of `light_scale`, must be."""
+    """Edge-stopping weights of the interpolation between traced pixels or `light_scale` blocks."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -44,7 +44,7 @@ class InterpolateSettings(BaseModel):
 
 
 class TemporalSettings(BaseModel):
-    """When the history of a pixel still describes it."""
+    """Validation of a pixel's temporal history."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -52,13 +52,14 @@ class TemporalSettings(BaseModel):
         default=0.02,
         gt=0.0,
         le=1.0,
-        description="Distance from the pixel's plane / depth up to which a history is its own.",
+        description="Distance from the pixel's plane / depth up to which a history is valid.",
     )
     moved_tolerance: float = Field(
         default=0.2,
         gt=0.0,
         le=1.0,
-        description="The same for virtual surfaces while the scene changes: they may have moved.",
+        description="`plane_tolerance` of virtual surfaces while the scene changes: they may have "
+        "moved.",
     )
     normal_agreement: float = Field(
         default=0.9,
@@ -78,22 +79,22 @@ class TemporalSettings(BaseModel):
         default=3.0,
         gt=0.0,
         le=100.0,
-        description="Differences between fast and slow history up to so many standard deviations "
-        "count as noise; lower: quicker, noisier.",
+        description="Differences between fast and slow history of up to this many standard "
+        "deviations count as noise; lower: quicker, noisier.",
         json_schema_extra={"unit": "σ"},
     )
     enough: float = Field(
         default=1.5,
         ge=0.0,
         le=100.0,
-        description="Diffuse light of pixels whose history is worth fewer samples is mixed with "
-        "that of neighbours up to 28 pixels away, or 1/18 of the picture; 0: never.",
+        description="Diffuse light of pixels whose history has fewer effective samples is mixed "
+        "with neighbours up to 28 pixels away, or 1/18 of the picture; 0: never.",
         json_schema_extra={"unit": "samples"},
     )
 
 
 class AtrousSettings(BaseModel):
-    """How far the filter reaches, and what stops it."""
+    """Reach and edge-stopping functions of the à-trous filter."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -121,8 +122,8 @@ class AtrousSettings(BaseModel):
         default=6.0,
         gt=0.0,
         le=100.0,
-        description="Differences of so many standard deviations count as noise; lower keeps more "
-        "detail and more noise.",
+        description="Differences of up to this many standard deviations count as noise; lower "
+        "keeps more detail and more noise.",
         json_schema_extra={"unit": "σ"},
     )
     lobe_fraction: float = Field(

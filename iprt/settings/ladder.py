@@ -1,6 +1,6 @@
-"""A ladder of settings from the quickest to the most accurate, of which each costs its gain.
+"""A ladder of settings from the fastest to the most accurate, each entry worth its cost.
 
-What its entries cost and gain is measured: see `iprt.measure.tradeoff`.
+`iprt.measure.tradeoff` measures time and quality of the entries.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from iprt.settings.overrides import Assignment, plain_values
 from iprt.settings.presets import PRESETS
 
 BALANCED = "balanced"
-"""The entry to which the times of all others are relative."""
+"""The entry that all times are relative to."""
 
 _DRAFT = PRESETS["draft"]
 LADDER: Mapping[str, Mapping[str, object]] = MappingProxyType(
@@ -33,18 +33,18 @@ LADDER: Mapping[str, Mapping[str, object]] = MappingProxyType(
         "accurate": PRESETS["accurate"],
     }
 )
-"""Settings by the name of an entry, where they differ from the defaults."""
+"""Settings of each entry by its name, where they differ from the defaults."""
 KEYS = tuple(dict.fromkeys(key for entry in LADDER.values() for key in entry))
-"""Settings in which entries differ."""
+"""Settings that differ between entries."""
 
 
 def entry_settings(name: str) -> dict[str, object]:
-    """The value of each of `KEYS` in an entry."""
+    """Return the value of each of `KEYS` in an entry."""
     return {key: value for key, value in plain_values(Settings()).items() if key in KEYS} | dict(
         LADDER[name]
     )
 
 
 def entry_assignments(name: str) -> list[Assignment]:
-    """The same as assignments: over a preset, they replace all that it sets."""
+    """Return an entry as assignments, which override all values of a preset."""
     return [Assignment(k, v, f"entry '{name}': {k}") for k, v in entry_settings(name).items()]

@@ -1,4 +1,4 @@
-"""Every setting of the renderer, in one model: what TOML, flags and sliders set."""
+"""The model of all settings of the renderer, the source of TOML keys, flags and sliders."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ OwnSettings = TypeVar("OwnSettings", bound=MethodSettings)
 
 
 class Settings(BaseModel):
-    """Settings of a renderer; immutable, so that a picture's settings can be stored with it.
+    """Settings of a renderer; immutable, so that they can be stored with a picture.
 
-    Besides the fields here, each installed method that has settings of its own is a group, under
-    the method's name. Fields that are not given have the defaults of the method.
+    Each installed method with settings of its own adds a group under the method's name. Omitted
+    fields have the method's defaults.
 
     Attributes
     ----------
     of_methods : tuple of MethodSettings
-        The own settings of all methods that have any; use `own`. Data hold them under the methods'
-        names instead.
+        Settings of all methods that have any; use `own`. Serialized data hold them under the
+        methods' names instead.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -51,16 +51,17 @@ class Settings(BaseModel):
         default=0.1,
         ge=0.0,
         le=1.0,
-        description="Least share of a new frame in the temporal mean; 0 averages all frames.",
+        description="Least weight of a new frame in the temporal mean; 0 averages all frames.",
     )
     drift: bool = Field(
         default=True,
-        description="Take off the drift of a video's exposure and white balance from what rays "
-        "find, and put it back on the picture: histories hold while the camera adapts.",
+        description="Remove the drift of a video's exposure and white balance from the radiance "
+        "that rays find, and apply it to the picture: histories stay valid while the camera "
+        "adapts.",
     )
     gbuffer: Literal["auto", "gl", "cl"] = Field(
         default="auto",
-        description="What draws the objects that the view shows: OpenGL, or rays in OpenCL. auto: "
+        description="Renderer of the objects in the view: OpenGL, or rays in OpenCL. auto: "
         "rays where the OpenCL device is a CPU; elsewhere whichever is faster when objects come "
         "into view, so that pictures of two runs may differ in the samples of outlines.",
     )
@@ -76,8 +77,8 @@ class Settings(BaseModel):
         default=4,
         ge=1,
         le=8,
-        description="Samples a side of a pixel by which outlines of objects are smoothed. With "
-        "less than 4, pixels whose neighbours are covered are taken as covered.",
+        description="Samples along each side of a pixel, which smooth the outlines of objects. "
+        "With fewer than 4, pixels whose neighbours are covered count as covered.",
         json_schema_extra={"unit": "samples"},
     )
     trace: TraceSettings = TraceSettings()
@@ -91,7 +92,7 @@ class Settings(BaseModel):
     of_methods: tuple[MethodSettings, ...] = ()
 
     def own(self, kind: type[OwnSettings]) -> OwnSettings:
-        """The settings that a method has for itself, by their class."""
+        """Return the settings of a method, by their class."""
         return next(group for group in self.of_methods if isinstance(group, kind))
 
     @field_validator("method")
@@ -104,7 +105,7 @@ class Settings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _with_methods(cls, data: dict[str, Any]) -> dict[str, Any]:
-        """Collect the groups of the methods, and add the defaults of the chosen one."""
+        """Collect the groups of the methods, and add the defaults of the chosen method."""
         data = dict(data)
         chosen = methods().get(data.get("method", DEFAULT))
         for key, value in chosen.defaults.items() if chosen else ():

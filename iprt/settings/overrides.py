@@ -1,6 +1,6 @@
-"""Settings: every field of `Settings` by its dotted name, as files and flags set it.
+"""Settings by dotted name, as files and flags set them.
 
-Everything here is read from the model, so that a new field is a setting without further ado.
+All names, bounds and texts come from the model, so that a new field needs no further code.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from iprt.settings.presets import PRESETS, Quality
 Schema = Mapping[str, Any]
 Model = TypeVar("Model", bound=BaseModel)
 WIDTH = 96
-"""Columns of the comments in a settings file."""
+"""Line width of the comments in a settings file."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting.
+    """A setting of the renderer.
 
     Attributes
     ----------
     key : str
         Dotted name, `trace.rays`.
     group : str
-        Name of the group that it is in, `trace`; empty at the top.
+        Name of its group, `trace`; empty at the top level.
     default : object
-        As plain data.
+        Default as plain data.
     help : str
-        Meaning, unit and consequence.
+        Meaning and effect.
     allowed : str
-        Its type, bounds and unit in words.
+        Type, bounds and unit in words.
     schema : mapping
-        The JSON schema of its values.
+        JSON schema of its values.
     """
 
     key: str
@@ -59,7 +59,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Assignment:
-    """A value that a file or flag gives to a setting; `source` is how an error names it."""
+    """A value for a setting from a file or flag; `source` names its origin in errors."""
 
     key: str
     value: Any
@@ -68,27 +68,27 @@ class Assignment:
 
 @cache
 def all_settings() -> dict[str, Setting]:
-    """All settings by key, in the order of the model, those of the top before the groups."""
+    """Return all settings by key, in the order of the model, top level before groups."""
     return {setting.key: setting for setting, _ in _walk()}
 
 
 @cache
 def groups() -> dict[str, str]:
-    """Description of each group of settings, by name."""
+    """Return the description of each group of settings, by name."""
     return {setting.group: about for setting, about in _walk() if setting.group}
 
 
 def resolved(quality: Quality, assignments: Iterable[Assignment] = ()) -> Settings:
-    """The settings of a preset with `assignments`, of which later ones win.
+    """Return the settings of a preset with `assignments`; later ones win.
 
     Raises
     ------
     IprtError
-        A key is no setting, or a value is of the wrong type or out of its bounds.
+        A key is not a setting, or a value has the wrong type or is out of bounds.
     """
     asked = [*preset_settings(quality), *assignments]
     names = [item.value for item in asked if item.key == "method"]
-    known = bool(names) and names[-1] in methods()  # `assigned` complains of others
+    known = bool(names) and names[-1] in methods()  # `assigned` reports unknown ones
     return assigned(Settings(method=names[-1]) if known else Settings(), asked)
 
 
@@ -98,14 +98,14 @@ def preset_settings(quality: Quality) -> list[Assignment]:
 
 
 def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
-    """The settings with `assignments`, of which later ones win.
+    """Return the settings with `assignments`; later ones win.
 
     Raises
     ------
     IprtError
         As `resolved`.
     """
-    # All of them, as a group's default may differ from its fields' own.
+    # All values are needed: a group's default may differ from its fields' defaults.
     values = plain_values(settings)
     sources: dict[str, str] = {}
     for item in assignments:
@@ -123,18 +123,19 @@ def assigned(settings: Settings, assignments: Iterable[Assignment]) -> Settings:
 def _validated(
     kind: type[Model], table: Mapping[str, Any], sources: Mapping[str, str], group: str = ""
 ) -> Model:
-    """A model from plain data; `sources` as for `_complaint`."""
+    """Validate plain data as a model; `sources` as in `_complaint`."""
     try:
-        # As JSON, lists become tuples, and yet a text is no number and 2.5 no whole number.
+        # Strict JSON validation turns lists into tuples, but no text into a number and no 2.5 into
+        # an integer.
         return kind.model_validate_json(json.dumps(table, default=str), strict=True)
     except ValidationError as error:
         raise IprtError(_complaint(error, sources, group)) from None
 
 
 def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
-    """The settings with other values, by key, which are allowed ones.
+    """Return the settings with other valid values, by key.
 
-    With another method, settings that have the default of the one before get that of the new one.
+    If the method changes, settings at the old method's default get the new method's default.
     """
     now = plain_values(settings)
     if "method" in values:
@@ -146,17 +147,17 @@ def changed(settings: Settings, values: Mapping[str, Any]) -> Settings:
 
 
 def plain_values(settings: Settings) -> dict[str, Any]:
-    """The value of every setting, as plain data."""
+    """Return the value of every setting, as plain data."""
     return dict(_flat(settings.model_dump(mode="json")))
 
 
 def read_settings(path: Path) -> list[Assignment]:
-    """The assignments of a TOML file, as `iprt settings` prints it.
+    """Read the assignments of a TOML file, as `iprt settings` prints it.
 
     Raises
     ------
     IprtError
-        The file cannot be read, is no TOML, or names what is no setting.
+        The file is unreadable or no TOML, or has an unknown key.
     """
     try:
         tables = parse_toml(read_text(path))
@@ -185,12 +186,12 @@ def table_settings(tables: Mapping[str, Any], source: str) -> list[Assignment]:
 
 
 def parse_assignment(flag: str, text: str) -> Assignment:
-    """`KEY=VALUE` as given to `flag`; the value is as in TOML, words without quotes.
+    """Parse `KEY=VALUE` as given to `flag`; the value is TOML, but words need no quotes.
 
     Raises
     ------
     IprtError
-        There is no `=`, or the key is no setting.
+        There is no `=`, or the key is not a setting.
     """
     text = " ".join(text.split())
     key, equals, value = (part.strip() for part in text.partition("="))
@@ -202,7 +203,7 @@ def parse_assignment(flag: str, text: str) -> Assignment:
 
 
 def plain_value(text: str) -> Any:
-    """A value of TOML, or else the text itself."""
+    """Parse a TOML value, or return the text itself."""
     try:
         return parse_toml(f"x = {text}")["x"]
     except ValueError:
@@ -210,9 +211,9 @@ def plain_value(text: str) -> Any:
 
 
 def settings_toml(settings: Settings, title: str) -> str:
-    """A file of all settings that sets those whose value in `settings` is not its method's default.
+    """Return a settings file that sets every value which differs from its method's default.
 
-    The others are commented out, so that a preset may still choose them.
+    The other settings are commented out, so that a preset can still choose them.
     """
     values = plain_values(settings)
     defaults = plain_values(Settings(method=settings.method)) | {"method": DEFAULT}
@@ -225,7 +226,7 @@ def settings_toml(settings: Settings, title: str) -> str:
         default = "" if usual is None else f"; default {_toml_value(usual)}"
         name = setting.key.rpartition(".")[2]
         value = values[setting.key]
-        # TOML has no word for nothing.
+        # TOML has no null.
         line = f"{name} =" if value is None else f"{name} = {_toml_value(value)}"
         left_out = "#" if value == usual else ""
         lines += [
@@ -257,7 +258,7 @@ def _members(group: str) -> str:
 
 
 def _nearest(key: str) -> str | None:
-    """The setting that was probably meant: of the same or a similar name, in whatever group."""
+    """Return the setting that was probably meant, by a similar name in any group, or None."""
     name = key.rpartition(".")[2]
     by_name: dict[str, list[str]] = {}
     for known in all_settings():
@@ -269,15 +270,15 @@ def _nearest(key: str) -> str | None:
 
 
 def _complaint(error: ValidationError, sources: Mapping[str, str], group: str) -> str:
-    """The first fault in one line: who gave the value, and what is allowed.
+    """Return the first fault in one line: the origin of the value, and the allowed values.
 
     Parameters
     ----------
     error : ValidationError
     sources : mapping of str to str
-        How errors name the source of a value, by key.
+        Origin of each value in error messages, by key.
     group : str
-        Group whose values are wrong; empty: `error` names it.
+        Group of the invalid values; empty if `error` names it.
     """
     fault = error.errors()[0]
     parts = [*([group] if group else []), *(str(part) for part in fault["loc"])]
@@ -285,7 +286,7 @@ def _complaint(error: ValidationError, sources: Mapping[str, str], group: str) -
     setting = next((all_settings()[key] for key in keys if key in all_settings()), None)
     if setting is not None:
         return f"{sources.get(setting.key, setting.key)}: expected {setting.allowed}"
-    # Settings that do not go together: the last one given is named.
+    # Inconsistent settings: the message names the last one given.
     inside = [source for key, source in sources.items() if not keys or key.startswith(keys[-1])]
     reason = fault["msg"].removeprefix("Value error, ")
     return f"{inside[-1] if inside else 'settings'}: {reason}"
@@ -303,7 +304,7 @@ def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _flat(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; a table that is no group is a value."""
+    """Yield the dotted keys and values of nested tables; a table that is no group is a value."""
     for name, value in tables.items():
         key = prefix + name
         if isinstance(value, dict) and key in groups():
@@ -313,7 +314,7 @@ def _flat(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def _walk() -> Iterator[tuple[Setting, str]]:
-    """Every setting, with what its group is about."""
+    """Yield every setting with its group's description."""
     schema = Settings.model_json_schema()
     del schema["properties"]["of_methods"]
     defaults = Settings().model_dump(mode="json")
@@ -344,7 +345,7 @@ def _walk_group(
 
 
 def allowed(schema: Schema) -> str:
-    """Type, bounds and unit of a JSON schema in words."""
+    """Describe the type, bounds and unit of a JSON schema in words."""
     if "anyOf" in schema:
         return " or ".join(allowed(option) for option in schema["anyOf"])
     if "const" in schema:

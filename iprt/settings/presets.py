@@ -1,4 +1,4 @@
-"""Quality presets: what `--quality` sets."""
+"""Quality presets: the settings behind `--quality`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 Quality = Literal["draft", "balanced", "accurate", "final"]
 
-# Rays: nothing else gains as much. A finer map of E_R for the corners of rooms.
+# Rays gain most. The finer map of E_R helps in the corners of rooms.
 _ACCURATE: Mapping[str, object] = {
     "trace.rays": 8,
     "trace.object_rays": 64,
@@ -19,8 +19,8 @@ _ACCURATE: Mapping[str, object] = {
 
 PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
     {
-        # A sixteenth of the pixels have light; outlines and textures stay sharp. The filter reaches
-        # as far across the picture as with all of them.
+        # Light is computed for a sixteenth of the pixels; outlines and textures stay sharp. Three
+        # levels of the filter reach as far across the picture as five at full resolution.
         "draft": {
             "light_scale": 4,
             "coverage_samples": 2,
@@ -31,15 +31,15 @@ PRESETS: Mapping[Quality, Mapping[str, object]] = MappingProxyType(
         # The defaults of `Settings`.
         "balanced": {},
         "accurate": _ACCURATE,
-        # What is left at last is the noise of E_R, which more frames do not take away.
+        # The remaining noise is that in E_R, which more frames do not reduce.
         "final": {**_ACCURATE, "irradiance.samples": 4096},
     }
 )
-"""Settings (see `iprt settings`) that a preset sets; all others keep their defaults."""
+"""Settings (see `iprt settings`) of each preset; all others keep their defaults."""
 
 CONVERGED: Mapping[Quality, float] = MappingProxyType({"final": 0.001})
-"""Noise (`iprt.convergence`) to which `iprt render` accumulates a still picture; of other presets
-the number of frames is fixed."""
+"""Noise (`iprt.convergence`) to which `iprt render` accumulates a still picture. Other presets have
+a fixed number of frames."""
 
 STILL: Mapping[str, object] = MappingProxyType({"fading": 0.0})
-"""Settings of pictures in which nothing moves: the mean of all frames is the best picture."""
+"""Settings of static pictures: the mean of all frames is the best picture."""

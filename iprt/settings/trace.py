@@ -1,4 +1,4 @@
-"""Settings of rays, and of what they know of the real world beforehand."""
+"""Settings of ray tracing, and of the caches of the real world that rays use."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class TraceSettings(BaseModel):
-    """Assumptions of rays about the scene, and the length of paths."""
+    """Ray counts, path length, and assumptions about the hidden parts of the scene."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -27,15 +27,15 @@ class TraceSettings(BaseModel):
         default=4,
         ge=1,
         le=1024,
-        description="The same for pixels of objects in their first eight frames; a quarter later, "
-        "up to four times as many at their edges.",
+        description="Rays per traced pixel of objects in their first eight frames; a quarter "
+        "later, up to four times as many at their edges.",
         json_schema_extra={"unit": "rays"},
     )
     bounces: int = Field(
         default=4,
         ge=1,
         le=16,
-        description="Virtual surfaces that a path may meet before it sees real ones only.",
+        description="Virtual surfaces that a path may meet before it meets real ones only.",
     )
     thickness: float = Field(
         default=0.05,
@@ -55,12 +55,12 @@ class TraceSettings(BaseModel):
     )
     background: bool = Field(
         default=True,
-        description="Remember what moving things hide in the video of a camera that stays, for "
-        "rays that pass behind these.",
+        description="Remember surfaces that moving things hide in the video of a static camera, "
+        "for rays that pass behind these.",
     )
     openings: Literal["environment", "surface"] = Field(
         default="environment",
-        description="What windows show: what is far behind them, or their own radiance.",
+        description="Radiance of windows: a distant environment behind them, or their own pixels.",
     )
     jitter: bool = Field(
         default=True,
@@ -70,7 +70,7 @@ class TraceSettings(BaseModel):
 
 
 class GlossSettings(BaseModel):
-    """Glossy real surfaces, where a scene declares any (`[[real_materials]]`)."""
+    """Reflections in glossy real surfaces, which a scene declares (`[[real_materials]]`)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -78,14 +78,14 @@ class GlossSettings(BaseModel):
         default=2,
         ge=1,
         le=4096,
-        description="Rays per glossy texel, once per video frame, that find the highlight to take "
-        "off.",
+        description="Rays per glossy texel, once per video frame, that estimate the highlight to "
+        "remove.",
         json_schema_extra={"unit": "rays"},
     )
 
 
 class LearningSettings(BaseModel):
-    """How the radiance of real surfaces is learned from the video, where a method asks for it."""
+    """Learning of the real surfaces' radiance from the video, for methods that use it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -93,33 +93,33 @@ class LearningSettings(BaseModel):
         default=16384,
         ge=64,
         le=2**20,
-        description="Samples of the panorama that a frame learns from, until as many as it has "
-        "texels were drawn from a frame of the video.",
+        description="Samples of the panorama per learned frame, until a frame of the video has "
+        "given as many as it has texels.",
     )
     models: int = Field(
         default=32768,
         ge=64,
         le=2**20,
-        description="Linear models that there may be at most, 104 bytes each and their places in "
+        description="Largest number of linear models, of 104 bytes each and their entries in "
         "the grid.",
     )
     search_radius: float = Field(
         default=0.2,
         gt=0.0,
         le=10.0,
-        description="Search radius: how far a model reaches at most, in a room.",
+        description="Search radius: largest reach of a model, in a room.",
         json_schema_extra={"unit": "m"},
     )
     forgetting: float = Field(
         default=0.999,
         ge=0.9,
         le=1.0,
-        description="What a sample's weight is multiplied by with each later one, in the end.",
+        description="Factor of a sample's weight for each later sample, in the limit.",
     )
 
 
 class IrradianceSettings(BaseModel):
-    """How finely and how surely E_R is known."""
+    """Resolution and sampling of E_R, the irradiance of the real surfaces."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

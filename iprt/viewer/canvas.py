@@ -1,4 +1,4 @@
-"""A picture in the making: a renderer that goes where it can, and says where it cannot."""
+"""A picture in progress: a renderer that follows changes, and reports the ones it cannot follow."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from iprt.world.shared import Worlds
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """All that there is to see; another one as soon as anything of it changes.
+    """The complete state of the world to render; any change makes a new stage.
 
     Attributes
     ----------
     number : int
-        Number of the newest change to the world that it shows.
+        Number of the newest change to the world that it includes.
     frame : Frame
     objects : tuple of SceneObject
     instances : tuple of Instance
-        The objects, where they are in that frame.
+        The objects, placed at the time of the frame.
     footage : Footage
     settings : Settings
     exposure : float
-        The scene's.
+        The scene's exposure.
     """
 
     number: int
@@ -50,13 +50,13 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """Description of a picture to render.
+    """A description of a picture to render.
 
     Attributes
     ----------
     stage : Stage
     instances : tuple of Instance
-        Those of the stage that are shown.
+        The shown instances of the stage.
     view : View
     settings : Settings
     """
@@ -68,12 +68,12 @@ class Wanted:
 
 
 class Canvas:
-    """A renderer with what it has accumulated.
+    """A renderer with its accumulated picture.
 
     Attributes
     ----------
     rested : int
-        View frames since something moved: what the picture is a mean of.
+        Number of view frames since the last motion, which the picture averages.
     noise : float or None
         See `Convergence`.
 
@@ -82,14 +82,14 @@ class Canvas:
     device : ComputeDevice
     wanted : Wanted
     worlds : Worlds
-        Those that the device's other pictures use.
+        Worlds shared with the device's other pictures.
     expect : callable
-        Called with how often the driver will have to compile, before it does.
+        Called before compilation with the expected number of compilations.
 
     Raises
     ------
     IprtError
-        There is too little memory, or what is wanted cannot be rendered.
+        There is too little memory, or the picture cannot be rendered.
     """
 
     def __init__(
@@ -107,20 +107,20 @@ class Canvas:
         self._version = self._renderer.real_world.version
         self._device, self._footage = device, stage.footage
         self._geometry: Geometry | None = None
-        self._outdated = True  # the geometry
+        self._outdated = True  # refers to the geometry
         self._convergence = Convergence(wanted.stage.exposure)
         self._moved = False
         self.rested = 0
         self.noise: float | None = None
 
     def close(self) -> None:
-        """Release the device's buffers; it cannot be used any more."""
+        """Release the device's buffers; the canvas is unusable afterwards."""
         self._renderer.close()
         del self._renderer
         give_back()
 
     def serves(self, device: ComputeDevice, wanted: Wanted) -> bool:
-        """Whether it can show that: what it cannot follow needs other kernels or buffers."""
+        """Return True if it can show `wanted` without other kernels or buffers."""
         now, then = wanted.view, self._renderer.view
         if (now.width, now.height, now.projection) != (then.width, then.height, then.projection):
             return False
@@ -136,7 +136,7 @@ class Canvas:
         return True
 
     def follow(self, wanted: Wanted) -> None:
-        """Go to what is wanted, which it serves."""
+        """Update the renderer to `wanted`, for which `serves` must hold."""
         renderer, changed = self._renderer, False
         renderer.load(wanted.stage.frame)
         if renderer.real_world.version != self._version:
@@ -152,11 +152,11 @@ class Canvas:
             self.rested, self._moved, self._outdated = 0, True, True
 
     def paint(self, steps: int, aovs: Sequence[str]) -> RenderedFrame:
-        """The picture after so many more view frames, 0 or 1."""
+        """Render 0 or 1 more view frames, and return the picture."""
         renderer = self._renderer
-        # A fresh renderer that nothing disturbs averages all frames. What was accumulated in
-        # motion is blurred by it, and must go: until the frames at rest weigh as much, as in
-        # motion, and then by their plain mean, so that nothing jumps.
+        # An undisturbed renderer averages all frames. Frames accumulated in motion are blurred and
+        # must fade out. Their weight decays as in motion until the frames at rest weigh the same,
+        # and then by the plain mean, so that the picture does not jump.
         at_rest = 1.0 / (self.rested + 1) if self._moved else 0.0
         renderer.fading = min(renderer.settings.fading, at_rest)
         picture = renderer.render(steps, aovs)
@@ -167,12 +167,12 @@ class Canvas:
         return picture
 
     def geometry(self, frames: int) -> Geometry | None:
-        """The surfaces that the picture shows.
+        """Return the surfaces that the picture shows, or None if they are not known yet.
 
-        Reading them takes longer than a quick device needs for a frame. So they come with the
-        second frame at rest, or with the last one if `frames` are fewer; until then there are none
-        after the camera moved, and those of before after an object did: it slides over what is
-        real, which has stayed.
+        Reading them back takes longer than a frame on a fast device. They are therefore read with
+        the second frame at rest, or with the last one if `frames` are fewer. Until then there are
+        none after a motion of the camera. After a motion of an object, the old ones remain valid
+        for real surfaces, along which the object is dragged.
         """
         if self._outdated and self.rested >= min(frames, 2):
             self._geometry = Geometry.of(self._renderer, self._renderer.instances)
@@ -181,6 +181,6 @@ class Canvas:
 
 
 def _same_kind(now: Frame, then: Frame) -> bool:
-    """Whether a renderer of one frame can load the other."""
+    """Return True if a renderer of one frame can load the other."""
     size = (now.width, now.height) == (then.width, then.height)
     return size and (now.pose is None) == (then.pose is None)

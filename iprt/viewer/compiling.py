@@ -1,4 +1,4 @@
-"""How far compilers are."""
+"""Progress of the compilers."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from collections.abc import Callable
 
 
 class Compiling:
-    """Counts programs that are built and kernels that are launched first: drivers compile at both.
+    """A count of the kernel parts that drivers compile, at program builds and first launches.
 
     Parameters
     ----------
     report : callable
-        Called whenever something changes.
+        Called after every change.
 
     Attributes
     ----------
     file : str or None
-        File of `cl/` that is compiled now. None: nothing is.
+        File of `cl/` that is being compiled, or None.
     built, to_build : int
-        Parts that were begun, and all that there are.
+        Numbers of started and of all parts.
     """
 
     def __init__(self, report: Callable[[], None]) -> None:
@@ -27,23 +27,23 @@ class Compiling:
         self.built = self.to_build = 0
 
     def expect(self, parts: int) -> None:
-        """So many will be compiled; more may come."""
+        """Reset the counts for this many parts; more may follow."""
         self.built, self.to_build = 0, parts
 
     def begin(self, file: str) -> None:
-        """The next part is compiled."""
+        """Record that the next part is being compiled."""
         self.file = file
         self.built += 1
         self.to_build = max(self.to_build, self.built)
         self._report()
 
     def pause(self) -> None:
-        """The device renders, as far as it can."""
+        """Record a pause, in which the device renders with the kernels it has."""
         self.file = None
         self._report()
 
     def finish(self) -> None:
-        """All is there. Kernels that were expected and not needed now count as built."""
+        """Record the end; expected kernels that were not needed count as built."""
         if self.file is not None and self.built < self.to_build:
             self.built = self.to_build
             self._report()

@@ -1,7 +1,7 @@
-"""Every setting as a control of an interface, made from its model: sliders, switches, choices.
+"""Controls for all settings, derived from their model: sliders, switches, choices.
 
-Nothing here draws. Both viewers walk `control_groups()`, show each control at
-`value_of(settings, key)` and go on with `with_value(settings, key, value)`.
+This module does not draw. Both viewers walk `control_groups()`, show each control at
+`value_of(settings, key)`, and apply changes by `with_value(settings, key, value)`.
 """
 
 from __future__ import annotations
@@ -31,26 +31,27 @@ from iprt.settings.presets import PRESETS, Quality
 Kind = Literal["switch", "choice", "integer", "number", "numbers"]
 
 REACH = 100.0
-"""Sliders end at so many times the default, where the model allows more than that."""
+"""Sliders end at this multiple of the default if the model allows more."""
 DECADE = 10.0
-"""Sliders are logarithmic whose upper end is more than so many times the default."""
+"""Sliders are logarithmic if their upper end is more than this multiple of the default."""
 DIGITS = 4
-"""Significant ones of a number from a slider."""
+"""Significant digits of a number from a slider."""
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A range of numbers, from one end of a slider to the other.
+    """The range of a slider.
 
     Attributes
     ----------
     low, high : float
-        Both are allowed values. A setting may allow others beyond: a box for text takes them.
+        Allowed values at both ends. A text box also takes allowed values beyond them.
     whole : bool
-        Numbers are whole ones.
+        True for integers.
     bend : float
-        0: linear. Above: logarithmic, but linear among values of `low` to about `low + bend`; of a
-        range that begins with `bend`, each part of the slider multiplies by the same factor.
+        0 for a linear slider. Otherwise the slider is logarithmic, but linear between `low` and
+        about `low + bend`. In a range that begins with `bend`, equal steps multiply by the same
+        factor.
     """
 
     low: float
@@ -60,10 +61,11 @@ class Slider:
 
     @property
     def logarithmic(self) -> bool:
+        """True for a logarithmic slider."""
         return self.bend > 0.0
 
     def value(self, position: float) -> float:
-        """The number at a position from 0 to 1: an int where numbers are whole."""
+        """Return the number at a position from 0 to 1; an int if `whole`."""
         span, t = self.high - self.low, min(max(position, 0.0), 1.0)
         offset = t * span
         if self.logarithmic:
@@ -77,28 +79,28 @@ class Slider:
 
 @dataclass(frozen=True)
 class Control:
-    """A setting, as an interface shows it.
+    """A setting as shown by an interface.
 
     Attributes
     ----------
     key : str
         Key of the setting, `trace.object_rays`.
     label : str
-        `object rays`.
+        Label, `object rays`.
     kind : {"switch", "choice", "integer", "number", "numbers"}
         Kind of its values: bool, str, int, float, or a list of numbers.
     choices : tuple of str
-        What can be chosen, if it is a choice.
+        Options of a choice.
     sliders : tuple of Slider
-        A number has one; a list, one for each of its numbers.
+        One for a number, or one for each number of a list.
     nullable : bool
-        It may have no value (None), too: an interface shows a switch besides.
+        True if the value may be None, for which interfaces show an additional switch.
     start : bool, str, int, float or list
-        Its default; if that is None, what it begins with when it is given a value.
+        Default, or the initial value if the default is None.
     unit : str
-        Empty where there is none.
+        Unit; empty if there is none.
     help : str
-        Meaning and consequence.
+        Meaning and effect.
     allowed : str
         Type, bounds and unit in words.
     """
@@ -122,9 +124,9 @@ class ControlGroup:
     Attributes
     ----------
     name : str
-        `trace`; empty: those that are in no group.
+        Name, `trace`; empty for settings outside groups.
     about : str
-        In one sentence.
+        Description in one sentence.
     controls : tuple of Control
         In the order of the model.
     """
@@ -136,27 +138,27 @@ class ControlGroup:
 
 @cache
 def control_groups() -> tuple[ControlGroup, ...]:
-    """All settings, in the order of the model."""
+    """Return the controls of all settings, in the order of the model."""
     by_group: dict[str, list[Control]] = {}
     for setting in all_settings().values():
         by_group.setdefault(setting.group, []).append(control_of(setting))
-    abouts = {"": "What concerns all passes.", **groups()}
+    abouts = {"": "Settings of all passes.", **groups()}
     return tuple(ControlGroup(g, abouts[g], tuple(c)) for g, c in by_group.items())
 
 
 @cache
 def controls() -> Mapping[str, Control]:
-    """All of them by key."""
+    """Return all controls by key."""
     return {control.key: control for group in control_groups() for control in group.controls}
 
 
 def control_of(setting: Setting) -> Control:
-    """The control of a setting.
+    """Derive the control of a setting.
 
     Raises
     ------
     TypeError
-        No control shows values of its type.
+        No control supports its type.
     """
     options = setting.schema.get("anyOf", [setting.schema])
     schemas = [option for option in options if option.get("type") != "null"]
@@ -201,10 +203,10 @@ _KINDS: Mapping[str, Kind] = {
 
 
 def slider_of(schema: Schema, default: float | None) -> Slider:
-    """The slider of a number with this JSON schema.
+    """Derive the slider of a number from its JSON schema.
 
-    Ends are the model's bounds, but not beyond `REACH` times the default; they keep a hundredth of
-    the default's distance from a bound that is itself not allowed.
+    The ends are the model's bounds, limited to `REACH` times the default. They stay away from an
+    exclusive bound by a hundredth of the default's distance from it.
     """
     whole = schema["type"] == "integer"
     lower = schema.get("minimum", schema.get("exclusiveMinimum", -math.inf))
@@ -225,22 +227,22 @@ def slider_of(schema: Schema, default: float | None) -> Slider:
 
 
 def value_of(settings: Settings, key: str) -> Any:
-    """A setting's value, as plain data."""
+    """Return a setting's value as plain data."""
     return plain_values(settings)[key]
 
 
 def with_value(settings: Settings, key: str, value: Any) -> Settings:
-    """The settings with another value of one setting; a method brings its defaults.
+    """Return the settings with another value of one setting; a method brings its defaults.
 
     Parameters
     ----------
     value : bool, int, float, str, list or None
-        As plain data.
+        Plain data.
 
     Raises
     ------
     IprtError
-        It is not allowed, or there is no such setting; in one line that says what is.
+        The value is not allowed or the setting is unknown; the message is one line.
     """
     shown = printable(_word(value), 100)
     now = assigned(settings, [Assignment(key, value, f"{printable(key)} = {shown}")])
@@ -249,13 +251,13 @@ def with_value(settings: Settings, key: str, value: Any) -> Settings:
 
 @dataclass(frozen=True)
 class Preset:
-    """The preset that settings are, or the one from which the fewest settings differ.
+    """The preset that settings equal or are closest to, with the differences.
 
     Attributes
     ----------
     quality : Quality
     differing : dict of str to (value, value)
-        By key: what the preset has, and what the settings have. Empty: they are the preset.
+        Values of the preset and of the settings by key; empty if they are equal.
     """
 
     quality: Quality
@@ -263,13 +265,13 @@ class Preset:
 
     @property
     def text(self) -> str:
-        """`draft`, or `draft, but trace.rays 1 -> 2`."""
+        """Description, such as `draft` or `draft, but trace.rays 1 -> 2`."""
         parts = [f"{key} {_word(a)} -> {_word(b)}" for key, (a, b) in self.differing.items()]
         return f"{self.quality}, but {', '.join(parts)}" if parts else self.quality
 
 
 def preset_of(settings: Settings) -> Preset:
-    """Which preset the settings are or are nearest to; of equally near ones, the default."""
+    """Return the preset with the fewest differences; among equals, the default."""
     now, found = plain_values(settings), []
     for quality in PRESETS:
         preset = plain_values(with_preset(Settings(method=settings.method), quality))
@@ -280,9 +282,9 @@ def preset_of(settings: Settings) -> Preset:
 
 
 def with_preset(settings: Settings, quality: Quality) -> Settings:
-    """The settings with all that presets set as this one has it, and everything else as it is.
+    """Return the settings with the values of a preset, and all other values unchanged.
 
-    What this one leaves open gets the default of the settings' method.
+    Settings that only other presets set get the default of the settings' method.
     """
     defaults = plain_values(Settings(method=settings.method))
     shared = {key: defaults[key] for preset in PRESETS.values() for key in preset}

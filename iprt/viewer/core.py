@@ -1,4 +1,4 @@
-"""The engine's work, one turn after another: what is most urgent is done first."""
+"""The engine's work, turn by turn; the most urgent work is done first."""
 
 from __future__ import annotations
 
@@ -36,30 +36,29 @@ from iprt.world.shared import Worlds
 LOG = logging.getLogger("iprt.viewer")
 Objects = tuple[SceneObject, ...]
 NOTE_S = 20.0
-"""Seconds for which it is shown that a mesh, or a part of it, cannot be read: the user cannot solve
-that."""
+"""Duration of notes about unreadable parts of a mesh, in seconds; the user cannot act on them."""
 MOST_PROGRAMS = 96
-"""Built programs that are kept; a scene needs about 40 at a time."""
+"""Limit for cached built programs; a scene needs about 40 at a time."""
 
 
 class Core:
-    """Renders what an `Mailbox` is asked for. All methods are called by one thread.
+    """The renderer behind a `Mailbox`; all methods are called by one thread.
 
     Parameters
     ----------
     mailbox : Mailbox
     scene : Scene
     device : callable
-        Makes the device; called again when its driver lost it.
+        Creates the device; called again after the driver lost it.
     clock : callable
-        Seconds; the playback's `since_s` are of its kind.
+        Returns seconds, on the same clock as the playback's `since_s`.
     allow_outside : bool
         See `Scene.open`.
 
     Attributes
     ----------
     objects : tuple of ObjectState
-        Objects of the newest stage; any thread may look.
+        Objects of the newest stage; readable from any thread.
     """
 
     def __init__(
@@ -74,13 +73,13 @@ class Core:
         self._mailbox, self._make_device, self._clock = mailbox, device, clock
         self._device: ComputeDevice | None = None
         self._worlds = Worlds()
-        self._lost = False  # the device, since the last picture
+        self._lost = False  # the device was lost since the last picture
         self._compiling = Compiling(self._report_compiling)
         self._problems: dict[str, str] = {}
         self._notes: dict[str, str] = {}
-        self._noted_s = 0.0  # of the newest note on a mesh
+        self._noted_s = 0.0  # time of the newest note on a mesh
         self._under_way: Work | None = None
-        self._abandoned = 0  # one after the other
+        self._abandoned = 0  # count of consecutive abandoned pictures
         self.loader = Loader(mailbox.stir)
         self._files = SceneFiles(
             scene,
@@ -91,7 +90,7 @@ class Core:
             allow_outside=allow_outside,
         )
         self._video = Video(mailbox, self._problems, clock)
-        self._settled = 0  # number of the last change of which all that it asks for is there
+        self._settled = 0  # number of the last change that is loaded completely
         self._objects: tuple[Objects, tuple[ObjectEdit, ...], Objects] | None = None
         self._footage: tuple[Loaded, Settings, Footage] | None = None
         self._stage: Stage | None = None
@@ -102,7 +101,7 @@ class Core:
         self._turn = 0
 
     def close(self) -> None:
-        """Release all; the loader's threads end by themselves."""
+        """Release all resources; the loader's threads end by themselves."""
         for session in self._sessions.values():
             session.close()
         self._sessions.clear()
@@ -113,7 +112,7 @@ class Core:
     # One turn ---------------------------------------------------------------------------------
 
     def turn(self) -> bool:
-        """Do what is most urgent; whether there was anything to do."""
+        """Do the most urgent work; return True if there was any."""
         collected = self.loader.collect()
         if self._clock() > self._noted_s + NOTE_S:
             self._problems.pop("mesh", None)
@@ -137,13 +136,15 @@ class Core:
 
     @property
     def idle_s(self) -> float:
-        """Seconds that nothing will happen by itself."""
+        """Seconds until the next event, if there is no input."""
         due = self._video.next_due_s
         return POLL_S if due is None else min(max(due - self._clock(), 0.0), POLL_S)
 
     def _most_urgent(self, stage: Stage, requests: Mapping[int, Asked]) -> int | None:
-        """Who is to get a picture: first who waits for something new, then who can be refined;
-        among those, who has waited longest. None: nobody.
+        """Return the client to render for, or None.
+
+        Clients waiting for a change come before clients whose picture can be refined. Among equals,
+        the client who has waited longest comes first.
         """
         ranked = []
         for client, asked in requests.items():
@@ -196,13 +197,13 @@ class Core:
             self._under_way = None
 
     def report_defect(self, error: Exception) -> None:
-        """Report an error that no input should cause; nothing needs to end for it."""
+        """Report an internal error; the engine continues."""
         LOG.error("a defect of iprt", exc_info=error)
         self._problems["defect"] = f"a defect of iprt: {type(error).__name__}: {error}"
         self._report("waiting")
 
     def _give_up(self, client: int, stage: Stage, asked: Asked, problem: str) -> None:
-        """Until something else is wanted: the last good picture stays."""
+        """Keep the last good picture until something else is wanted, and report the problem."""
         self._problems[f"client {client}"] = problem
         self._failed[client] = stage, asked
         self._compiling.finish()
@@ -219,7 +220,7 @@ class Core:
         return self._device
 
     def _release_device(self) -> None:
-        """It may be used by others yet, who want nothing to be abandoned."""
+        """Detach from the device, which others may still use, so that nothing is abandoned."""
         device, self._device = self._device, None
         if device is not None:
             device.building, device.bands, device.most_programs = lambda _: None, None, None
@@ -230,13 +231,13 @@ class Core:
         self._release_device()
 
     def _compiles(self, file: str) -> None:
-        """The device is about to compile, which cannot be stopped."""
+        """Report that the device is about to compile, which cannot be interrupted."""
         self._go_on()
         self._compiling.begin(file)
         self._show_plain()
 
     def _go_on(self) -> None:
-        """Raise `AbandonedError` if the picture under way cannot become what is wanted by now."""
+        """Raise `AbandonedError` if the picture under way is obsolete."""
         work = self._under_way
         if work is None:
             return
@@ -244,7 +245,7 @@ class Core:
             raise AbandonedError
 
     def _show_plain(self) -> None:
-        """Until there is a picture, show the video as the user looks at it now."""
+        """Show the plain video in the current view until there is a picture."""
         work, device = self._under_way, self._device
         if work is None or device is None:
             return
@@ -272,7 +273,7 @@ class Core:
     # The world --------------------------------------------------------------------------------
 
     def _staged(self, wanted: Wanted) -> Stage | None:
-        """The stage to render on; None: the scene or its frame is not there yet."""
+        """Return the stage to render, or None before the scene and its frame are loaded."""
         loaded = self._files.loaded
         if loaded is None:
             return None
@@ -308,7 +309,7 @@ class Core:
         return self._stage
 
     def _all_see_the_frame(self, clients: Iterable[int]) -> bool:
-        """All who can be shown the frame of the video have seen it."""
+        """Return True if every client, except failed ones, has seen the frame of the video."""
         stage, failed = self._stage, self._failed
         return stage is not None and all(
             client in failed or (client in self._sessions and self._sessions[client].shows(stage))
@@ -316,7 +317,7 @@ class Core:
         )
 
     def position(self, playback: Playback) -> int:
-        """Number of the frame that a playback has come to; any thread may ask."""
+        """Return the frame that a playback has reached; callable from any thread."""
         return self._video.position(playback)
 
     def _edited(self, loaded: Loaded, world: World) -> Objects:
@@ -327,7 +328,7 @@ class Core:
         return known[2]
 
     def _footage_of(self, loaded: Loaded, frame: Frame, settings: Settings) -> Footage:
-        """Footage of the video, by the first frame that was shown."""
+        """Return the video's footage, based on the first frame that was shown."""
         known = self._footage
         if known is None or known[0] is not loaded or known[1] != settings:
             several = len(loaded.scene.frame_indices) > 1
@@ -339,19 +340,19 @@ class Core:
 
     @property
     def scene(self) -> Scene | None:
-        """The scene as it was read last; None: not yet."""
+        """The scene as last read, or None before that."""
         loaded = self._files.loaded
         return None if loaded is None else loaded.scene
 
     def object_names(self) -> set[str]:
-        """Names of the scene's objects, and of those that were added."""
+        """Return the names of the scene's objects and of added ones."""
         loaded = self._files.loaded
         objects = () if loaded is None else loaded.objects
         edits = self._mailbox.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
     def add(self, edit: ObjectEdit, direction: tuple[float, float], stance: Stance) -> None:
-        """Read the mesh of `edit.path` and set it down where (yaw, pitch) in degrees points."""
+        """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
         path, frame = edit.path, self._video.frame
         assert path is not None
 

@@ -1,4 +1,4 @@
-"""From a rendered picture to the pixels that a window shows, compared with others on demand."""
+"""Development of a rendered picture into display pixels, with optional comparisons."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ OUTDATED = f"{STALE}, says scene.toml: once the truth is made again, remove trut
 
 @dataclass(frozen=True, eq=False)
 class Developed:
-    """A picture as a window shows it.
+    """A picture developed for display.
 
     Attributes
     ----------
     pixels : (H, W, 3) uint8
     buffer : str or None
-        The auxiliary picture that they show.
+        The displayed auxiliary picture, if any.
     caption : str
-        What they show, if not the picture alone.
+        Description of the pixels; empty for the plain picture.
     warning : str
-        Why a comparison misleads; empty if it does not.
+        Reason not to trust a comparison; empty if there is none.
     sides : (str, str) or None
-        What is left and right of the lens's split. None: the pixels are not divided.
+        Names of the pictures left and right of the split; None without a split.
     """
 
     pixels: Bytes
@@ -51,13 +51,13 @@ class Developed:
 
 
 class Developer:
-    """Makes one window's pixels. One thread at a time may use it.
+    """A developer of one window's pixels, for use by one thread at a time.
 
     Attributes
     ----------
     truth : Truth
     scores : int
-        How many comparisons have been scored: captions are longer after each.
+        Number of scored comparisons; captions change after each.
     """
 
     def __init__(self) -> None:
@@ -67,11 +67,13 @@ class Developer:
         self._done = 0
 
     def close(self) -> None:
+        """Stop scoring."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
 
     @property
     def scores(self) -> int:
+        """Number of scored comparisons."""
         return self._done
 
     def develop(
@@ -83,16 +85,16 @@ class Developer:
         baseline: Shown | None,
         edits: Sequence[ObjectEdit],
     ) -> Developed:
-        """A picture as a window shows it.
+        """Develop a picture for display.
 
         Parameters
         ----------
         name : str or None
-            Name of the scene's view that is shown.
+            Name of the displayed view of the scene.
         baseline : Shown or None
-            The newest picture of the method that is compared with.
+            Newest picture of the compared method.
         edits : sequence of ObjectEdit
-            Since the scene's files were read.
+            Edits since the scene's files were read.
         """
         exposure, picture = scene.exposure, shown.picture
         buffer = lens.buffer if lens.buffer in picture.aovs and not lens.error else None
@@ -108,7 +110,7 @@ class Developer:
             return Developed(left, buffer, f"{words}: {other}")
         pixels = lens.compare(left, lens.develop(other, exposure))
         warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
-        # A score is of pictures; a buffer has none.
+        # Only pictures have scores, not buffers.
         scored = not warning and buffer is None
         caption = self._caption(lens, words, shown, other, exposure, scored=scored)
         sides = None if lens.error else (words, labels.comparisons()[lens.against].name)
@@ -117,7 +119,7 @@ class Developer:
     def _other(
         self, scene: Scene, name: str | None, lens: Lens, shown: Shown, baseline: Shown | None
     ) -> Radiance | str:
-        """Linear radiance (H, W, 3) of the same view; or why there is none."""
+        """Return linear radiance (H, W, 3) of the same view, or the reason why there is none."""
         if lens.against == "input":
             background = shown.picture.aovs.get("background")
             return "the input comes with the next picture" if background is None else background
@@ -125,7 +127,7 @@ class Developer:
             return self.truth.picture(scene, name, shown)
         if (
             baseline is None
-            or baseline.plain  # its kernels compile: it is the input so far
+            or baseline.plain  # while kernels compile, it shows the input
             or baseline.frame != shown.frame
             or baseline.request.view != shown.request.view
             or baseline.request.settings is None
@@ -154,7 +156,7 @@ class Developer:
         return caption if score is None else f"{caption}, SSIM {score:.3f}"
 
     def _scored(self, shown: Shown, other: Radiance, exposure: float) -> float | None:
-        """SSIM as `iprt compare` has it, computed beside; None: not yet, or too small for it."""
+        """Return SSIM as in `iprt compare`, computed in the background; None if not available."""
         if not shown.refined or min(other.shape[:2]) < metrics.SSIM_WINDOW:
             return None
         pair = shown.picture.color, other
@@ -178,7 +180,7 @@ class Developer:
 
 
 def _warning(scene: Scene, name: str | None, shown: Shown, edits: Sequence[ObjectEdit]) -> str:
-    """Return a warning if a view's truth shows other objects, places or materials; else ""."""
+    """Return a warning if a view's truth shows other objects, placements or materials; else ""."""
     entry = None if name is None else scene.views.get(name)
     if entry is None:
         return ""

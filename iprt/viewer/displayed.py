@@ -1,4 +1,4 @@
-"""The picture in a window, and its pixels' values."""
+"""The picture in a window, and the values of its pixels."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ class DisplayedFrame:
     pixels : (H, W, 3) uint8
         Display-referred.
     shown : Shown
-        What it was made from; `shown.picture` is linear.
+        The rendered picture behind it; `shown.picture` is linear.
     buffer : str or None
-        The auxiliary picture that the pixels show.
+        The displayed auxiliary picture, if any.
     caption : str
-        What the pixels show: a buffer, a comparison and how alike the two are; empty for the
-        picture alone.
+        Description of a displayed buffer or comparison, with its score; empty for the plain
+        picture.
     warning : str
-        Why a comparison misleads; empty if it does not.
+        Reason not to trust a comparison; empty if there is none.
     sides : (str, str) or None
-        What is left and right of the lens's split. None: the pixels are not divided.
+        Names of the pictures left and right of the split; None without a split.
     preview : Preview or None
-        What it lacks to hold the frame rate asked for. None: nothing.
+        Reductions of quality that hold the requested frame rate; None without any.
     latency_s : float or None
-        From the newest input that it answers, to it. None: nothing moves.
+        Seconds from the newest answered input to this picture; None at rest.
     latency_frames : int or None
         The same in view frames of this window.
     fps : float or None
-        Pictures per second, of late. None: nothing moves, or it has only begun to.
+        Recent pictures per second; None at rest or at the start of a motion.
     """
 
     pixels: Bytes
@@ -61,20 +61,21 @@ class Readout:
     Attributes
     ----------
     x, y : int
-        Pixel of the picture as it was rendered.
+        Pixel of the rendered picture.
     radiance : (3,) float32
-        Linear.
+        Linear radiance.
     buffer : str or None
-        The auxiliary picture that is shown.
+        The displayed auxiliary picture, if any.
     value : (1..3,) float32 or None
-        What that picture holds there, in `unit`.
+        Value of that picture, in `unit`.
     unit : str
     depth_m : float or None
-        From the capture centre, of what is seen; +inf: open sky. None: not known in motion.
+        Distance of the visible surface from the capture centre; +inf for open sky, None if unknown
+        during motion.
     normal : (3,) float64 or None
-        In the world; None: open sky, or not known.
+        World-space normal; None for open sky, or if unknown.
     name : str or None
-        Name of the object there.
+        Name of the object at the pixel.
     """
 
     x: int
@@ -88,7 +89,7 @@ class Readout:
     name: str | None
 
     def rows(self) -> list[tuple[str, str]]:
-        """Labels and values, in words, with units."""
+        """Return labels and formatted values with units."""
         rows = [("pixel", f"{self.x}, {self.y}"), ("linear RGB", _numbers(self.radiance))]
         if self.buffer is not None and self.value is not None:
             value = f"{_numbers(self.value)} {self.unit}".rstrip()

@@ -1,4 +1,4 @@
-"""The engine of a viewer: a thread that owns the device, and handles for all others."""
+"""The engine of a viewer: a thread that owns the device, and handles for other threads."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
 
 LEAVING_S = 5.0
-"""Longest wait for a thread that is to end: kernels, compilers and decoders cannot be stopped."""
+"""Longest wait for a thread to end; kernels, compilers and decoders cannot be interrupted."""
 
 
 class Client:
-    """A client with its own view. Any thread may call any method."""
+    """A client with its own view; all methods are thread-safe."""
 
     def __init__(self, mailbox: Mailbox, request: Request) -> None:
         _require_renderable(request)
@@ -40,53 +40,53 @@ class Client:
         self._number = mailbox.join(request)
 
     def ask(self, request: Request) -> int:
-        """Want this in place of what was asked for before.
+        """Replace the client's request.
 
         Returns
         -------
         int
-            The number that `Shown.number` reaches with the first picture that answers it.
+            Number that `Shown.number` reaches with the first picture that answers it.
 
         Raises
         ------
         ValueError
-            A picture without pixels, or an auxiliary picture that there is not.
+            The picture has no pixels, or an auxiliary picture is unknown.
         """
         _require_renderable(request)
         return self._mailbox.ask(self._number, request)
 
     @property
     def shown(self) -> Shown | None:
-        """The newest picture; None: there is none yet."""
+        """The newest picture, or None before the first."""
         return self._mailbox.shown(self._number)
 
     def wait(self, number: int, timeout_s: float) -> Shown | None:
-        """The first picture from now on that answers `number`; None: there was none in time."""
+        """Wait for a picture that answers `number`; None after the timeout."""
         return self._mailbox.wait(self._number, lambda s: s.number >= number, timeout_s)
 
     def close(self) -> None:
-        """Disconnect."""
+        """Disconnect from the engine."""
         self._mailbox.leave(self._number)
 
 
 class Engine:
-    """Renders a scene for any number of clients, newest input first.
+    """The engine that renders a scene for any number of clients, newest input first.
 
-    Edits, playback and settings are those of all clients. Any thread may call any method; none
-    waits for the device.
+    All clients share edits, playback and settings. All methods are thread-safe, and none waits for
+    the device.
 
     Parameters
     ----------
     scene : Scene
     device : callable
-        Makes the device, on the engine's thread; called again when its driver lost it.
+        Creates the device on the engine's thread; called again after the driver lost it.
     settings : Settings
     clock : callable
-        Seconds, which the video plays by.
+        Returns seconds; the clock of the video.
     allow_outside : bool
         See `Scene.open`.
     tradeoff : Tradeoff or None
-        Times of the settings that clients take in motion. None: those of the shipped table.
+        Measured times of the settings for motion; None for the shipped table.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Engine:
     ) -> None:
         self.tradeoff = tradeoff or shipped()
         self._clock, self._scene = clock, scene
-        self._names: set[str] = set()  # of objects that were added; some are not there yet
+        self._names: set[str] = set()  # names of added objects, some still loading
         playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)
         self._mailbox = Mailbox(World(settings or Settings(), playback), clock)
         self._core = Core(self._mailbox, scene, device, clock=clock, allow_outside=allow_outside)
@@ -115,7 +115,7 @@ class Engine:
         self.close()
 
     def close(self) -> None:
-        """End the thread: after the view frame that it renders, or left alone after `LEAVING_S`."""
+        """End the thread after its current view frame, or abandon it after `LEAVING_S`."""
         until_s = time.monotonic() + LEAVING_S
         self._mailbox.close()
         self._thread.join(LEAVING_S)
@@ -128,7 +128,7 @@ class Engine:
                 try:
                     busy = core.turn()
                 except Exception as error:
-                    # A defect of ours must not take with it what the user has not saved yet.
+                    # A defect must not lose the user's unsaved edits.
                     core.report_defect(error)
                     busy = False
                 if not busy:
@@ -136,10 +136,10 @@ class Engine:
         finally:
             core.close()
 
-    # What is seen -----------------------------------------------------------------------------
+    # Clients and state ------------------------------------------------------------------------
 
     def client(self, request: Request) -> Client:
-        """Another one who looks at the scene.
+        """Connect a client.
 
         Raises
         ------
@@ -155,34 +155,36 @@ class Engine:
 
     @property
     def scene(self) -> Scene:
-        """The scene as it was read last."""
+        """The scene as last read."""
         return self._core.scene or self._scene
 
     @property
     def objects(self) -> tuple[ObjectState, ...]:
-        """The objects with all edits, where they are in the frame that is shown next.
+        """The objects with all edits, placed at the time of the next frame.
 
-        Nothing before there is a frame.
+        It is empty before the first frame.
         """
         return self._core.objects
 
     def wanted(self, name: str | None) -> ObjectState | None:
-        """One of them with all edits, also those that no picture shows yet; None: not there."""
+        """Return an object with all edits, including unrendered ones; None if it is missing."""
         state = next((state for state in self.objects if state.name == name), None)
         return None if state is None else state.edited(self.world.edit_of(state.name))
 
     @property
     def status(self) -> Status:
+        """The engine's current activity and problems."""
         return self._mailbox.status
 
     # The video --------------------------------------------------------------------------------
 
     @property
     def playing(self) -> bool:
+        """True while the video plays."""
         return self.world.playback.playing
 
     def play(self) -> int:
-        """Go on with the video, from its first frame where it is at its end."""
+        """Play the video, from the start if it is at its end."""
         frames = self.scene.frame_indices
 
         def change(playback: Playback) -> Playback:
@@ -193,13 +195,13 @@ class Engine:
         return self._change_playback(change)
 
     def pause(self) -> int:
-        """Stay at the frame that is due now."""
+        """Pause at the current frame."""
         return self._change_playback(
             lambda playback: self._from(playback, self._position(playback), playing=False)
         )
 
     def seek(self, frame: int) -> int:
-        """Go to a frame, the nearest that there is; a video that plays goes on from there."""
+        """Go to the nearest existing frame; a playing video continues from there."""
         frames = self.scene.frame_indices
         frame = min(max(frame, frames[0]), frames[-1])
         return self._change_playback(
@@ -208,26 +210,27 @@ class Engine:
 
     @property
     def playback_mode(self) -> PlaybackMode:
+        """Playback in real time, or of every frame."""
         return self.world.playback.mode
 
     def set_playback_mode(self, mode: PlaybackMode) -> int:
-        """Play in real time, or every frame; a video that plays goes on from where it is."""
+        """Play in real time, or every frame; a playing video continues where it is."""
         return self._change_playback(lambda playback: replace(self._now(playback), mode=mode))
 
     @property
     def loop(self) -> bool:
-        """The video starts again at its end; at first, as the scene says."""
+        """True if the video restarts at its end; initially as in the scene."""
         return self.world.playback.loop
 
     def set_loop(self, loop: bool) -> int:
-        """Start the video again at its end, or not."""
+        """Set whether the video restarts at its end."""
         return self._change_playback(lambda playback: replace(self._now(playback), loop=loop))
 
     def _change_playback(self, change: Callable[[Playback], Playback]) -> int:
         return self._mailbox.change(lambda world: replace(world, playback=change(world.playback)))
 
     def _position(self, playback: Playback) -> int:
-        """Number of the frame that it has come to."""
+        """Return the frame that the playback has reached."""
         if playback.mode == "every frame":
             return self._core.position(playback)
         scene = self.scene
@@ -235,7 +238,7 @@ class Engine:
         return playback.index(due, scene.frame_indices)
 
     def _now(self, playback: Playback) -> Playback:
-        """The same, from the frame on that it has come to."""
+        """Return the playback restarted at the frame that it has reached."""
         return self._from(playback, self._position(playback), playing=playback.playing)
 
     def _from(self, playback: Playback, frame: int, *, playing: bool) -> Playback:
@@ -244,53 +247,53 @@ class Engine:
     # The scene --------------------------------------------------------------------------------
 
     def set_settings(self, settings: Settings) -> int:
-        """Render with other settings, which may make kernels compile."""
+        """Render with other settings, which may need compilation."""
         return self._mailbox.change(lambda world: replace(world, settings=settings))
 
     def place(self, name: str, to_world: NDArray[np.float64]) -> int:
-        """Put an object elsewhere; (4, 4), its keyframes move it from there.
+        """Move an object to a transform (4, 4); keyframes are relative to it.
 
         Raises
         ------
         SceneError
-            It cannot be there: numbers that are not finite or too large, or that flatten it.
+            The numbers are not finite, too large, or singular.
         """
         require_place(name, to_world)
         placed = flat(to_world)
         return self._mailbox.edit(name, lambda edit: replace(edit, to_world=placed))
 
     def paint(self, name: str, material: Material) -> int:
-        """Make an object of another material, all of it."""
+        """Give an object a single other material."""
         return self._mailbox.edit(name, lambda edit: replace(edit, material=material))
 
     def remove(self, name: str) -> int:
-        """Take an object away."""
+        """Remove an object."""
         return self._mailbox.edit(name, lambda edit: replace(edit, removed=True))
 
     def undo(self) -> int:
-        """Take the last edit back: a whole gesture, if there was one.
+        """Undo the last edit, or the last whole gesture.
 
-        Edits are undone by who asks, whoever made them, and also those that were saved.
+        Edits of all clients are undone in their order, including saved ones.
         """
         return self._mailbox.undo()
 
     def redo(self) -> int:
-        """Make the edit again that was undone last, if none was made since."""
+        """Redo the last undone edit, if there was no edit since."""
         return self._mailbox.redo()
 
     @property
     def can_undo(self) -> bool:
-        """There is an edit to take back."""
+        """True if there is an edit to undo."""
         return self._mailbox.can_undo
 
     @property
     def can_redo(self) -> bool:
-        """There is an edit to make again."""
+        """True if there is an edit to redo."""
         return self._mailbox.can_redo
 
     @property
     def unsaved(self) -> tuple[str, ...]:
-        """Names of the objects that the scene's file has otherwise."""
+        """Names of the objects that differ from the scene's file."""
         return self.world.unsaved
 
     def add(
@@ -302,23 +305,22 @@ class Engine:
         stance: Stance | None = None,
         material: Material | None = None,
     ) -> str:
-        """Read a mesh, and set it down on the surface seen in a direction, as soon as it is there.
+        """Load a mesh, and place it on the surface seen in a direction once it is loaded.
 
         Parameters
         ----------
         path : Path
         yaw_deg, pitch_deg : float
-            In the axes of the capture centre.
+            Direction in the axes of the capture centre.
         stance : Stance or None
-            Which side is up, how far it is turned and how large it is; by default as
-            `iprt scene add` without flags.
+            Orientation and size; by default as in `iprt scene add` without flags.
         material : Material or None
             By default the mesh file's own.
 
         Returns
         -------
         str
-            The name that the object will have. `status` has what goes wrong.
+            Name of the future object. `status` reports problems.
         """
         name = free_name(path.stem, self._core.object_names() | self._names)
         self._names.add(name)
@@ -329,15 +331,15 @@ class Engine:
     def save(
         self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
     ) -> None:
-        """Write all edits to the scene's file, comments and order kept; `status` has problems.
+        """Write all edits to the scene's file, keeping comments; `status` reports problems.
 
         Parameters
         ----------
         done : callable
-            Called by the engine's thread with what went wrong, or None once all is written.
+            Called by the engine's thread with the problem, or None after success.
         look : Look or None
-            What the user sees: kept as a view of the scene where an object was added that the
-            scene's other views do not show (`save_edits`).
+            The user's view. It is saved if an added object is not in the scene's other views
+            (`save_edits`).
         """
         self._core.save(done, look)
 

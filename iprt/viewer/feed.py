@@ -1,5 +1,7 @@
-"""The video's frames when they are due: decoded ahead on a thread; in real time, late ones are
-dropped."""
+"""Decoding of the video's frames ahead on a thread, and their delivery when due.
+
+In real time, late frames are dropped.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +17,19 @@ from iprt.scene.scene import Scene
 from iprt.viewer.state import Playback
 
 WAKE_S = 0.1
-"""Seconds after which the thread looks again whether a frame is to be decoded."""
+"""Polling interval of the thread in seconds, for frames to decode."""
 
 
 @dataclass(frozen=True)
 class _Ordered:
-    """A frame that is being decoded: for which playback, and as which follower of its frame."""
+    """A frame in decoding, with its playback and its offset from the playback's first frame."""
 
     playback: Playback
     follower: int
 
 
 class Feed:
-    """Frames of a scene's video, as a playback asks for them. Nothing here waits for a decoder.
+    """A source of a scene's video frames for a playback; it never waits for a decoder.
 
     Parameters
     ----------
@@ -36,14 +38,14 @@ class Feed:
     drift : bool
         See `Scene.stream`.
     clock : callable
-        Seconds, of the playback's kind.
+        Returns seconds, on the playback's clock.
     wake : callable
-        Called by the thread when a frame lies ready.
+        Called by the thread when a frame is ready.
 
     Attributes
     ----------
     arrived : bool
-        A frame of the present playback has been given.
+        True if a frame of the current playback has been delivered.
     """
 
     def __init__(
@@ -64,7 +66,7 @@ class Feed:
         self._last: _Ordered | None = None
         self._closed = False
         self._held: tuple[int, Frame] | None = None
-        self._given_s = self._clock()  # when the last frame was given
+        self._given_s = self._clock()  # time of the last delivery
         self.arrived = False
         self._stream: Ahead[Frame] | None = None
 
@@ -82,13 +84,13 @@ class Feed:
         self._end_stream()
 
     def follow(self, playback: Playback, shown: int | None) -> None:
-        """Go on with another playback; what is decoded for the one before is dropped.
+        """Switch to another playback, and drop frames decoded for the old one.
 
         Parameters
         ----------
         playback : Playback
         shown : int or None
-            Number of the frame that was given last: it is not given again.
+            The last delivered frame, which is not delivered again.
         """
         with self._condition:
             if playback == self._playback:
@@ -100,18 +102,18 @@ class Feed:
             self._condition.notify_all()
 
     def poll(self, *, shown: bool = True) -> Frame | None:
-        """The newest frame that is due and has not been given yet; None: there is none (yet).
+        """Return the newest frame that is due and not yet delivered, or None.
 
         Parameters
         ----------
         shown : bool
-            Everybody sees the frame that was given last. Where every frame is to be seen, the next
-            one is not due before.
+            Every client has seen the last frame. In "every frame" mode, the next one is due only
+            then.
 
         Raises
         ------
         FormatError
-            A frame cannot be read and none before it. The next call tries again.
+            A frame cannot be read and there is none before it. The next call tries again.
         """
         stream = self._opened()
         newest: Frame | None = None
@@ -133,12 +135,12 @@ class Feed:
         playback, now = self._playback, self._clock()
         if playback.mode == "real time" or not playback.playing:
             return follower <= playback.due(now, self._fps)
-        # Sums of frame times are not exact.
+        # The tolerance covers rounding in sums of frame times.
         return follower == 0 or (shown and now - self._given_s >= (1.0 - 1e-6) / self._fps)
 
     @property
     def next_due_s(self) -> float | None:
-        """When the frame that lies ready is due, by the clock; None: none does."""
+        """Time at which the ready frame is due, by the clock; None without one."""
         playback = self._playback
         if self._held is None or playback.since_s is None:
             return None
@@ -147,7 +149,7 @@ class Feed:
         return playback.since_s + self._held[0] / self._fps
 
     def _fetch(self, stream: Ahead[Frame]) -> bool:
-        """Hold the next frame of this playback; whether one lies ready."""
+        """Hold the next frame of this playback; return True if one is ready."""
         while (frame := stream.ready()) is not None:
             ordered = self._ordered.popleft()
             if ordered.playback == self._playback:
@@ -175,9 +177,9 @@ class Feed:
     # On the stream's thread -------------------------------------------------------------------
 
     def _indices(self) -> Iterator[int]:
-        """Numbers of the frames to decode, each as it is to be decoded."""
+        """Yield the frames to decode, each just before its decoding."""
         while True:
-            # Whoever asks for the next one has put the one before where it is found.
+            # Asking for the next frame means that the previous one is ready.
             self._wake()
             with self._condition:
                 while (ordered := self._next()) is None and not self._closed:
@@ -189,7 +191,7 @@ class Feed:
             yield ordered.playback.index(ordered.follower, self._frames)
 
     def _next(self) -> _Ordered | None:
-        """The frame to decode now; None: none is wanted."""
+        """Return the frame to decode now, or None."""
         playback, last = self._playback, self._last
         real_time = playback.mode == "real time"
         due = playback.due(self._clock(), self._fps) if real_time else 0

@@ -1,6 +1,6 @@
-"""The inputs of panels, described once: what each is called, and how it is read and written.
+"""Declarative inputs of panels: label, and reading and writing of the value.
 
-Nothing here draws: `desktop.widgets.draw_field` and `web.inputs.Inputs` do.
+This module does not draw: `desktop.widgets.draw_field` and `web.inputs.Inputs` do.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from iprt.viewer.ui_state import UiState
 Kind = Literal["switch", "choice", "number", "numbers", "vector", "color"]
 REQUIRED: Any = object()
 OWN = "own"
-"""Stands for a preset's name where settings differ from all of them."""
+"""Name in place of a preset if settings differ from all presets."""
 MOST_FPS = 240
 PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
@@ -39,34 +39,34 @@ SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
 @dataclass(frozen=True)
 class Field:
-    """An input.
+    """An input of a panel.
 
     Attributes
     ----------
     key : str
-        Another one for each input of a window.
+        Key, unique in a window.
     kind : str
-        Kind of its values: bool; one of `options`; int or float; a list of numbers; (x, y, z);
+        Type of the value: bool; one of `options`; int or float; a list of numbers; (x, y, z);
         linear (red, green, blue) in [0, 1].
     label : callable
-        What it is called now.
+        Returns the current label.
     read, write : callable
         `write` may raise `IprtError`.
     options : callable
-        What can be chosen, by value.
+        Returns the labels of a choice by value.
     missing : callable
-        Why some values cannot be chosen now.
+        Returns the reasons why values are not available now.
     sliders : tuple of Slider
-        A number has one; a list, one for each of its numbers.
+        One for a number, or one for each number of a list.
     beyond : bool
-        Numbers beyond the sliders' ends may be typed; `write` judges them.
+        True if numbers beyond the sliders' ends may be typed; `write` validates them.
     unit : str
     default : any
-        What a button goes back to. `REQUIRED`: there is none.
+        Value of the reset button; `REQUIRED` without one.
     start : any
-        What it begins with when it is given a value, if it may have none (None), too.
+        Initial value when an input that may be None gets a value.
     enabled : callable
-        Whether it can be used now.
+        Returns True if the input is usable now.
     """
 
     key: str
@@ -85,14 +85,14 @@ class Field:
 
 
 def view_field(ui: UiState) -> Field:
-    """Which of the scene's views is shown, or that it is none of them."""
+    """Build the choice of the scene's views, with an entry for any other view."""
 
     def options() -> Mapping[str, Label]:
         names = list(ui.engine.scene.views)
         return {name: Label(name, "") for name in (*names, *([] if known() else [elsewhere()]))}
 
     def known() -> bool:
-        return ui.viewport.name in ui.engine.scene.views  # another scene.toml may lack it by now
+        return ui.viewport.name in ui.engine.scene.views  # a reloaded scene may lack it
 
     def elsewhere() -> str:
         return "(panorama)" if ui.viewport.view.projection == "equirect" else TURNED
@@ -108,7 +108,7 @@ def view_field(ui: UiState) -> Field:
 
 
 def lens_fields(ui: UiState) -> tuple[Field, ...]:
-    """How the picture is shown."""
+    """Build the fields of the lens."""
 
     def field(key: str, kind: Kind, part: str = "", **more: Any) -> Field:
         part = part or key
@@ -148,7 +148,7 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
 
 def place_fields(ui: UiState) -> tuple[Field, ...]:
-    """Where the selected object is, and how large."""
+    """Build the fields of the selected object's position and size."""
 
     def position() -> tuple[float, ...]:
         state = ui.state
@@ -172,7 +172,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         low, high = state.corners
         foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
         to_world, factor = state.to_world.copy(), size / float(state.size.max())
-        # About the middle of its lower side, so that it stands where it stood.
+        # Scale about the centre of the bottom, so that the object stays in place.
         to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ foot
         to_world[:3, :3] *= factor
         ui.engine.place(state.name, state.placed(to_world))
@@ -185,7 +185,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
 
 
 def material_fields(ui: UiState) -> tuple[Field, ...]:
-    """Fields of the selected object's material."""
+    """Build the fields of the selected object's material."""
 
     def material() -> Material:
         return PLASTIC if ui.state is None else ui.state.materials[0]
@@ -220,7 +220,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
 
 
 def quality_field(ui: UiState) -> Field:
-    """Which preset the settings are, or that they are none."""
+    """Build the choice of a preset, with an entry for other settings."""
 
     def read() -> str:
         preset = preset_of(ui.settings)
@@ -237,7 +237,7 @@ def quality_field(ui: UiState) -> Field:
 
 
 def rate_field(ui: UiState) -> Field:
-    """Frames per second to hold in motion."""
+    """Build the field of the frame rate to hold during motion."""
 
     def write(fps: float) -> None:
         ui.viewport.target_fps = float(fps) if fps > 0 else None
@@ -253,7 +253,7 @@ def rate_field(ui: UiState) -> Field:
 
 
 def setting_field(ui: UiState, control: Control) -> Field:
-    """One of the renderer's settings."""
+    """Build the field of a renderer setting."""
     key = control.key
     label = Label(control.label, f"{control.help} ({control.allowed}; {key})")
     options = {word: Label(word, "") for word in control.choices}

@@ -1,4 +1,4 @@
-"""The scene's files while a viewer has them open: read, watched, read again, written."""
+"""The open scene's files: loading, watching, reloading and saving."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from iprt.viewer.mailbox import Mailbox
 from iprt.viewer.watch import Stamp, Watch
 
 POLL_S = 0.5
-"""Between two looks whether files were written."""
+"""Polling interval in seconds for changed files."""
 
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A scene with what its files hold.
+    """A scene with the contents of its files.
 
     Attributes
     ----------
     scene : Scene
     stamp : Stamp
-        Stamp of the files that frames are made of.
+        Stamp of the files of the frames.
     objects : tuple of SceneObject
-        Without the edits, also those that were saved.
+        Objects without any edits, saved or not.
     origin : Scene
-        As it was when these objects were read.
+        The scene from which these objects were read.
     text : str
-        What scene.toml said then.
+        Text of scene.toml at that time.
     problem : str or None
-        Why the objects are not there.
+        Reason for missing objects.
     """
 
     scene: Scene
@@ -46,7 +46,7 @@ class Loaded:
     problem: str | None = None
 
     def same_video(self, other: Loaded) -> bool:
-        """Whether both show the same frames."""
+        """Return True if both have the same frames."""
         one, two = self.scene.manifest, other.scene.manifest
         return self is other or (
             self.stamp == other.stamp
@@ -56,7 +56,7 @@ class Loaded:
 
 
 class SceneFiles:
-    """Keeps what was read last while other threads read again. Any thread may call `save`.
+    """The scene's files, with background reading; `save` is thread-safe.
 
     Parameters
     ----------
@@ -64,16 +64,16 @@ class SceneFiles:
     mailbox : Mailbox
     loader : Loader
     problems : dict of str to str
-        Messages by what they are about, here "scene" and "save".
+        Messages by subject, here "scene" and "save".
     clock : callable
-        Seconds.
+        Returns seconds.
     allow_outside : bool
         See `Scene.open`.
 
     Attributes
     ----------
     loaded : Loaded or None
-        None: nothing yet.
+        None before the first load.
     """
 
     def __init__(
@@ -92,8 +92,8 @@ class SceneFiles:
         self._watch = Watch(scene.root)
         self._polled_s = clock()
         self.loaded: Loaded | None = None
-        self._text: str | None = None  # of scene.toml, as it was read or written last
-        self._meshes: dict[str, Path] = {}  # of objects that were saved, in the scene's folder
+        self._text: str | None = None  # text of scene.toml as last read or written
+        self._meshes: dict[str, Path] = {}  # files of saved objects, in the scene's folder
 
         def first() -> Loaded:
             loaded = load_what_can_be(scene, self._watch.look())
@@ -103,7 +103,7 @@ class SceneFiles:
         self._read(scene.name, "scene", first)
 
     def poll(self) -> None:
-        """Read again if it is time to look, and files were written."""
+        """Reload if it is time to look and files have changed."""
         now = self._clock()
         if now - self._polled_s < POLL_S or self._loader.running:
             return
@@ -119,9 +119,9 @@ class SceneFiles:
         Parameters
         ----------
         done : callable
-            Called with what went wrong, or None, where there was something to write.
+            Called with the problem or None, if there was anything to write.
         look : Look or None
-            What the user sees (`save_edits`).
+            The user's view (`save_edits`).
         """
         world, loaded, mailbox = self._mailbox.world, self.loaded, self._mailbox
         if loaded is None or not world.unsaved:
@@ -131,7 +131,7 @@ class SceneFiles:
         def write() -> Loaded:
             nonlocal ours
             ours = manifest_text(loaded.scene.root / MANIFEST_NAME) == self._text
-            # What others wrote has what was saved before, perhaps changed by them.
+            # A file written by others includes earlier saved edits, perhaps changed.
             edits = tuple(e for e in world.edits if ours or e not in world.saved)
             known = [replace(e, path=self._meshes.get(e.name, e.path)) for e in edits]
             base = loaded.text if ours else None
@@ -151,7 +151,7 @@ class SceneFiles:
         self._read(f"saving {loaded.scene.name}", "save", write, saved, done)
 
     def _reread(self) -> None:
-        """Another program has written files of the scene."""
+        """Reload after another program has written files of the scene."""
 
         def then() -> None:
             self._mailbox.reread()
@@ -173,7 +173,7 @@ class SceneFiles:
         then: Callable[[], object] = lambda: None,
         otherwise: Callable[[str], object] = lambda _: None,
     ) -> None:
-        """Begin to read; where that fails, all stays as it is, but for a message."""
+        """Start reading; a failure only adds a message."""
 
         def job() -> Callable[[], None]:
             loaded = read()
@@ -196,22 +196,22 @@ class SceneFiles:
 
 
 def load(scene: Scene, stamp: Stamp) -> Loaded:
-    """Read what is needed besides frames.
+    """Read everything except frames.
 
     Raises
     ------
     FormatError
-        An object, or what the video's files say of themselves, cannot be read.
+        An object or the metadata of the video cannot be read.
     """
     text, objects = manifest_text(scene.root / MANIFEST_NAME), scene.objects
-    # Kept by the scene: nobody waits for these files later.
+    # Cached by the scene, so that later accesses do not wait for files.
     assert scene.real_materials is not None
     assert scene.source.white > 0.0
     return Loaded(scene, stamp, objects, scene, text)
 
 
 def load_what_can_be(scene: Scene, stamp: Stamp) -> Loaded:
-    """As `load`, without objects where these cannot be read.
+    """Read like `load`, but without objects if they are unreadable.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Surfaces at the pixels of a picture, read with it, so that pointing never waits."""
+"""Surfaces at the pixels of a picture, read back with it, so that picking never waits."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from iprt.renderer import Renderer
 Float = NDArray[np.float64]
 
 _THICKNESS = 0.02
-"""Distance of points from the plane of a surface that they belong to, at most, over their depth."""
+"""Largest distance of points from the plane of their surface, as a fraction of depth."""
 _FACING = 0.7
-"""Least cosine between the normals of points of one surface."""
+"""Least cosine between normals of points on one surface."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A point of a surface, in the world.
+    """A point on a surface, in world space.
 
     Attributes
     ----------
     depth_m : float
         Distance from the capture centre.
     point, normal : (3,) float64
-        Metres; unit vector.
+        Position in metres, and unit normal.
     """
 
     depth_m: float
@@ -41,25 +41,26 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """The surfaces that a view shows.
+    """The surfaces visible in a view.
 
     Attributes
     ----------
     view : View
-        In the world.
+        World-space view.
     pose : (4, 4) float64 or None
-        World from the axes of the capture centre, in which all below is.
+        Transform from the capture centre's axes to the world. The arrays are in these axes.
     names : tuple of str
         Names of the objects.
     real_depth : (H, W) float32
         Metres from the capture centre; +inf in open sky.
     real_normal : (H, W, 3) float32
-    depth, normal : as those
-        Depth and normals of objects, where `coverage` is not 0.
+        Normals of real surfaces.
+    depth, normal : (H, W), (H, W, 3) float32
+        Depth and normals of objects, valid where `coverage` is not 0.
     coverage : (H, W) float32
-        Share of the pixel that objects cover.
+        Fraction of the pixel covered by objects.
     material : (H, W) int32
-        1 + the index of the material among those of all objects, one after the other.
+        1 + the index into the concatenated materials of all objects.
     owners : tuple of int
         Index of the object that each material belongs to.
     """
@@ -77,7 +78,7 @@ class Geometry:
 
     @classmethod
     def of(cls, renderer: Renderer, instances: Sequence[Instance]) -> Geometry:
-        """The surfaces of the last step."""
+        """Read back the surfaces of the last step."""
         layout, read = renderer.layout, renderer.device.read
         real, seen = renderer.real, renderer.visible
         shape = (renderer.view.height, renderer.view.width)
@@ -101,33 +102,33 @@ class Geometry:
         )
 
     def object_at(self, x: int, y: int) -> str | None:
-        """Name of the object that covers most of a pixel; None: real surfaces do."""
+        """Return the object that covers most of a pixel, or None for real surfaces."""
         material = int(self.material[y, x])
         if not self.coverage[y, x] > 0.5 or material < 1:
             return None
         return self.names[self.owners[material - 1]]
 
     def seen(self, x: int, y: int) -> Surface | None:
-        """The surface at a pixel, of an object or not; None: open sky."""
+        """Return the visible surface at a pixel, virtual or real; None for open sky."""
         if self.object_at(x, y) is None:
             return self.real(x, y)
         return self._surface(x, y, float(self.depth[y, x]), self.normal[y, x])
 
     def real(self, x: int, y: int) -> Surface | None:
-        """The real surface at a pixel, be it behind an object; None: open sky."""
+        """Return the real surface at a pixel, even behind an object; None for open sky."""
         return self._surface(x, y, float(self.real_depth[y, x]), self.real_normal[y, x])
 
     def ground(self, x: int, y: int, radius: float) -> Surface | None:
-        """The real surface that carries an object at a pixel; None: open sky.
+        """Return the real surface that supports an object at a pixel; None for open sky.
 
-        Its normal is the mean, and its place along that the median, of the pixels of that surface
-        around: depth may be noisy.
+        Depth may be noisy. The normal is therefore the mean over the surface's pixels in the
+        neighbourhood, and the position along it their median.
 
         Parameters
         ----------
         x, y : int
         radius : float
-            Metres; the eight pixels around count in any case.
+            Radius of the neighbourhood in metres; the eight adjacent pixels always count.
         """
         if not np.isfinite(self.real_depth[y, x]):
             return None
@@ -149,7 +150,7 @@ class Geometry:
 
     @cached_property
     def _real_points(self) -> Float:
-        """(H, W, 3) in the axes of the capture centre; far away where there is open sky."""
+        """(H, W, 3) points in the axes of the capture centre; very far for open sky."""
         depth = np.minimum(self.real_depth, np.finfo(np.float32).max).astype(np.float64)
         return depth[..., None] * view_from(self.view, self.pose).directions()
 

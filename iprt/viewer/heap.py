@@ -1,4 +1,4 @@
-"""Memory that was freed goes back to the system."""
+"""Return of freed memory to the operating system."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from functools import cache
 
 
 def give_back() -> None:
-    """Let other programs have what this one has freed.
+    """Return freed memory to the operating system.
 
-    The C library keeps freed buffers of a few megabytes for itself, ever more of them as pictures
-    of other sizes are made. Those of devices that are processors are among them.
+    The C library keeps freed buffers of a few megabytes, more of them with every new picture size.
+    The buffers of CPU devices are among them.
     """
     gc.collect()
     _trim()(0)
@@ -20,7 +20,7 @@ def give_back() -> None:
 
 @cache
 def _trim() -> Callable[[int], object]:
-    """glibc's function; one that does nothing elsewhere."""
+    """Return glibc's malloc_trim, or a function that does nothing."""
     try:
         found: Callable[[int], object] = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):

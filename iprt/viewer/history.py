@@ -8,12 +8,12 @@ Edits = tuple[ObjectEdit, ...]
 Changed = frozenset[tuple[str, str]]
 
 GESTURE_S = 0.5
-"""Changes of the same kind to the same object that follow each other sooner are undone together."""
+"""Longest interval in seconds between changes of one gesture, which are undone together."""
 MOST_STEPS = 256
 
 
 class History:
-    """Edits that there were, and that were undone."""
+    """The past and undone states of the edits."""
 
     def __init__(self) -> None:
         self._past: list[Edits] = []
@@ -21,7 +21,7 @@ class History:
         self._last: tuple[Changed, float] | None = None
 
     def add(self, before: Edits, after: Edits, now_s: float) -> None:
-        """One state of the edits follows another, at a time in seconds."""
+        """Record a change of the edits at a time in seconds."""
         changed = _changed(before, after)
         last, self._last = self._last, (changed, now_s)
         if last is None or last[0] != changed or now_s - last[1] > GESTURE_S:
@@ -29,11 +29,11 @@ class History:
         self._future = []
 
     def undo(self, now: Edits) -> Edits:
-        """The edits before the last change; those of now if there was none."""
+        """Return the edits before the last change, or the current ones without a change."""
         return self._go(self._past, self._future, now)
 
     def redo(self, now: Edits) -> Edits:
-        """The edits before the last `undo`; those of now if there was none since."""
+        """Return the edits before the last `undo`, or the current ones without one."""
         return self._go(self._future, self._past, now)
 
     def _go(self, where: list[Edits], back: list[Edits], now: Edits) -> Edits:
@@ -45,19 +45,21 @@ class History:
 
     @property
     def can_undo(self) -> bool:
+        """True if there is a change to undo."""
         return bool(self._past)
 
     @property
     def can_redo(self) -> bool:
+        """True if there is a change to redo."""
         return bool(self._future)
 
     def clear(self) -> None:
-        """Forget all: there is no way back."""
+        """Forget all states."""
         self._past, self._future, self._last = [], [], None
 
 
 def _changed(before: Edits, after: Edits) -> Changed:
-    """Names of the objects, and what of their edits differs."""
+    """Return the names of the objects with the changed parts of their edits."""
     old, new = ({edit.name: edit for edit in edits} for edits in (before, after))
     return frozenset(
         (name, part)

@@ -1,4 +1,4 @@
-"""The words of both viewers: what things are called, and what their tooltips say."""
+"""Texts of both viewers: names and tooltips."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iprt.viewer.state import PlaybackMode
 
 @dataclass(frozen=True)
 class Label:
-    """A name for users.
+    """A user-visible name with its explanation.
 
     Attributes
     ----------
@@ -28,46 +28,42 @@ class Label:
 
 
 TURNED = "(turned)"
-"""Stands for the view's name once the user has looked elsewhere."""
+"""Name in place of the view's after the user has turned away."""
 PICTURE = Label("Picture", "The finished picture: the video with the objects in it.")
 BUFFERS: Mapping[str, Label] = {
     "background": Label("Background", "The video without objects."),
-    "normal": Label("Normal", "Which way surfaces face: x, y, z of the world as red, green, blue."),
+    "normal": Label("Normal", "World-space normals of surfaces: x, y, z as red, green, blue."),
     "depth": Label("Depth", "Distance from the camera in metres. Near is bright."),
     "albedo": Label("Albedo", "Base colour of the objects, without light."),
-    "coverage": Label("Coverage", "How much of each pixel objects cover."),
-    "motion": Label(
-        "Motion", "How far each point has moved since the last frame. Grey: not at all."
-    ),
+    "coverage": Label("Coverage", "Fraction of each pixel that objects cover."),
+    "motion": Label("Motion", "Motion of each point since the last frame. Grey: none."),
     "ratio": Label(
-        "Light ratio", "What objects make of the light on real surfaces. Grey: no change."
+        "Light ratio", "Light on real surfaces with objects over that without. Grey: no change."
     ),
     "irradiance_real": Label("Light without objects", "Light that reaches real surfaces."),
     "irradiance_mixed": Label(
         "Light with objects", "Light that reaches real surfaces past the objects and from them."
     ),
     "diffuse": Label("Diffuse light", "Light that objects scatter in all directions."),
-    "specular": Label("Reflections", "What shiny objects reflect."),
-    "highlight": Label("Real reflections", "What glossy real surfaces reflect in the video."),
+    "specular": Label("Reflections", "Light that glossy objects reflect."),
+    "highlight": Label("Real reflections", "Highlights of glossy real surfaces in the video."),
     "gloss": Label(
-        "Change of real reflections", "What objects change in the reflections on real surfaces."
+        "Change of real reflections", "Change of the reflections on real surfaces by objects."
     ),
     "tracing_level": Label(
         "Ray density",
         "Where real surfaces are traced: every pixel (red), every second (yellow), every fourth "
         "(blue), or none (black).",
     ),
-    "hit_distance": Label("Reflection distance", "How far away what objects reflect is."),
-    "history_length": Label("Frames averaged", "How many frames each pixel is the mean of."),
-    "variance": Label("Noise", "How noisy each pixel is before the filter."),
-    "learned": Label(
-        "Learned light", "What the method oil has learned of the light that real surfaces send."
-    ),
+    "hit_distance": Label("Reflection distance", "Distance of the surfaces that objects reflect."),
+    "history_length": Label("Frames averaged", "Number of frames averaged in each pixel."),
+    "variance": Label("Noise", "Variance of each pixel before the filter."),
+    "learned": Label("Learned light", "Radiance of real surfaces as learned by the method oil."),
 }
-"""All of `iprt.viewer.lens.BUFFERS`."""
+"""Labels of all buffers in `iprt.viewer.lens.BUFFERS`."""
 
 CURVES: Mapping[Curve, Label] = {
-    "srgb": Label("Standard", "What is brighter than white is white, as files are written."),
+    "srgb": Label("Standard", "Highlights are clipped at white, as in written files."),
     "filmic": Label("Filmic", "Highlights are compressed rather than cut off."),
 }
 
@@ -75,7 +71,7 @@ NOTHING = Label("Nothing", "Only the picture is shown.")
 
 
 def comparisons() -> Mapping[str, Label]:
-    """Labels of all values of `iprt.viewer.lens.Lens.against`."""
+    """Return the labels of all values of `iprt.viewer.lens.Lens.against`."""
     return {
         "input": Label("Input", "The video without objects."),
         "truth": Label("Truth", "The path-traced reference picture of this view."),
@@ -104,23 +100,21 @@ PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
     "selected": Label("Selected", "Or click one in the picture."),
     "objects": Label("Objects", "Click one to select it, here or in the picture."),
-    "preset": Label(
-        "Preset", "Sets what differs most in cost; all other settings stay as they are."
-    ),
+    "preset": Label("Preset", "Sets the settings with the most effect on cost; all others stay."),
     "fps": Label(
         "Frame rate",
         "Frames per second to hold in this window while something moves, at a lower resolution if "
         "need be. 0: always at full quality.",
     ),
     "exposure": Label("Exposure", "Stops brighter or darker than the scene's own exposure."),
-    "curve": Label("Tone curve", "How bright values become colours of the screen."),
+    "curve": Label("Tone curve", "Mapping of radiance to screen colours."),
     "buffer": Label("Show", "The picture, or one of the buffers that it is made from."),
     "against": Label("Compare with", "A second picture of the same view."),
-    "split": Label("Divide at", "The picture is left of it, what it is compared with right."),
-    "error": Label("Error map", "Where the two differ, and how much."),
+    "split": Label("Divide at", "The picture is on the left, the compared one on the right."),
+    "error": Label("Error map", "The difference of both pictures."),
     "material": Label("Material", "Applies to the whole object."),
-    "albedo": Label("Colour", "Share of the light that is scattered, in red, green and blue."),
-    "reflectance": Label("Colour", "Share of the light that is reflected, in red, green and blue."),
+    "albedo": Label("Colour", "Diffuse albedo in red, green and blue."),
+    "reflectance": Label("Colour", "Specular reflectance in red, green and blue."),
     "alpha": Label("Roughness", "0 is polished, 1 is dull (GGX alpha)."),
     "ior": Label("Index of refraction", "How strongly the coat reflects. Plastic has about 1.5."),
     "texture": Label(
@@ -133,16 +127,16 @@ PARTS: Mapping[str, Label] = {
         "Align to surface", "The object tilts with the surface. Otherwise it is upright."
     ),
     "add": Label("Add mesh", "A .glb, .gltf, .obj, .ply or .stl file, set down on a surface."),
-    "remove": Label("Remove", "Takes the selected object away. Undo brings it back."),
-    "undo": Label("Undo", "Takes the last change to an object back."),
-    "redo": Label("Redo", "Makes the change again that was undone last."),
+    "remove": Label("Remove", "Removes the selected object. Undo brings it back."),
+    "undo": Label("Undo", "Undoes the last change to an object."),
+    "redo": Label("Redo", "Redoes the last undone change."),
     "save": Label("Save", "Writes the objects to scene.toml. Comments stay."),
     "play": Label("Play", "Plays the video, or pauses it."),
-    "frame": Label("Frame", "As scene.toml counts."),
+    "frame": Label("Frame", "Frame number, as in scene.toml."),
     "loop": Label("Loop", "Starts again at the end."),
     "screenshot": Label(
         "Screenshot",
-        "PNG: the picture as it is seen. EXR: linear radiance, and the buffer that is shown.",
+        "PNG: the displayed picture. EXR: linear radiance, and the displayed buffer.",
     ),
 }
-"""Labels of widgets that both viewers have, by what they change."""
+"""Labels of widgets in both viewers, by the value that they change."""

@@ -1,4 +1,4 @@
-"""How a viewer shows a picture: exposure, tone curve, buffers in false colours, comparisons."""
+"""Display of a picture: exposure, tone curve, false colours of buffers, comparisons."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Appearance = Literal[
 ]
 
 ERROR_LEVELS = 64
-"""The difference, out of 255, that is white in an error map."""
+"""Difference, out of 255, shown as white in an error map."""
 MOTION_PX = 16.0
-"""Motion of which the colour is full."""
+"""Motion in pixels with full colour."""
 
 
 BUFFERS: Mapping[str, Appearance] = {
@@ -42,18 +42,18 @@ BUFFERS: Mapping[str, Appearance] = {
     "variance": "count",
     "learned": "radiance",
 }
-"""How the values of an auxiliary picture become colours: all of `iprt.aovs.AOVS`, by name."""
+"""Mapping of each auxiliary picture of `iprt.aovs.AOVS` to its kind of false colours."""
 CUBEHELIX: Bytes = np.rint(255.0 * matplotlib.colormaps["cubehelix"](np.arange(256))[:, :3]).astype(
     np.uint8
 )
-"""(256, 3) colours that grow evenly in brightness, from black to white."""
+"""(256, 3) colours from black to white with evenly increasing brightness."""
 UNITS = {"depth": "m", "motion": "px", "hit_distance": "m", "history_length": "frames"}
-"""Units of the auxiliary pictures whose values have one."""
+"""Units of auxiliary pictures, where they have one."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """How one client sees its picture; nothing is rendered anew for it, but what is compared with.
+    """The display settings of one client; only a comparison with a method renders anything.
 
     Attributes
     ----------
@@ -61,14 +61,14 @@ class Lens:
         Stops on top of the scene's exposure.
     curve : {"srgb", "filmic"}
     buffer : str or None
-        The auxiliary picture that is shown in place of the picture.
+        Auxiliary picture to show instead of the picture.
     against : str or None
-        What is shown right of `split`: `input`, the video without objects; `truth`, the path-traced
-        truth of a view of the scene; or the picture of a method, by its name.
+        Picture to the right of `split`: `input`, the video without objects; `truth`, the
+        path-traced truth of a scene view; or the name of a method.
     split : float
-        Share of the width, from the left.
+        Position of the division as a fraction of the width, from the left.
     error : bool
-        Show where and how much the two differ, in place of both.
+        Show the difference of both pictures instead of both.
     """
 
     exposure_ev: float = 0.0
@@ -80,29 +80,29 @@ class Lens:
 
     @property
     def method(self) -> str | None:
-        """Name of the method whose picture is compared with."""
+        """Name of the compared method, if any."""
         return None if self.against in ("input", "truth") else self.against
 
     def factor(self, exposure: float) -> float:
-        """Factor of radiance in a scene of this exposure."""
+        """Return the scale factor of radiance in a scene of this exposure."""
         return exposure * float(2.0**self.exposure_ev)
 
     def develop(self, radiance: NDArray[np.float32], exposure: float) -> Bytes:
-        """(H, W, 3) uint8 of linear radiance."""
+        """Convert linear radiance to (H, W, 3) uint8."""
         return developed(radiance, self.factor(exposure), self.curve)
 
     def color(self, name: str, values: NDArray[np.float32], exposure: float) -> Bytes:
-        """(H, W, 3) uint8 of an auxiliary picture, (H, W) or (H, W, 3) float32."""
+        """Convert an auxiliary picture, (H, W) or (H, W, 3) float32, to (H, W, 3) uint8."""
         appearance = BUFFERS[name]
         if appearance == "radiance":
             return self.develop(_three(values), exposure)
         if appearance == "change":
-            # Grey where nothing changes, as bright as white paper's half.
+            # Middle grey means no change.
             return self.develop(_three(values) + np.float32(0.18 / self.factor(exposure)), exposure)
         return _APPEARANCES[appearance](values)
 
     def compare(self, ours: Bytes, other: Bytes) -> Bytes:
-        """Both side by side, or where they differ; all (H, W, 3) uint8."""
+        """Return both side by side, or their difference; all are (H, W, 3) uint8."""
         if self.error:
             return error_map(ours, other)
         column = round(min(max(self.split, 0.0), 1.0) * ours.shape[1])
@@ -112,7 +112,7 @@ class Lens:
 
 
 def error_map(ours: Bytes, other: Bytes) -> Bytes:
-    """Mean difference of the channels: black for none, white for `ERROR_LEVELS` of 255."""
+    """Return the mean difference of the channels: black for none, white for `ERROR_LEVELS`."""
     difference = np.abs(ours.astype(np.int16) - other).mean(axis=2, dtype=np.float32)
     return _ramp(difference / ERROR_LEVELS)
 
@@ -125,7 +125,7 @@ def _three(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _ramp(share: NDArray[Any]) -> Bytes:
-    """Colours of values in [0, 1]; beyond, and NaN, as the ends."""
+    """Map values in [0, 1] to colours; other values and NaN are clamped."""
     index = np.nan_to_num(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
     colors: Bytes = CUBEHELIX[index]
     return colors
@@ -137,7 +137,7 @@ def _gray(share: NDArray[Any]) -> Bytes:
 
 
 def _distance(metres: NDArray[np.float32]) -> Bytes:
-    """Near is bright, by the logarithm; what is infinitely far, or nowhere, is black."""
+    """Map distances logarithmically, near is bright; infinite or missing ones are black."""
     known = np.isfinite(metres) & (metres > 0.0)
     if not known.any():
         return np.zeros((*metres.shape, 3), np.uint8)
@@ -148,7 +148,7 @@ def _distance(metres: NDArray[np.float32]) -> Bytes:
 
 
 def _motion(pixels: NDArray[np.float32]) -> Bytes:
-    """Right is red, down is green, rest is grey; what was nowhere before is blue."""
+    """Map motion: right is red, down is green, rest is grey, unknown is blue."""
     known = np.asarray(np.abs(pixels[..., :2]) < 1e8).all(axis=2, keepdims=True)
     share = 0.5 + 0.5 * np.clip(pixels[..., :2] / MOTION_PX, -1.0, 1.0)
     shown = np.concatenate([share, np.full_like(share[..., :1], 0.5)], axis=2)
@@ -156,13 +156,13 @@ def _motion(pixels: NDArray[np.float32]) -> Bytes:
 
 
 def _label(level: NDArray[np.float32]) -> Bytes:
-    """Tracing levels 0 to 2, from every pixel to every fourth in x and y; nothing is black."""
+    """Map tracing levels 0 to 2, from every pixel to every fourth in x and y; none is black."""
     colors = np.array([(240, 90, 60), (240, 200, 70), (70, 130, 200), (0, 0, 0)], np.uint8)
     return colors[np.clip(np.nan_to_num(level), 0, 3).astype(np.int64)]
 
 
 def _count(values: NDArray[np.float32]) -> Bytes:
-    """By the logarithm, the largest is white."""
+    """Map counts logarithmically; the largest is white."""
     largest = max(float(np.nan_to_num(values).max(initial=0.0)), 1e-12)
     share = np.maximum(values, 0.0) / np.float32(largest)
     return _ramp(np.log1p(255.0 * share) / np.log(256.0))

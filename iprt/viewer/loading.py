@@ -1,4 +1,4 @@
-"""Scenes and meshes are read on threads of their own, since they take long and need no device."""
+"""Background threads for reading scenes and meshes, which takes long and needs no device."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ LOG = logging.getLogger("iprt.viewer")
 
 
 class Loader:
-    """Runs jobs, each on a thread of its own; what they return is done by who collects it.
+    """A runner of jobs, each on its own thread; the collecting thread finishes them.
 
-    Any thread may start one.
+    Any thread may start a job.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Loader:
 
     @property
     def running(self) -> tuple[str, ...]:
-        """Names of the jobs under way."""
+        """Names of running jobs."""
         with self._lock:
             return tuple(self._running)
 
@@ -43,16 +43,16 @@ class Loader:
         job: Callable[[], Callable[[], None]],
         failed: Callable[[str], None],
     ) -> None:
-        """Begin a job.
+        """Start a job.
 
         Parameters
         ----------
         what : str
-            Is loaded, in words.
+            Name of the loaded thing, for messages.
         job : callable
-            Runs on the thread; what it returns is called by `collect`.
+            Runs on the thread; its result is called by `collect`.
         failed : callable
-            Called by `collect` with what went wrong, in one line, if it did.
+            Called by `collect` with a one-line message after a failure.
         """
 
         def run() -> None:
@@ -76,7 +76,7 @@ class Loader:
             thread.start()
 
     def collect(self) -> bool:
-        """Do what finished jobs returned; whether there were any."""
+        """Finish completed jobs; return True if there were any."""
         found = False
         while True:
             try:
@@ -89,6 +89,6 @@ class Loader:
             found = True
 
     def close(self, until_s: float) -> None:
-        """Wait for the jobs, up to a time of `time.monotonic`: they cannot be stopped."""
+        """Wait for the jobs, which cannot be stopped, until a time of `time.monotonic`."""
         for thread in self._threads:
             thread.join(max(until_s - time.monotonic(), 0.0))

@@ -1,6 +1,6 @@
-"""Between the engine's thread and all others: what is asked for, and what came of it.
+"""Exchange between the engine's thread and all others: requests, pictures and status.
 
-Of each kind only the newest is kept, so that nothing can pile up.
+Only the newest of each kind is kept, so that nothing can pile up.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from iprt.viewer.state import Playback, Request, Status, World
 
 @dataclass(frozen=True)
 class Asked:
-    """A request, and the number under which it was asked."""
+    """A request with its number."""
 
     number: int
     request: Request
@@ -26,7 +26,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Wanted:
-    """All that is wanted at one moment.
+    """A snapshot of the world and all requests.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Wanted:
         Number of the newest change to the world.
     world : World
     requests : dict of int to Asked
-        By client.
+        Requests by client.
     """
 
     number: int
@@ -43,7 +43,7 @@ class Wanted:
 
 
 class Mailbox:
-    """Requests to the engine, and its pictures. Any thread may call any method."""
+    """Requests to the engine, and its pictures; all methods are thread-safe."""
 
     def __init__(self, world: World, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -61,7 +61,7 @@ class Mailbox:
     # Clients call these -----------------------------------------------------------------------
 
     def join(self, request: Request) -> int:
-        """A new client's number."""
+        """Register a client with its request, and return its number."""
         with self._condition:
             self._clients += 1
             client = self._clients
@@ -69,13 +69,14 @@ class Mailbox:
         return client
 
     def leave(self, client: int) -> None:
+        """Remove a client."""
         with self._condition:
             self._requests.pop(client, None)
             self._shown.pop(client, None)
             self._stir()
 
     def ask(self, client: int, request: Request) -> int:
-        """Want another picture in place of what was asked for before; the number of this."""
+        """Replace a client's request; return its number."""
         with self._condition:
             self._number += 1
             self._requests[client] = Asked(self._number, request)
@@ -83,9 +84,10 @@ class Mailbox:
             return self._number
 
     def change(self, change: Callable[[World], World]) -> int:
-        """Change the world that all see; the number of this.
+        """Change the shared world; return the number of the change.
 
-        Where nothing changes, that of the last change."""
+        Without an effect, it returns the number of the last change.
+        """
         with self._condition:
             world = change(self._world)
             if world != self._world:
@@ -95,13 +97,13 @@ class Mailbox:
             return self._world_number
 
     def play_as(self, before: Playback, after: Playback) -> int:
-        """Play on otherwise, if nobody has asked for something else since; the number of this."""
+        """Replace the playback if it is still `before`; return the number of the change."""
         return self.change(
             lambda world: replace(world, playback=after) if world.playback == before else world
         )
 
     def edit(self, name: str, edit: Callable[[ObjectEdit], ObjectEdit]) -> int:
-        """Change the edit of an object, in a way that can be undone; the number of this."""
+        """Change the edit of an object, with undo; return the number of the change."""
 
         def change(world: World) -> World:
             after = world.edited(edit(world.edit_of(name)))
@@ -112,31 +114,33 @@ class Mailbox:
         return self.change(change)
 
     def undo(self) -> int:
-        """Take the last change of edits back; the number of this."""
+        """Undo the last change of the edits; return the number of the change."""
         return self.change(lambda world: replace(world, edits=self._history.undo(world.edits)))
 
     def redo(self) -> int:
-        """Make again what was undone last; the number of this."""
+        """Redo the last undone change; return the number of the change."""
         return self.change(lambda world: replace(world, edits=self._history.redo(world.edits)))
 
     @property
     def can_undo(self) -> bool:
+        """True if there is an edit to undo."""
         with self._condition:
             return self._history.can_undo
 
     @property
     def can_redo(self) -> bool:
+        """True if there is an edit to redo."""
         with self._condition:
             return self._history.can_redo
 
     def saved(self, edits: tuple[ObjectEdit, ...]) -> int:
-        """The scene's files have these now; the number of this."""
+        """Record that the scene's files contain these edits; return the number of the change."""
         return self.change(lambda world: replace(world, saved=edits))
 
     def reread(self) -> int:
-        """The scene's files are what edits differ from now; the number of this.
+        """Make the scene's current files the base of the edits; return the number of the change.
 
-        Nothing that was saved before can be undone then: only others know what was there before.
+        Edits saved before cannot be undone afterwards, because the files have changed since.
         """
 
         def change(world: World) -> World:
@@ -150,23 +154,23 @@ class Mailbox:
 
     @property
     def world(self) -> World:
+        """The shared world, as requested."""
         with self._condition:
             return self._world
 
     @property
     def status(self) -> Status:
+        """The engine's status."""
         with self._condition:
             return self._status
 
     def shown(self, client: int) -> Shown | None:
-        """The newest picture of a client; None: there is none yet."""
+        """Return the newest picture of a client, or None before the first."""
         with self._condition:
             return self._shown.get(client)
 
     def wait(self, client: int, ready: Callable[[Shown], bool], timeout_s: float) -> Shown | None:
-        """The first picture of a client that is `ready`; None: there was none in so many seconds,
-        or the engine was closed.
-        """
+        """Wait for a `ready` picture of a client; None after the timeout or closing."""
 
         def found() -> Shown | None:
             shown = self._shown.get(client)
@@ -179,45 +183,50 @@ class Mailbox:
     # The engine calls these -------------------------------------------------------------------
 
     def take(self) -> Wanted:
-        """The newest requests, which count as seen."""
+        """Return the newest requests, and mark them as seen."""
         with self._condition:
             self._stirred = False
             return self.wanted
 
     @property
     def wanted(self) -> Wanted:
+        """The newest requests."""
         with self._condition:
             return Wanted(self._world_number, self._world, dict(self._requests))
 
     def publish(self, client: int, shown: Shown) -> None:
+        """Publish a picture to a client."""
         with self._condition:
             if client in self._requests:
                 self._shown[client] = shown
                 self._condition.notify_all()
 
     def report(self, status: Status) -> None:
+        """Publish the engine's status."""
         with self._condition:
             if status != self._status:
                 self._status = status
                 self._condition.notify_all()
 
     def stir(self) -> None:
-        """Let the engine look what there is to do."""
+        """Wake the engine."""
         with self._condition:
             self._stir()
 
     def rest(self, timeout_s: float) -> None:
-        """Until something is asked for, or so many seconds."""
+        """Wait for a request, for at most `timeout_s`."""
         with self._condition:
             self._condition.wait_for(lambda: self._stirred or self._closed, timeout_s)
 
     def close(self) -> None:
+        """Close the mailbox, and wake all waiting threads."""
         with self._condition:
             self._closed = True
             self._condition.notify_all()
 
     @property
     def closed(self) -> bool:
+        """True after `close`."""
         with self._condition:
             return self._closed
 

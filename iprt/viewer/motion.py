@@ -1,4 +1,4 @@
-"""Requests while something moves: of less quality, if that is needed to hold a frame rate."""
+"""Requests during motion, with reduced quality if needed to hold a frame rate."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from iprt.viewer.rate import Rate
 from iprt.viewer.session import Shown
 
 REST_S = 0.3
-"""Without input, after which a picture is at rest."""
+"""Seconds without input after which a picture is at rest."""
 SHOWN_S = 1.0
-"""Seconds after the last picture that moved, for which the frame rate is shown."""
+"""Seconds after the last moving picture for which the frame rate is shown."""
 
 
 class Motion:
-    """Tells motion from rest, and what is given up in motion. At rest nothing is.
+    """A detector of motion, and a controller of quality during motion; rest has full quality.
 
     Parameters
     ----------
     target_fps : float or None
         See the property.
     table : Tradeoff
-        Times of the settings that are taken in motion.
+        Measured times of the settings for motion.
     clock : callable
-        Seconds.
+        Returns seconds.
     """
 
     def __init__(
@@ -40,14 +40,14 @@ class Motion:
         self._clock, self._table = clock, table
         self._stirred_s = self._moved_s = -math.inf
         self._rate = Rate(clock)
-        self._step = 0  # of the last picture that was observed
+        self._step = 0  # step of the last observed picture
         self._target_fps = target_fps
         self._pace: Pace | None = None
-        self._usual_s: float | None = None  # of a frame of which nothing is given up
+        self._usual_s: float | None = None  # seconds of a frame at full quality
 
     @property
     def target_fps(self) -> float | None:
-        """Frames per second to hold in motion; None: nothing is given up for it."""
+        """Frames per second to hold during motion; None for full quality."""
         return self._target_fps
 
     @target_fps.setter
@@ -56,26 +56,28 @@ class Motion:
             self._target_fps, self._pace = target_fps, None
 
     def stir(self) -> None:
-        """There was input, just now."""
+        """Record input at the current time."""
         self._stirred_s = self._clock()
 
     @property
     def lively(self) -> bool:
-        """Something moves, or did just now."""
+        """True during motion and shortly after."""
         return self._clock() - self._moved_s < SHOWN_S
 
     @property
     def fps(self) -> float | None:
-        """Pictures per second while something moves; None: nothing does."""
+        """Pictures per second during motion; None at rest."""
         return self._rate.value if self.lively else None
 
     def level(self, base: Settings, *, playing: bool) -> Level | None:
-        """The level to render at in place of `base`; None: `base`, at full resolution.
+        """Return the quality level to render at, or None for `base` at full resolution.
 
         Parameters
         ----------
+        base : Settings
+            The user's settings.
         playing : bool
-            The video moves.
+            True while the video plays.
         """
         moving = playing or self._clock() - self._stirred_s < REST_S
         if not moving or self._target_fps is None:
@@ -86,7 +88,7 @@ class Motion:
         return None if level.preview is None else level
 
     def observe(self, shown: Shown) -> None:
-        """Take note of a new picture; of those that follow quickly, some may be left out."""
+        """Record a new picture; in a quick sequence, some may be skipped."""
         fresh, self._step = shown.step - self._step, shown.step
         if 0 < shown.frames <= fresh:
             if not self.lively:
@@ -100,11 +102,11 @@ class Motion:
             self._pace.observe(shown.seconds, shown.compiled)
 
     def preview(self, shown: Shown) -> Preview | None:
-        """Quality given up to hold the frame rate; None: none."""
+        """Return the reductions of quality that hold the frame rate, or None."""
         level = self._level_of(shown)
         return None if level is None else level.preview
 
     def _level_of(self, shown: Shown) -> Level | None:
-        """The level at which a picture was asked for."""
+        """Return the level at which a picture was requested."""
         levels = () if self._pace is None else self._pace.levels
         return next((n for n in levels if n.settings is shown.request.settings), None)

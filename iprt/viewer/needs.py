@@ -11,18 +11,18 @@ from iprt.device.install import pip_command, requirements
 from iprt.errors import DeviceError, IprtError
 
 WINDOW = ("imgui_bundle", "glfw")
-"""Modules of the viewer in a window. imgui comes first, so that both use its library of GLFW."""
+"""Modules of the desktop viewer. imgui comes first, so that both use its GLFW library."""
 BROWSER = ("viser",)
 ELSEWHERE = "open it from a desktop session, or view the scene in a browser: iprt view --web"
 
 
 def require_window() -> None:
-    """Refuse to open a window where that cannot work.
+    """Raise an error if no window can be opened.
 
     Raises
     ------
     IprtError
-        A package is missing; the message holds the command that installs it.
+        A package is missing; the message gives the install command.
     DeviceError
         There is no display.
     """
@@ -33,23 +33,23 @@ def require_window() -> None:
         warnings.simplefilter("ignore", glfw.GLFWError)
         works = glfw.init()
     if not works:
-        reason: Any = glfw.get_error()[1]  # bytes, whatever its stub says
+        reason: Any = glfw.get_error()[1]  # bytes, unlike its stub
         raise DeviceError(f"no window can be opened ({reason.decode()}); {ELSEWHERE}")
 
 
 def require_browser() -> None:
-    """Refuse to serve browsers where that cannot work.
+    """Raise an error if browsers cannot be served.
 
     Raises
     ------
     IprtError
-        A package is missing; the message holds the command that installs it.
+        A package is missing; the message gives the install command.
     """
     _require_modules(BROWSER)
 
 
 def lacking(names: Sequence[str]) -> list[str]:
-    """Errors of modules, a clause for each that cannot be imported."""
+    """Return import errors, a clause for each module that cannot be imported."""
     problems = []
     for name in names:
         try:

@@ -1,4 +1,4 @@
-"""Objects as viewers list them, draw their gizmos and edit their materials."""
+"""States of objects for the viewers' lists, gizmos and material editors."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ObjectState:
-    """An object as it is at one moment. Nobody writes to its arrays.
+    """The state of an object at one moment, with read-only arrays.
 
     Attributes
     ----------
     name : str
     to_world : (4, 4) float64
-        Where it is in the frame that is shown.
+        Transform in the displayed frame.
     corners : tuple of (3,) float64
-        Lowest and highest of its mesh in that frame, before `to_world`.
+        Lowest and highest corner of its mesh in that frame, before `to_world`.
     materials : tuple of Material
-        Materials of its mesh, in the file's order, or the one that it was painted with.
+        Materials of its mesh in the file's order, or the single edited one.
     motion : ObjectMotion
-        Where it is over time; `motion.to_world` is what `Engine.place` sets.
+        Motion over time; `Engine.place` sets `motion.to_world`.
     time_s : float
         Time of that frame.
     mesh : Mesh
-        In that frame.
+        Mesh in that frame.
     """
 
     name: str
@@ -49,21 +49,21 @@ class ObjectState:
 
     @property
     def size(self) -> Float:
-        """(3,) metres: sides of the object's own box."""
+        """(3,) sides of the object-aligned box in metres."""
         low, high = self.corners
         return np.asarray((high - low) * np.linalg.norm(self.to_world[:3, :3], axis=0))
 
     @property
     def keyframed(self) -> bool:
-        """Keyframes move it from `motion.to_world`."""
+        """True if keyframes move the object."""
         return self.motion.moves
 
     def placed(self, to_world: Float) -> Float:
-        """The argument of `Engine.place` that puts the object at `to_world` in this frame."""
+        """Return the argument of `Engine.place` that leads to `to_world` in this frame."""
         return self.motion.before(to_world, self.time_s)
 
     def edited(self, edit: ObjectEdit) -> ObjectState | None:
-        """As it will be with an edit; None: not there."""
+        """Return the state with an edit; None if the object is removed."""
         if edit.removed:
             return None
         state = self
@@ -81,7 +81,7 @@ def object_states(
     time_s: float,
     known: Sequence[ObjectState],
 ) -> tuple[ObjectState, ...]:
-    """States of all objects; what is `known` of the same meshes is not computed again."""
+    """Return the states of all objects, reusing bounds of the same meshes from `known`."""
     corners = {id(state.mesh.positions): state.corners for state in known}
     states = []
     for entry, instance in zip(objects, instances, strict=True):

@@ -1,12 +1,12 @@
-"""Holds a target frame rate in motion by less light and less resolution, as far as is needed.
+"""A controller that holds a target frame rate during motion by less light and less resolution.
 
-Level 0 is what the user asked for, the next ones are the quicker entries of the ladder
-(`iprt.settings.ladder`), and each one after them has fewer pixels. The time of a frame is
-a + b·pixels, with a and b that depend on what is shown. Taken for b·pixels alone, it says too
-little of a level with fewer pixels, where another step down follows, and too much of one with more:
-going up never overshoots. A change makes buffers anew and histories begin afresh, so there is a
-band between going down and up, and each step up that turns out wrong doubles the wait for the next
-one.
+Level 0 has the user's settings. The next levels are the faster entries of the ladder
+(`iprt.settings.ladder`), and each one after them has fewer pixels. The time of a frame is a +
+b·pixels, with a and b that depend on the scene. The controller assumes b·pixels alone. This
+underestimates levels with fewer pixels, which another step down corrects, and overestimates levels
+with more, so that a step up never overshoots. A change of level creates new buffers and histories.
+There is therefore hysteresis between down and up, and each failed step up doubles the wait for the
+next one.
 """
 
 from __future__ import annotations
@@ -23,33 +23,36 @@ from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values
 
 TRACED = ("light_scale", "trace.rays", "trace.object_rays")
-"""Settings that most of the time of a frame depends on."""
+"""Settings that dominate the time of a frame."""
 SCALES = (0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)
-"""Sides of the picture relative to the window's: each has 1/sqrt(2) of the pixels before."""
+"""Side lengths of the picture relative to the window; each level has 1/sqrt(2) of the pixels of the
+level before."""
 SKIPPED = 2
-"""Frames after a change that do not count: buffers are made, histories and caches begin."""
+"""Frames to ignore after a change: they create buffers, histories and caches."""
 FEWEST, WINDOW = 4, 16
-"""Frames of which the newest must be too slow to go down, and that are averaged to go up."""
+"""Number of newest frames that must be too slow for a step down, and of frames averaged for a step
+up."""
 OUTLIER = 3.0
-"""A frame counts as so many times the median at most: some only waited for something else."""
+"""Frame times are clamped to this multiple of the median, as some frames only waited."""
 TOO_SLOW, ALL_TOO_SLOW = 1.1, 1.05
-"""Means of the newest frames and of the window, over the time of a frame, at which to go down."""
+"""Thresholds for a step down: means of the newest frames and of the window, relative to the
+target."""
 ROOM_DOWN, ROOM_UP = 0.9, 0.8
-"""Share of the time of a frame that a level may be expected to take to go down to it, or up."""
+"""Largest expected frame time of the new level, relative to the target, for a step down or up."""
 UP_S, MOST_UP_S = 2.0, 64.0
-"""Seconds on a level before going up: at first, and at most."""
+"""Seconds on a level before a step up: initial and largest value."""
 
 
 @dataclass(frozen=True)
 class Preview:
-    """Description of the quality that a picture in motion does without.
+    """A description of the reduced quality of a picture during motion.
 
     Attributes
     ----------
     short : str
-        `Preview at 50% resolution`.
+        Short text, such as `Preview at 50% resolution`.
     details : str
-        All that differs.
+        All differences.
     """
 
     short: str
@@ -58,18 +61,18 @@ class Preview:
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Settings and resolution that are quicker than what the user asked for.
+    """Settings and a resolution that are faster than the user's.
 
     Attributes
     ----------
     settings : Settings
-        An object of its own, even if it equals that of another level.
+        A distinct object, even if equal to another level's.
     scale : float
-        Sides of the picture relative to the window's, at most 1.
+        Sides of the picture relative to the window, at most 1.
     share : float
-        Time of a frame relative to level 0, roughly.
+        Approximate time of a frame relative to level 0.
     preview : Preview or None
-        What differs from what was asked for. None: nothing.
+        Differences from the user's settings; None without any.
     """
 
     settings: Settings
@@ -79,10 +82,10 @@ class Level:
 
 
 def levels_below(base: Settings, table: Tradeoff) -> tuple[Level, ...]:
-    """From what was asked for down the ladder, then down in size.
+    """Return the levels: the user's settings, then down the ladder, then down in size.
 
-    None has more of anything than `base`, nor another real world (`Features.of_real_world`), whose
-    E_R is known already.
+    No level exceeds `base` in any setting. None needs another real world
+    (`Features.of_real_world`), so that the known E_R stays valid.
     """
     own = plain_values(base)
     found = [Level(base, 1.0, 1.0, None)]
@@ -97,7 +100,7 @@ def levels_below(base: Settings, table: Tradeoff) -> tuple[Level, ...]:
         share = _ratio(own | fewer, table) / whole
         if not fewer or share > found[-1].share or share == 1.0:
             continue
-        if share == found[-1].share:  # what is left of an entry with more than was asked for
+        if share == found[-1].share:  # the remaining reductions of a slower entry
             del found[-1]
         given_up = fewer
         found.append(_preview(base, given_up, 1.0, share))
@@ -107,9 +110,9 @@ def levels_below(base: Settings, table: Tradeoff) -> tuple[Level, ...]:
 
 
 def _ratio(own: Mapping[str, Any], table: Tradeoff) -> float:
-    """Time of a frame with these settings relative to that of the entry `BALANCED`, roughly.
+    """Estimate the time of a frame with these settings relative to the entry `BALANCED`.
 
-    That of the quickest entry which traces as much, or else of the slowest one.
+    It is the time of the fastest entry that traces at least as much, or else of the slowest entry.
     """
     enough = [
         entry.ratio[0]
@@ -120,12 +123,12 @@ def _ratio(own: Mapping[str, Any], table: Tradeoff) -> float:
 
 
 def _less(key: str, value: Any, than: Any) -> bool:
-    """A setting has less of what takes time than with another value."""
+    """Return True if `value` makes a setting cheaper than the value `than`."""
     return bool(value > than if key == "light_scale" else value < than)
 
 
 def _preview(base: Settings, given_up: Mapping[str, Any], scale: float, share: float) -> Level:
-    """A level with other settings and sides of the picture relative to the window's."""
+    """Build a level from changed settings and the relative size of the picture."""
     own = plain_values(base)
     size = [f"{100.0 * scale:.0f}% resolution"] if scale < 1.0 else []
     words = [
@@ -141,19 +144,18 @@ def _preview(base: Settings, given_up: Mapping[str, Any], scale: float, share: f
 
 
 class Pace:
-    """Chooses settings and resolution by how long frames take.
+    """A controller of settings and resolution by measured frame times.
 
     Parameters
     ----------
     target_fps : float
         Frames per second to hold; above 0.
     base : Settings
-        What the user asked for. If that changes, make another `Pace`.
+        The user's settings. Make another `Pace` if they change.
     table : Tradeoff
         Times of the ladder's entries.
     usual_s : float or None
-        Seconds that a frame takes as the user asked for it, if that is known: then it begins on
-        the level that this leads to.
+        Seconds of a frame at the user's settings, if known; it selects the initial level.
     """
 
     def __init__(
@@ -174,18 +176,18 @@ class Pace:
 
     @property
     def level(self) -> Level:
-        """Settings and size to render now."""
+        """The current level."""
         return self.levels[self._now]
 
     def observe(self, seconds: float, compiled: bool) -> None:
-        """Take note of a frame of the present level.
+        """Record the time of a frame at the current level.
 
         Parameters
         ----------
         seconds : float
-            That it took.
+            Time of the frame.
         compiled : bool
-            Kernels were compiled for it, or buffers made: then its time says nothing.
+            True if kernels were compiled or buffers created; the time is ignored then.
         """
         if compiled:
             return
@@ -210,7 +212,7 @@ class Pace:
                 self._go(better)
 
     def _fitting(self, seconds: float, room: float) -> int:
-        """The best level that should hold the target if frames of the present one take so long."""
+        """Return the best level expected to hold the target, given the current frame time."""
         most = room * self._target_s / seconds * self.level.share
         fits = (number for number, level in enumerate(self.levels) if level.share <= most)
         return next(fits, len(self.levels) - 1)

@@ -1,4 +1,4 @@
-"""Picking: the pixel and the surfaces at a place of a window's picture."""
+"""Picking of pixels and surfaces in a window's picture."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from iprt.viewer.session import Shown
 
 
 class Picking:
-    """Knows the picture that is shown, and the surfaces in it.
+    """The displayed picture and its surfaces, for picking.
 
-    Places are shares of its width and height, from its upper left corner.
+    Positions are fractions of its width and height, from the upper left corner.
     """
 
     def __init__(self) -> None:
         self._shown: Shown | None = None
-        self._at_rest: tuple[Geometry, int] | None = None  # the last one, and its video frame
+        self._at_rest: tuple[Geometry, int] | None = None  # the last geometry, and its video frame
 
     def follow(self, shown: Shown) -> None:
-        """Go on with another picture."""
+        """Switch to another picture."""
         self._shown = shown
         if shown.geometry is not None:
             self._at_rest = shown.geometry, shown.frame
 
     def readout(self, x: float, y: float, buffer: str | None) -> Readout | None:
-        """The picture's pixel at a place; None: there is no picture, or it is outside.
+        """Return the values of the pixel at a position; None without a picture or outside of it.
 
         Parameters
         ----------
         x, y : float
         buffer : str or None
-            The auxiliary picture that is displayed.
+            The displayed auxiliary picture, if any.
         """
         found = self._pixel(x, y)
         if found is None:
@@ -59,14 +59,14 @@ class Picking:
         )
 
     def object_at(self, x: float, y: float) -> str | None:
-        """Name of the object that is seen at a place."""
+        """Return the name of the visible object at a position, or None."""
         found = self._surfaces(x, y)
         return None if found is None else found[0].object_at(*found[1:])
 
     def ground(self, x: float, y: float, radius: float) -> Surface | None:
-        """The real surface that carries an object at a place; None: open sky, or not known.
+        """Return the real surface that supports an object at a position; None if unknown.
 
-        `radius`: of its footprint, in metres; see `Geometry.ground`.
+        `radius` is the radius of its footprint in metres; see `Geometry.ground`.
         """
         found = self._surfaces(x, y)
         return None if found is None else found[0].ground(*found[1:], radius)
@@ -79,10 +79,10 @@ class Picking:
         return shown, int(x * width), int(y * height)
 
     def _surfaces(self, x: float, y: float) -> tuple[Geometry, int, int] | None:
-        """Geometry of the picture, and the pixel of a place there.
+        """Return the geometry of the picture, and the pixel at a position.
 
-        Pictures in motion may have none of their own: what is real has stayed where it was, as long
-        as neither the view nor the video moves.
+        Pictures during motion may have none of their own. The last geometry at rest remains valid
+        for real surfaces until the view or the video moves.
         """
         found = self._pixel(x, y)
         if found is None or self._at_rest is None:

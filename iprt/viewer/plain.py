@@ -1,4 +1,4 @@
-"""The video as a view shows it, without objects: the picture while kernels compile."""
+"""The video in a view, without objects: the picture while kernels compile."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iprt.viewer.state import Request
 
 
 def plain(frame: Frame, request: Request, device: str) -> Shown:
-    """A picture of a frame of the video, which answers nothing."""
+    """Build a picture of a video frame that answers no request."""
     return Shown(
         number=-1,
         step=0,
@@ -37,7 +37,7 @@ def plain(frame: Frame, request: Request, device: str) -> Shown:
 
 
 def resampled(frame: Frame, view: View) -> NDArray[np.float32]:
-    """(H, W, 3) linear radiance of a view of the panorama, bilinear."""
+    """Resample the panorama to a view: (H, W, 3) linear radiance, bilinear."""
     picture = frame.picture
     height, width = picture.shape[:2]
     pixels = equirect_pixel(view_from(view, frame.pose).directions(), width, height) - 0.5

@@ -1,4 +1,4 @@
-"""How often something happens, and where a video that plays has come to."""
+"""Rates of events, and the position in a playing video."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 EVENTS = 12
-"""Number of events that the mean is taken of."""
+"""Number of averaged events."""
 
 
 class Rate:
-    """Events per second, of late.
+    """The recent rate of an event per second.
 
     Parameters
     ----------
     clock : callable
-        Seconds.
+        Returns seconds.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -25,29 +25,30 @@ class Rate:
         self._times: deque[float] = deque(maxlen=EVENTS)
 
     def add(self) -> None:
-        """It happened now."""
+        """Record an event at the current time."""
         self._times.append(self._clock())
 
     def clear(self) -> None:
+        """Forget all events."""
         self._times.clear()
 
     @property
     def value(self) -> float | None:
-        """None: it has not happened twice."""
+        """Events per second, or None before the second event."""
         if len(self._times) < 2 or self._times[-1] <= self._times[0]:
             return None
         return (len(self._times) - 1) / (self._times[-1] - self._times[0])
 
 
 class FrameRate:
-    """Frames of a video that are shown per second, while it plays."""
+    """The rate of displayed video frames during playback."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._rate = Rate(clock)
         self._last: tuple[float | None, int] = (None, -1)
 
     def follow(self, since_s: float | None, frame: int) -> None:
-        """Take note of a picture; `since_s` is that of the playback."""
+        """Record a picture; `since_s` belongs to the playback."""
         if since_s is None or since_s != self._last[0]:
             self._rate.clear()
         if (since_s, frame) != self._last:
@@ -56,23 +57,24 @@ class FrameRate:
 
     @property
     def value(self) -> float | None:
+        """Frames per second; None if paused or before the second frame."""
         return None if self._last[0] is None else self._rate.value
 
 
 @dataclass(frozen=True)
 class FrameCounter:
-    """Where a video is.
+    """The position in a video.
 
     Attributes
     ----------
     frame : int
-        Number of the frame that is shown, as scene.toml counts.
+        Number of the displayed frame, as in scene.toml.
     position, total : int
-        Which one that is, from 1 on, and how many there are.
+        Position counted from 1, and number of frames.
     shown_fps : float or None
-        Frames of the video that are shown per second. None: it does not play, or has only begun.
+        Displayed video frames per second; None if paused or at the start.
     video_fps : float
-        Those of the video itself.
+        Frame rate of the video itself.
     """
 
     frame: int
@@ -83,7 +85,7 @@ class FrameCounter:
 
     @property
     def text(self) -> str:
-        """In a few words."""
+        """Short text for display."""
         where = f"{self.position} of {self.total}"
         if self.shown_fps is None:
             return where

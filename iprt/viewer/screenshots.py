@@ -1,4 +1,4 @@
-"""Where screenshots go, and what they are called."""
+"""Folder and names of screenshots."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ FOLDER = "iprt"
 
 
 def default_folder() -> Path:
-    """The folder `iprt` among the user's pictures, as the desktop is set up; it may not exist."""
+    """Return the folder `iprt` in the user's pictures folder; it may not exist."""
     return user_pictures_path() / FOLDER
 
 
 def free_path(scene: str, view: str | None, suffix: str, folder: Path | None = None) -> Path:
-    """An absolute path at which no file is yet: `room-table-0001.png`.
+    """Return an unused absolute path such as `room-table-0001.png`.
 
     Parameters
     ----------
     scene : str
     view : str or None
-        Name of the scene's view. None: the user's own.
+        Name of the scene's view; None for the user's own.
     suffix : str
         `.png` or `.exr`.
     folder : Path or None
-        None: `default_folder()`.
+        None for `default_folder()`.
     """
     folder = (default_folder() if folder is None else folder).resolve()
     stem = re.sub(r"[^\w. -]", "_", f"{scene}-{view or 'view'}")

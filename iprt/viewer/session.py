@@ -1,4 +1,4 @@
-"""One client's session: renderers that follow the newest request."""
+"""The session of one client: renderers that follow the newest request."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ class Shown:
     Attributes
     ----------
     number : int
-        It answers what was asked with this number and all before.
+        Number of the newest request or change that it answers; it answers all earlier ones too.
     step : int
-        View frames that were rendered for this client so far.
+        Number of view frames rendered for this client so far.
     request : Request
-        What it shows.
+        The answered request.
     frame : int
-        Number of the video's frame.
+        Number of the video frame.
     picture : RenderedFrame
     pose : (4, 4) float64 or None
-        World from the capture centre's axes; None: they are the same.
+        Transform from the capture centre's axes to the world; None for the identity.
     geometry : Geometry or None
-        If it was asked for, at rest.
+        Visible surfaces at rest, if requested.
     frames : int
-        View frames for which nothing has moved, this one included: what the picture is a mean of.
+        Number of view frames since the last motion, which the picture averages.
     noise : float or None
-        See `iprt.convergence`. None: not known yet.
+        See `iprt.convergence`; None if unknown.
     passes : tuple of PassTime
-        Passes of the last view frame; none if it was not recorded (`Profile.every_s`).
+        Passes of the last view frame; empty if it was not profiled (`Profile.every_s`).
     seconds : float
-        That it took, transfers included.
+        Time of the picture, transfers included.
     device : str
-        What rendered it.
+        Name of the device.
     compiled : bool
-        Kernels were compiled or buffers made for it: the next ones will be quicker.
+        True if kernels were compiled or buffers created, so that later pictures are faster.
     plain : bool
-        It is the video without objects, to look at while kernels compile. It answers no request:
+        True for the video without objects, shown while kernels compile. It answers no request:
         `number` is -1, and `frames` 0.
     """
 
@@ -71,74 +71,74 @@ class Shown:
 
     @property
     def refined(self) -> bool:
-        """It stays as it is until something else is asked for."""
+        """True if the picture is complete: it stays until another request."""
         return self.frames >= self.request.frames
 
 
 class AbandonedError(Exception):
-    """The picture under way is not wanted any more."""
+    """The picture under way is obsolete."""
 
 
 KEPT = 2
-"""Renderers that a session keeps: of the picture in motion and of that at rest, which may differ in
-size and settings."""
+"""Renderers that a session keeps: for motion and for rest, which may differ in size and
+settings."""
 
 
 class Session:
-    """Renders for one client.
+    """The rendering session of one client.
 
     Parameters
     ----------
     compiling : Compiling
-        Counts what will be compiled, until all is there.
+        Counter of pending compilations.
     worlds : Worlds
-        Those of the device, which all sessions share.
+        Worlds of the device, shared by all sessions.
     """
 
     def __init__(self, compiling: Compiling, worlds: Worlds) -> None:
         self._compiling, self._worlds = compiling, worlds
-        self._canvases: list[Canvas] = []  # the last one used comes first
-        self._changing: Canvas | None = None  # by the frame under way
+        self._canvases: list[Canvas] = []  # most recently used first
+        self._changing: Canvas | None = None  # the canvas of the frame under way
         self._shown_stage: Stage | None = None
         self._shown_number: int | None = None
         self._steps = 0
 
     def behind(self, stage: Stage, number: int) -> bool:
-        """The last picture is not of this stage, or not of the request with this number."""
+        """Return True if the last picture shows another stage or answers another request."""
         return stage is not self._shown_stage or number != self._shown_number
 
     def shows(self, stage: Stage) -> bool:
-        """The last picture is of the frame of this stage."""
+        """Return True if the last picture shows the video frame of this stage."""
         shown = self._shown_stage
         return shown is not None and shown.frame is stage.frame
 
     def unrefined(self, request: Request) -> bool:
-        """The picture would gain from another view frame, as far as was asked for."""
+        """Return True if the picture may still gain from another view frame."""
         return not self._canvases or self._canvases[0].rested < request.frames
 
     def close(self) -> None:
-        """Release the renderers; the next `render` makes others."""
+        """Release the renderers; the next `render` creates new ones."""
         for canvas in self._canvases:
             canvas.close()
         self._canvases.clear()
         self._shown_stage = self._shown_number = None
 
     def render(self, device: ComputeDevice, stage: Stage, number: int, request: Request) -> Shown:
-        """A view frame of what is wanted now, on top of those before, where these are still true.
+        """Render a view frame of the current request, accumulated on valid earlier ones.
 
         Raises
         ------
         IprtError
-            What is wanted cannot be rendered. The session is to be closed then.
+            The request cannot be rendered. The session must be closed then.
         AbandonedError
-            Nobody wants the picture any more; what it was made from is gone.
+            The picture is obsolete, and the renderer it was made with is closed.
         """
         begin = time.perf_counter()
         known = self._canvases[0] if self._canvases else None
         self._changing = None
         try:
             canvas = self._canvas(device, stage, request)
-            # Where only other buffers are asked for, nothing needs to be rendered.
+            # A request for other buffers alone needs no rendering.
             steps = 1 if canvas.rested < request.frames else 0
             if not self._compiling.built:
                 self._compiling.pause()  # else drivers compile at the first launch
@@ -170,13 +170,13 @@ class Session:
         )
 
     def _drop_changing(self) -> None:
-        """Close the canvas of an abandoned frame: its histories are half of that frame's."""
+        """Close the canvas of an abandoned frame, whose histories are half updated."""
         if self._changing is not None:
             self._canvases.remove(self._changing)
             self._changing.close()
 
     def _canvas(self, device: ComputeDevice, stage: Stage, request: Request) -> Canvas:
-        """One that shows what is wanted: one that was kept, if it can go there."""
+        """Return a canvas for the request: a kept one if it can follow, or a new one."""
         instances = stage.instances
         if request.objects is not None:
             instances = tuple(i for i in instances if i.name in request.objects)
@@ -188,7 +188,7 @@ class Session:
                 self._changing = canvas
                 canvas.follow(wanted)
                 return canvas
-        # Only what differs in size and settings may be wanted again.
+        # Keep only renderers that differ in size and settings, as only those may be needed again.
         for canvas in self._canvases[KEPT - 1 :]:
             canvas.close()
         del self._canvases[KEPT - 1 :]

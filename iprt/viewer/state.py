@@ -1,4 +1,4 @@
-"""Requests and answers of viewers: immutable, so that threads may share them."""
+"""Immutable requests and states of viewers, which threads may share."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from iprt.scene.edits import ObjectEdit
 from iprt.settings.model import Settings
 
 REST_FRAMES = 64
-"""View frames to which a picture at rest is refined, as `iprt render` does with stills."""
+"""Number of view frames to which a picture at rest is refined, as in `iprt render` for stills."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """The picture that one client asks for.
+    """A client's request for a picture.
 
     Attributes
     ----------
     view : View
-        Where it looks, in the world, and how large the picture is.
+        World-space view, with the size of the picture.
     objects : tuple of str or None
-        Names of the objects that it shows. None: all.
+        Names of the shown objects; None for all.
     settings : Settings or None
-        In place of the world's: to be quicker for a while, or to compare with.
+        Replaces the world's settings, for speed or for a comparison.
     aovs : tuple of str
-        Auxiliary pictures that come with the picture, of `iprt.aovs.AOVS`.
+        Auxiliary pictures to render too, from `iprt.aovs.AOVS`.
     geometry : bool
-        Whether `Shown.geometry` comes with it, to point at things.
+        Read back `Shown.geometry`, for picking.
     frames : int
-        View frames to which the picture is refined while nothing moves; at least 1.
+        View frames to which the picture is refined at rest; at least 1.
     """
 
     view: View
@@ -42,19 +42,19 @@ class Request:
 
 
 PlaybackMode = Literal["real time", "every frame"]
-"""Frames are shown when they are due, or each after the one before, however long that takes."""
+"""Frames are shown at their times, or one after another without dropping any."""
 
 
 @dataclass(frozen=True)
 class Playback:
-    """Which frame of the video is shown, and which ones follow when.
+    """The playback state of the video.
 
     Attributes
     ----------
     frame : int
-        Its number, as scene.toml counts.
+        Number of the first frame, as in scene.toml.
     since_s : float or None
-        When it was shown, by the engine's clock; later frames follow. None: it stays.
+        Time at which it was shown, by the engine's clock, if later frames follow; None when paused.
     mode : {"real time", "every frame"}
     loop : bool
         The first frame follows the last.
@@ -67,30 +67,31 @@ class Playback:
 
     @property
     def playing(self) -> bool:
+        """True while the video plays."""
         return self.since_s is not None
 
     def due(self, now_s: float, fps: float) -> int:
-        """Frames that should have followed `frame` by now, in real time."""
+        """Return the number of frames that should have followed `frame` by now, in real time."""
         return 0 if self.since_s is None else max(int((now_s - self.since_s) * fps), 0)
 
     def index(self, follower: int, frames: range) -> int:
-        """Number of the frame that comes so many after `frame`: the last one where they end."""
+        """Return the frame at an offset from `frame`, clamped to the last one or looped."""
         position = min(max(self.frame - frames[0], 0), len(frames) - 1) + follower
         return frames[position % len(frames) if self.loop else min(position, len(frames) - 1)]
 
 
 @dataclass(frozen=True)
 class World:
-    """The state that all clients share.
+    """The state shared by all clients.
 
     Attributes
     ----------
     settings : Settings
     playback : Playback
     edits : tuple of ObjectEdit
-        At most one of each object; how it differs from what the scene's files said first.
+        Differences from the scene's files as first read; at most one per object.
     saved : tuple of ObjectEdit
-        Those that the files have by now.
+        Edits that the files already contain.
     """
 
     settings: Settings
@@ -100,16 +101,16 @@ class World:
 
     @property
     def unsaved(self) -> tuple[str, ...]:
-        """Names of the objects that are not as the files have them."""
+        """Names of the objects that differ from the files."""
         changed = set(self.edits) ^ set(self.saved)
         return tuple(dict.fromkeys(e.name for e in (*self.edits, *self.saved) if e in changed))
 
     def edit_of(self, name: str) -> ObjectEdit:
-        """How the object of that name differs."""
+        """Return the edit of an object; an empty one by default."""
         return next((edit for edit in self.edits if edit.name == name), ObjectEdit(name))
 
     def edited(self, edit: ObjectEdit) -> World:
-        """With another edit of an object."""
+        """Return the world with another edit of an object."""
         if any(known.name == edit.name for known in self.edits):
             edits = tuple(edit if known.name == edit.name else known for known in self.edits)
         else:
@@ -122,19 +123,19 @@ Doing = Literal["loading", "compiling", "rendering", "waiting", "closed"]
 
 @dataclass(frozen=True)
 class Status:
-    """The engine's work, and its errors.
+    """The engine's activity and problems.
 
     Attributes
     ----------
     doing : {"loading", "compiling", "rendering", "waiting", "closed"}
     what : str
-        Which kernel is compiled, or what is loaded; empty otherwise.
+        Kernel in compilation, or thing being loaded; else empty.
     problems : tuple of str
-        A line each; gone once it is solved.
+        A line each, until solved.
     notes : tuple of str
-        News that are no problem, a line each; shown for a while.
+        Notes, a line each, shown for a while.
     built, to_build : int
-        Parts of the kernels that are compiled already, and all of them; 0 if none are.
+        Compiled parts of the kernels, and all parts; 0 outside compilation.
     """
 
     doing: Doing = "loading"
@@ -146,7 +147,7 @@ class Status:
 
     @property
     def text(self) -> str:
-        """The engine's work, in a few words."""
+        """Short description of the activity."""
         if self.doing == "compiling":
             return f"compiling {self.built} of {self.to_build}"
         if self.doing == "loading":

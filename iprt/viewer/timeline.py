@@ -1,4 +1,4 @@
-"""How long the last view frames of a client took, pass by pass."""
+"""Times of a client's last view frames by pass."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from iprt.viewer.session import Shown
 
 MOST_FRAMES = 200
 WHOLE = "frame"
-"""Name of all passes together."""
+"""Name of the sum of all passes."""
 
 
 @dataclass(frozen=True)
 class TimelineRow:
-    """A pass, over the frames that are kept.
+    """Statistics of a pass over the recorded frames.
 
     Attributes
     ----------
     name : str
     median_ms, p95_ms : float
-        Medians of passes do not add up to that of the whole frame.
+        Median and 95th percentile. Medians of passes do not add up to the frame's.
     share : float
-        Share of the time of all passes, in [0, 1].
+        Fraction of the time of all passes.
     """
 
     name: str
@@ -35,16 +35,16 @@ class TimelineRow:
 
 
 class Timeline:
-    """Keeps the passes of the last `MOST_FRAMES` view frames that were recorded.
+    """A record of the passes of the last `MOST_FRAMES` profiled view frames.
 
-    One that a frame lacks took no time in it.
+    A pass that a frame lacks counts as zero time.
     """
 
     def __init__(self) -> None:
         self._frames: deque[tuple[int, dict[str, float], float]] = deque(maxlen=MOST_FRAMES)
 
     def add(self, shown: Shown) -> bool:
-        """Take a picture's times; whether it has any, of another view frame than before."""
+        """Add a picture's times; return True if it has times of a new view frame."""
         if not shown.passes or (self._frames and self._frames[-1][0] == shown.step):
             return False
         times = {entry.name: entry.ms for entry in shown.passes}
@@ -53,23 +53,23 @@ class Timeline:
 
     @property
     def steps(self) -> NDArray[np.int64]:
-        """(N,) the view frames that are kept, by `Shown.step`, in order."""
+        """(N,) recorded view frames, by `Shown.step`, in order."""
         return np.array([step for step, _, _ in self._frames], np.int64)
 
     @property
     def wall_ms(self) -> NDArray[np.float64]:
-        """(N,) what the frames took from beginning to end, compiling included."""
+        """(N,) total times of the frames, including compilation."""
         return np.array([wall for _, _, wall in self._frames], np.float64)
 
     def series(self) -> dict[str, NDArray[np.float64]]:
-        """(N,) milliseconds by pass, in the order in which the passes first ran."""
+        """Return (N,) milliseconds by pass, in the order in which the passes first ran."""
         names = list(dict.fromkeys(name for _, times, _ in self._frames for name in times))
         values = [[times.get(name, 0.0) for name in names] for _, times, _ in self._frames]
         columns = np.array(values, np.float64).reshape(len(values), len(names)).T
         return dict(zip(names, columns, strict=True))
 
     def table(self) -> list[TimelineRow]:
-        """A row of the whole frame, and one per pass, the longest first; none before a frame."""
+        """Return a row for the frame and one per pass, longest first; none without frames."""
         series = self.series()
         if not series:
             return []

@@ -1,4 +1,4 @@
-"""The path-traced truth of the views that a window compares with."""
+"""Path-traced truths, for comparison with a window's view."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from iprt.viewer.session import Shown
 
 
 class Truth:
-    """Reads truths, and keeps the last one."""
+    """A reader of truths, with a cache of one."""
 
     def __init__(self) -> None:
         self._key: tuple[object, ...] = ()
         self._found: Target | str = ""
 
     def view(self, scene: Scene, name: str, window: View) -> View:
-        """The view to render to compare with a truth.
+        """Return the view to render for a comparison with a truth.
 
         Parameters
         ----------
         name : str
             Name of the view in the scene.
         window : View
-            What would be rendered otherwise: the truth is made as small as that, or smaller, by a
-            whole number where there is one that divides it.
+            The window's view. The truth is reduced to at most its size, by a whole number if one
+            divides the truth's size.
         """
         entry = scene.views.get(name)
         if entry is None or entry.truth is None:
@@ -44,7 +44,7 @@ class Truth:
         return window.resized(own.width, own.height)
 
     def picture(self, scene: Scene, name: str | None, shown: Shown) -> NDArray[np.float32] | str:
-        """Linear radiance (H, W, 3) as large as the picture that is shown; or why there is none."""
+        """Return linear radiance (H, W, 3) at the picture's size, or the reason for its lack."""
         view = shown.request.view
         key = (scene, name, shown.frame, view.width, view.height)
         if key != self._key:
@@ -53,7 +53,7 @@ class Truth:
 
 
 def truth_problem(scene: Scene, name: str | None, frame: int) -> str | None:
-    """Why there is no truth of a view in a frame of the video; None: there is one."""
+    """Return the reason why a view has no truth in a video frame, or None if it has one."""
     if name is None:
         return "only the scene's own views have a truth: go to one"
     entry = scene.views.get(name)

@@ -1,4 +1,4 @@
-"""State shared by the parts of one window, whatever draws them: viewport and selection."""
+"""State shared by the parts of one window, in both viewers: viewport and selection."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from iprt.viewer.viewport import Viewport
 
 
 class UiState(ABC):
-    """A viewport on an engine, and what is selected in it. For the interface's thread.
+    """A viewport on an engine with its selection, for use by the interface's thread.
 
     Attributes
     ----------
     engine : Engine
     viewport : Viewport
     selected : str or None
-        Name of an object, which may not be there yet.
+        Name of the selected object, which may still be loading.
     align : bool
-        Objects that are set on surfaces turn their +Y to the normal.
+        Align the +Y axis of placed objects with the surface normal.
     displayed : DisplayedFrame or None
-        What is shown.
+        The displayed picture.
     """
 
     viewport: Viewport
@@ -38,15 +38,15 @@ class UiState(ABC):
 
     @abstractmethod
     def say(self, text: str, *, bad: bool = False) -> None:
-        """Show a line to the user for a while; `bad`: that something did not work."""
+        """Show a line to the user for a while; `bad` marks a failure."""
 
     def go_to(self, name: str) -> None:
-        """Look as a view of the scene does."""
+        """Switch to a view of the scene."""
         self.viewport.go_to(name)
 
     @property
     def settings(self) -> Settings:
-        """The renderer's, of all windows."""
+        """The renderer's settings, shared by all windows."""
         return self.engine.world.settings
 
     @settings.setter
@@ -57,29 +57,29 @@ class UiState(ABC):
 
     @property
     def state(self) -> ObjectState | None:
-        """The selected object, as it is wanted."""
+        """The selected object with all edits."""
         return self.engine.wanted(self.selected)
 
     def paint(self, **part: Any) -> None:
-        """Change parts of the selected object's material."""
+        """Change attributes of the selected object's material."""
         state = self.state
         if state is not None:
             self.engine.paint(state.name, replace(state.materials[0], **part))
 
     def remove(self) -> None:
-        """Take the selected object away."""
+        """Remove the selected object."""
         if self.state is not None:
             self.engine.remove(self.state.name)
             self.say(f"{self.selected} removed; Ctrl+Z brings it back")
             self.selected = None
 
     def visible(self, name: str) -> bool:
-        """Whether this window shows an object."""
+        """Return True if this window shows an object."""
         shown = self.viewport.objects
         return shown is None or name in shown
 
     def show(self, name: str, on: bool) -> None:
-        """Show an object in this window, or hide it."""
+        """Show or hide an object in this window."""
         names = [state.name for state in self.engine.objects]
         shown = [other for other in names if (on if other == name else self.visible(other))]
         self.viewport.show_objects(None if shown == names else tuple(shown))
@@ -88,16 +88,18 @@ class UiState(ABC):
 
     @property
     def frames(self) -> range:
+        """Numbers of the video's frames."""
         return self.engine.scene.frame_indices
 
     @property
     def frame(self) -> int:
-        """The video frame that is wanted, or the one that is shown while the video plays."""
+        """The requested video frame, or the displayed one during playback."""
         playback, shown = self.engine.world.playback, self.displayed
         return playback.frame if not playback.playing or shown is None else shown.shown.frame
 
     @property
     def playing(self) -> bool:
+        """True while the video plays."""
         return self.engine.playing
 
     def toggle_playing(self) -> None:

@@ -1,4 +1,4 @@
-"""Which frame of the video there is to see, as the playback goes on."""
+"""The current frame of the video during playback."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from iprt.viewer.state import Playback, World
 
 
 class Video:
-    """Follows the playback of the world. All methods are called by one thread.
+    """A follower of the world's playback; all methods are called by one thread.
 
     Parameters
     ----------
     mailbox : Mailbox
     problems : dict of str to str
-        Messages by what they are about, here "video".
+        Messages by subject, here "video".
     clock : callable
-        Seconds.
+        Returns seconds.
 
     Attributes
     ----------
     frame : Frame or None
-        The one to show. None: there is none yet.
+        Frame to show, or None before the first.
     """
 
     def __init__(
@@ -35,39 +35,40 @@ class Video:
     ) -> None:
         self._mailbox, self._problems, self._clock = mailbox, problems, clock
         self._feed: Feed | None = None
-        self._fed: Loaded | None = None  # whose video that is
-        self._unreadable: Playback | None = None  # its frame cannot be read
-        self._given: Playback | None = None  # that the frame belongs to
+        self._fed: Loaded | None = None  # the scene of the feed
+        self._unreadable: Playback | None = None  # playback with an unreadable frame
+        self._given: Playback | None = None  # playback of the frame
         self.frame: Frame | None = None
 
     def close(self) -> None:
+        """Stop decoding."""
         if self._feed is not None:
             self._feed.close()
 
     def arrived(self, playback: Playback) -> bool:
-        """The frame that this asks for is there, or cannot be read."""
+        """Return True if the playback's frame has arrived or is unreadable."""
         assert self._feed is not None
         return self._feed.arrived or self._unreadable == playback
 
     def position(self, playback: Playback) -> int:
-        """Number of the frame that is to be seen; any thread may ask."""
+        """Return the frame to show; callable from any thread."""
         frame, given = self.frame, self._given
         return playback.frame if frame is None or given != playback else frame.index
 
     @property
     def next_due_s(self) -> float | None:
-        """When the frame that lies ready is due, by the clock; None: none does."""
+        """Time at which the ready frame is due, by the clock; None without one."""
         return None if self._feed is None else self._feed.next_due_s
 
     def follow(self, loaded: Loaded, world: World, *, shown: bool) -> None:
-        """Go on to the frame that is due.
+        """Advance to the frame that is due.
 
         Parameters
         ----------
         loaded : Loaded
         world : World
         shown : bool
-            Everybody sees the present one.
+            All clients see the current frame.
         """
         scene, playback = loaded.scene, world.playback
         feed = self._feed_of(loaded, world)
@@ -100,7 +101,7 @@ class Video:
         return feed
 
     def _stop_at_the_end(self, scene: Scene, playback: Playback, *, shown: bool) -> None:
-        """A video that has come to its end rests: its last frame is refined, at its best."""
+        """Pause at the end of the video, so that the last frame is refined at full quality."""
         if not playback.playing or playback.loop or self.frame is None:
             return
         frames = scene.frame_indices

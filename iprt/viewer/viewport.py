@@ -1,4 +1,4 @@
-"""One window on the scene: where it looks, through which lens, and what it shows."""
+"""A window on the scene: camera, lens and displayed picture."""
 
 from __future__ import annotations
 
@@ -34,34 +34,34 @@ from iprt.viewer.truth import truth_problem
 
 MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
 ZOOM_STEP = 0.9
-"""Factor on the field of view per step of a wheel."""
+"""Factor on the field of view per step of the wheel."""
 
 
 class Viewport:
-    """A window's camera and lens. One thread at a time may use it; nothing waits for the device.
+    """The camera and lens of a window, for use by one thread at a time.
 
-    Places in the picture are shares of its width and height, from its upper left corner.
+    Positions in the picture are fractions of its width and height, from the upper left corner.
 
     Parameters
     ----------
     engine : Engine
     view : View
-        Where it looks at first; its size is that of the window, in pixels.
+        Initial view; its size is the window's, in pixels.
     objects : tuple of str or None
-        Names of the objects that it shows. None: all.
+        Names of the shown objects; None for all.
     target_fps : float or None
         See the property.
     frames : int
         View frames to which a picture at rest is refined.
     clock : callable
-        Seconds.
+        Returns seconds.
 
     Attributes
     ----------
     view : View
-        Where it looks; of the window's size.
+        Current view, with the window's size.
     name : str or None
-        Name of the scene's view that it shows, until it is turned.
+        Name of the scene's view, until the user turns away.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Viewport:
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency: tuple[float, int] | None = None
-        # Each input: its number, when it came, and at which view frame.
+        # Number, time and view frame of each input.
         self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
         self._picking = Picking()
         self._frame_rate = FrameRate(clock)
@@ -93,7 +93,7 @@ class Viewport:
         self._baseline: Client | None = None
 
     def close(self) -> None:
-        """Look no more."""
+        """Disconnect from the engine."""
         self._client.close()
         if self._baseline is not None:
             self._baseline.close()
@@ -102,7 +102,7 @@ class Viewport:
     # Where it looks ---------------------------------------------------------------------------
 
     def turn(self, dx_px: float, dy_px: float) -> None:
-        """Drag what is seen by so many pixels of the window, right and down."""
+        """Drag the picture by pixels of the window, right and down."""
         view = self.view
         if view.projection == "equirect":
             return
@@ -112,14 +112,14 @@ class Viewport:
         self.look(replace(view, yaw_deg=yaw, pitch_deg=pitch))
 
     def zoom(self, steps: float) -> None:
-        """Narrow the field of view by steps of a wheel; widen it by negative ones."""
+        """Narrow the field of view by steps of the wheel, or widen it by negative ones."""
         if self.view.projection == "equirect":
             return
         wanted = self.view.fov_y_deg * ZOOM_STEP**steps
         self.look(replace(self.view, fov_y_deg=min(max(wanted, MIN_FOV_DEG), MAX_FOV_DEG)))
 
     def look(self, view: View) -> None:
-        """Look elsewhere; the window keeps its size."""
+        """Change the view, at the window's size."""
         view = view.resized(self.view.width, self.view.height)
         if view != self.view:
             self.view, self.name = view, None
@@ -127,7 +127,7 @@ class Viewport:
             self._input()
 
     def resize(self, width: int, height: int) -> None:
-        """Follow the window's size, in pixels; 0 counts as 1."""
+        """Resize to the window's size, in pixels; 0 counts as 1."""
         view = _fitted(self.view, max(width, 1), max(height, 1))
         if view != self.view:
             self.view = view
@@ -135,7 +135,7 @@ class Viewport:
             self._input()
 
     def go_to(self, name: str) -> None:
-        """Look as a view of the scene does, at the frame that is shown, and show its objects."""
+        """Switch to a view of the scene and its objects, at the displayed video frame."""
         scene = self._engine.scene
         entry = scene.views[name]
         frame = self._client.shown.frame if self._client.shown else scene.frame_indices[0]
@@ -146,7 +146,7 @@ class Viewport:
         self._input()
 
     def _name_of(self, view: View, objects: tuple[str, ...] | None) -> str | None:
-        """Name of the scene's view that looks so; of several, the one that shows these objects."""
+        """Return the scene's view with this direction, preferably with the same objects."""
         views = self._engine.scene.views.values()
         found = [entry for entry in views if entry.view.resized(view.width, view.height) == view]
         return min(found, key=lambda entry: entry.objects != objects).name if found else None
@@ -155,6 +155,7 @@ class Viewport:
 
     @property
     def lens(self) -> Lens:
+        """Display settings of the window."""
         return self._lens
 
     @lens.setter
@@ -165,8 +166,7 @@ class Viewport:
 
     @property
     def target_fps(self) -> float | None:
-        """Frames per second to hold in motion, with less resolution and cheaper settings if needed;
-        None: nothing is given up. At rest nothing is ever."""
+        """Frames per second to hold during motion, at reduced quality; None keeps it full."""
         return self._motion.target_fps
 
     @target_fps.setter
@@ -174,29 +174,29 @@ class Viewport:
         self._motion.target_fps = target_fps
 
     def show_objects(self, names: tuple[str, ...] | None) -> None:
-        """Show these objects only; None: all."""
+        """Show these objects only; None for all."""
         if names != self._objects:
             self._objects = names
             self._input()
 
     @property
     def objects(self) -> tuple[str, ...] | None:
-        """Names of the objects that are shown, those that were added included; None: all."""
+        """Names of the shown objects, including added ones; None for all."""
         return self._objects
 
     def _show_added(self) -> None:
-        """Show what was added, whoever did it, also when it is saved and no edit any more."""
+        """Show objects added by any client, even after they are saved."""
         if self._objects is not None:
             added = [edit.name for edit in self._engine.world.edits if edit.path is not None]
             self._objects += tuple(name for name in added if name not in self._objects)
 
     def _input(self) -> None:
-        """Ask for what is wanted now, and take the time until it is there."""
+        """Send the current request, and start measuring its latency."""
         step = self._client.shown.step if self._client.shown else 0
         self._asked.append((self._ask(), self._time(), step))
 
     def _follow(self) -> None:
-        """Ask for what others have changed, and for more or less as it moves or rests."""
+        """Send a new request after changes by others, and between motion and rest."""
         if self._engine.world.edits is not self._edits:
             self._edits = self._engine.world.edits
             self._show_added()
@@ -222,7 +222,7 @@ class Viewport:
 
     def _request(self) -> Request:
         lens, world = self._lens, self._engine.world
-        # Who wants to see every frame wants to see all of it.
+        # In "every frame" mode, each frame has full quality.
         playing = world.playback.playing and world.playback.mode == "real time"
         level = self._motion.level(world.settings, playing=playing)
         view = self.view
@@ -237,10 +237,10 @@ class Viewport:
         settings = None if level is None else level.settings
         return Request(view, self.objects, settings, tuple(aovs), frames=self._frames)
 
-    # What it shows ----------------------------------------------------------------------------
+    # The picture ------------------------------------------------------------------------------
 
     def poll(self) -> DisplayedFrame | None:
-        """The newest picture, the same object as before if nothing is new; None: none yet."""
+        """Return the newest picture, the same object if nothing is new; None before the first."""
         shown = self._client.shown
         if shown is not None and (self._displayed is None or shown is not self._displayed.shown):
             self._motion.observe(shown)
@@ -275,7 +275,7 @@ class Viewport:
 
     @property
     def counter(self) -> FrameCounter | None:
-        """Where the video is; None: there is but one frame."""
+        """The position in the video; None for a single frame."""
         scene, playback = self._engine.scene, self._engine.world.playback
         frames, shown = scene.frame_indices, self._client.shown
         if len(frames) == 1:
@@ -286,7 +286,7 @@ class Viewport:
 
     @property
     def truth_problem(self) -> str | None:
-        """Why there is nothing to compare with the truth here; None: there is."""
+        """Reason why no truth is available here; None if one is."""
         shown, scene = self._client.shown, self._engine.scene
         frame = scene.frame_indices[0] if shown is None else shown.frame
         return truth_problem(scene, self.name, frame)
@@ -296,25 +296,25 @@ class Viewport:
             _, asked_s, step = self._asked.popleft()
             self._latency = self._time() - asked_s, shown.step - step
 
-    # What is at a place -----------------------------------------------------------------------
+    # Positions in the picture -----------------------------------------------------------------
 
     def readout(self, x: float, y: float) -> Readout | None:
-        """The last picture's pixel at a place; None: there is no picture, or it is outside."""
+        """Return the values of the pixel at a position; None without a picture or outside of it."""
         return self._picking.readout(
             x, y, None if self._displayed is None else self._displayed.buffer
         )
 
     def object_at(self, x: float, y: float) -> str | None:
-        """Name of the object that is seen at a place."""
+        """Return the name of the visible object at a position, or None."""
         return self._picking.object_at(x, y)
 
     def drop(self, name: str, x: float, y: float, *, upright: bool) -> bool:
-        """Set an object on the real surface at a place; whether there is one.
+        """Place an object on the real surface at a position; return True if there is one.
 
         Parameters
         ----------
         upright : bool
-            It keeps its rotation; or else its own +Y is turned to the surface's normal.
+            Keep the object's rotation. Otherwise align its +Y axis with the surface normal.
         """
         state = self._engine.wanted(name)
         if state is None:
@@ -329,7 +329,7 @@ class Viewport:
         return True
 
     def aim(self, x: float, y: float) -> tuple[float, float]:
-        """Yaw and pitch in degrees of a place, in the axes of the capture centre (`Engine.add`)."""
+        """Return yaw and pitch in degrees at a position, in capture-centre axes (`Engine.add`)."""
         shown = self._client.shown
         view = self.view if shown is None else shown.request.view
         pose = None if shown is None else shown.pose
@@ -340,26 +340,26 @@ class Viewport:
     # Files ------------------------------------------------------------------------------------
 
     def save(self, done: Callable[[str | None], object] = lambda _: None) -> None:
-        """Write the scene's file, and keep what is seen here as a view (`Engine.save`)."""
+        """Write the scene's file, with this window's view (`Engine.save`)."""
         everything = self._objects is None or {state.name for state in self._engine.objects} <= set(
             self._objects
         )
         self._engine.save(done, Look(self.view, None if everything else self._objects))
 
     def screenshot(self, suffix: str, folder: Path | None = None) -> Path:
-        """Write what is seen to a PNG file, or the linear picture and its buffer to an EXR file.
+        """Write the displayed pixels to PNG, or the linear picture and its buffer to EXR.
 
         Parameters
         ----------
         suffix : str
             `.png` or `.exr`.
         folder : Path or None
-            None: `iprt.viewer.screenshots.default_folder()`.
+            None for `iprt.viewer.screenshots.default_folder()`.
 
         Returns
         -------
         Path
-            Path of the new file, absolute.
+            Absolute path of the new file.
 
         Raises
         ------
@@ -391,7 +391,7 @@ class Viewport:
 
 
 def _fitted(view: View, width: int, height: int) -> View:
-    """As large as a window lets it be: a whole panorama is twice as wide as high."""
+    """Return the view at a window's size; a whole panorama keeps its ratio of 2:1."""
     if view.projection == "equirect":
         width = min(width, 2 * height)
         height = max(width // 2, 1)

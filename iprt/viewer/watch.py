@@ -1,4 +1,4 @@
-"""Which files a scene is made of, and whether they were written again."""
+"""Detection of changes to a scene's files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, Manifest, read_manifest
 
 MOST_FRAMES = 64
-"""Frames of a video of pictures that are watched, from the first on."""
+"""Number of first frames to watch in a video of pictures."""
 
 State = tuple[int, int, int] | None
-"""Time, size and number of a file; None: there is none."""
+"""Time, size and inode of a file; None for a missing file."""
 Stamp = tuple[tuple[Path, State], ...]
-"""States of the files that frames are made of."""
+"""States of the files of the frames."""
 
 
 class Watch:
-    """Tells when files of a scene were written again.
+    """A detector of changes to a scene's files.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ class Watch:
         self._references: dict[Path, frozenset[Path]] = {}
 
     def look(self) -> Stamp:
-        """Take note of the files that the manifest names now, before they are read."""
+        """Record the states of the files that the manifest names, before they are read."""
         path = self._root / MANIFEST_NAME
         before = _state(path)
         try:
             manifest = read_manifest(path)
         except IprtError:
-            # Those that it named before are still shown.
+            # The previously named files are still shown.
             self._seen = {**{file: _state(file) for file in self._seen}, path: before}
             return ()
         frames = _frame_files(self._root, manifest)
@@ -52,8 +52,9 @@ class Watch:
         return stamp
 
     def changed(self) -> bool:
-        """Since `look` or the last call. That a file is gone, as editors have it for a moment, does
-        not count.
+        """Return True if a file was written since `look` or the last call.
+
+        A missing file does not count, because editors remove files for a moment while saving.
         """
         now = {file: _state(file) for file in self._seen}
         written = [file for file in now if now[file] not in (None, self._seen[file])]
@@ -61,7 +62,7 @@ class Watch:
         return bool(written)
 
     def _object_files(self, manifest: Manifest) -> set[Path]:
-        """Meshes, what these refer to, and textures."""
+        """Return meshes, the files that they refer to, and textures."""
         files = set()
         for table in manifest.objects:
             mesh = self._root / table.mesh
@@ -72,7 +73,7 @@ class Watch:
         return files
 
     def _referred(self, mesh: Path) -> Iterable[Path]:
-        """Files that a mesh refers to; while they are damaged, those that it did before."""
+        """Return the files that a mesh refers to; for a damaged mesh, the last known ones."""
         if mesh.suffix.lower() in (".obj", ".gltf"):
             with suppress(IprtError):
                 referred = MeshFile(mesh).references.values()
@@ -81,7 +82,7 @@ class Watch:
 
 
 def _frame_files(root: Path, manifest: Manifest) -> set[Path]:
-    """Pictures or video files, poses, and the masks of glossy surfaces."""
+    """Return pictures or video files, poses, and the masks of glossy surfaces."""
     video = manifest.video
     first, last = video.frames or (0, 0)
     indices = range(first, min(last, first + MOST_FRAMES - 1) + 1)

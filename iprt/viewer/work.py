@@ -1,4 +1,4 @@
-"""The picture under way, and whether anybody still wants it."""
+"""The picture under way, and detection of obsolete ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iprt.viewer.mailbox import Asked, Wanted
 from iprt.viewer.state import Request, World
 
 ABANDON_S = 0.25
-"""A picture under way for less is finished, whatever is wanted."""
+"""Seconds below which a picture under way is always finished."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +21,12 @@ class Work:
     Attributes
     ----------
     client : int
-        For whom.
+        Client that it is rendered for.
     stage : Stage
     asked : Asked
     world : World
     begin_s : float
-        By `time.perf_counter`.
+        Start time by `time.perf_counter`.
     """
 
     client: int
@@ -36,17 +36,18 @@ class Work:
     begin_s: float
 
     def unwanted(self, wanted: Wanted, abandoned: int) -> bool:
-        """Its renderer cannot go on to what is wanted now, and it takes long.
+        """Return True if the picture is obsolete and has taken long.
 
-        One that only has to turn, or to follow a video or an object, is finished: or else who
-        drags the camera would see nothing.
+        It is obsolete if its renderer cannot follow to the current request. A renderer that only
+        has to turn, or to follow a video or an object, finishes its picture. Otherwise the user
+        would see nothing during a drag of the camera.
 
         Parameters
         ----------
         wanted : Wanted
         abandoned : int
-            Pictures before this one, none of which was finished. Each gets twice the time of the
-            one before, so that one is finished while a slider is dragged.
+            Number of consecutive abandoned pictures before this one. Each gets twice the time of
+            the one before, so that one is finished during the drag of a slider.
         """
         if time.perf_counter() - self.begin_s < ABANDON_S * 2**abandoned:
             return False
@@ -59,7 +60,7 @@ class Work:
 
 
 def _needs(world: World, request: Request) -> tuple[object, ...]:
-    """Everything that requires another renderer when it changes."""
+    """Return the values that require another renderer when they change."""
     view = request.view
     made = [(edit.material, edit.removed, edit.path) for edit in world.edits]
     return (

@@ -57,7 +57,7 @@ def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> No
         ("Tr 0.5", "transparency"),
         ("map_d t.png", "transparency"),
         ("map_Ka t.png", "texture map_ka"),
-        ("Tf 1 0 0", "a filter of what shines through (Tf)"),
+        ("Tf 1 0 0", "a transmission filter (Tf)"),
         ("Pc 0.5", "'pc' of its materials"),
         ("map_Pr r.png", "texture map_pr"),
         ("norm n.png", "texture norm"),

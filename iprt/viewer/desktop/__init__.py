@@ -1,4 +1,4 @@
-"""The viewer in a window of the desktop: `run`."""
+"""The viewer in a desktop window: `run`."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ def run(
     frames: int = REST_FRAMES,
     target_fps: float | None = None,
 ) -> None:
-    """Show a scene in a window, until the user closes it.
+    """Show a scene in a window until the user closes it.
 
     Parameters
     ----------
     engine : Engine
-        Stays open.
+        It stays open afterwards.
     view : View
-        Where to look at first; its size is that of the window.
+        Initial view; its size is the window's.
     objects : tuple of str or None
-        Names of the objects to show at first. None: all.
+        Names of the initially shown objects; None for all.
     folder : Path or None
-        Where screenshots go, and where one looks for meshes first. None: the user's pictures, and
-        the current folder.
+        Folder of screenshots, and initial folder of the mesh browser. None means the user's
+        pictures and the current folder.
     frames : int
         View frames to which a picture at rest is refined.
     target_fps : float or None
-        Frames per second to hold while something moves (`Viewport.target_fps`), to begin with.
+        Initial frame rate to hold during motion (`Viewport.target_fps`).
 
     Raises
     ------
     IprtError
-        What the window needs is not installed; or there is no display.
+        The window's packages are not installed, or there is no display.
     """
     require_window()
     from iprt.viewer.desktop.app import App

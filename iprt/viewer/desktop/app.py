@@ -1,4 +1,4 @@
-"""The desktop viewer: its window's frames, one after another."""
+"""The desktop viewer and its frame loop."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from iprt.viewer.screenshots import default_folder
 from iprt.viewer.viewport import Viewport
 
 PANEL_WIDTH = 360.0
-"""At the right, in units of 1/96 inch, as all that is drawn."""
+"""Width of the panel on the right, in units of 1/96 inch like all drawing."""
 SETTLING = 2
-"""Frames until windows have the size of new words in them."""
+"""Frames until windows have adapted to the size of new texts."""
 BUSY_S, IDLE_S = 0.01, 0.1
-"""Longest waits for events, while the engine works on a picture and while it rests."""
+"""Longest waits for events in seconds, while the engine works and while it rests."""
 
 _PANEL = (
     imgui.WindowFlags_.no_decoration
@@ -41,18 +41,18 @@ _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
 
 
 class App:
-    """The viewer in its window. It never waits for the device.
+    """The viewer in its window, which never waits for the device.
 
     Parameters
     ----------
     engine : Engine
     view : View
-        Where it looks at first. Its size is that of the window, in units of the screen.
+        Initial view; its size is the window's, in screen units.
     objects : tuple of str or None
-        Names of the objects that it shows at first. None: all.
+        Names of the initially shown objects; None for all.
     folder : Path or None
-        Where screenshots go, and where one looks for meshes first. None: the user's pictures
-        (`default_folder`), and the current folder.
+        Folder of screenshots, and initial folder of the mesh browser. None means the user's
+        pictures (`default_folder`) and the current folder.
     frames : int
         View frames to which a picture at rest is refined.
 
@@ -83,25 +83,25 @@ class App:
         self._discarding = False
 
     def close(self) -> None:
-        """Take the window off the screen; the engine stays."""
+        """Close the window; the engine stays open."""
         self.ui.viewport.close()
         self.window.close()
 
     @property
     def closed(self) -> bool:
-        """The user has closed the window, and does not miss any edits."""
+        """True if the user closed the window and has no unsaved edits, or discards them."""
         if self.window.closing and self.ui.unsaved and not self._discarding:
             self.window.closing = False
             self.ui.leaving = True
         return self.window.closing
 
     def run(self) -> None:
-        """Until the window is closed."""
+        """Run until the window is closed."""
         while not self.closed:
             self.step()
 
     def step(self) -> None:
-        """Wait shortly for something new, and draw it."""
+        """Wait briefly for events or a new picture, and draw."""
         ui, status = self.ui, self._engine.status
         busy = status.doing != "waiting" or ui.playing
         stirred = self.window.wait(BUSY_S if busy else IDLE_S)
@@ -113,7 +113,7 @@ class App:
         ui.report_saved()
         if ui.closing and not ui.unsaved:
             self.window.closing, ui.closing = True, False
-        # The view too: drags change it while the window is drawn, too late for what is below.
+        # The view counts too: drags change it during drawing, too late for the parts above.
         new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view)
         if new != self._drawn:
             self._drawn, self._unsettled = new, SETTLING

@@ -1,4 +1,4 @@
-"""The bars at the bottom: the video's, and the status line of the picture."""
+"""The bars at the bottom: video playback, and the status line of the picture."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ MODES = list(PLAYBACK)
 
 HELP = "H: keys"
 SHORTEST_EM = 6.0
-"""Least width of the video's slider. The frame's number stands beside it."""
+"""Least width of the video's slider. The frame's number is beside it."""
 NARROW_EM = 28.0
-"""A window that is no wider has only the slider and the buttons beside it."""
+"""Width up to which a window shows only the slider and its buttons."""
 COUNTER = "9999 of 9999, 99.9 of 99.9 fps"
-"""The widest text of it: the slider keeps its length while the video plays."""
+"""Widest text of the counter: the slider keeps its length while the video plays."""
 STATE_EM = 10.0
-"""Least width of what the engine does."""
+"""Least width of the engine's state."""
 
 
 def playback(ui: DesktopState) -> None:
-    """Play, pause, step, scrub; how to play."""
+    """Draw play, pause, step, scrub and the playback mode."""
     engine, frames, counter = ui.engine, ui.frames, ui.viewport.counter
     em = imgui.get_font_size()
     wide = 2.4 * em
@@ -67,9 +67,9 @@ def _playback_mode(ui: DesktopState) -> None:
 
 
 def status(ui: DesktopState) -> None:
-    """One line: what the engine does, how fast, how large and how good the picture is.
+    """Draw the status line: the engine's state, speed, and size and quality of the picture.
 
-    What there is no room for is left out. Each has its place, so that none moves as others change.
+    Entries without room are left out. Each has a fixed place, so that none moves as others change.
     """
     state, color = _activity(ui)
     em, start = imgui.get_font_size(), imgui.get_cursor_pos().x
@@ -100,7 +100,7 @@ def _activity(ui: DesktopState) -> tuple[str, Color]:
 
 
 def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
-    """Figures of the picture: the width of the place in em, the text, and its meaning."""
+    """Return figures of the picture: width of the place in em, text, and meaning."""
     displayed = ui.displayed
     if displayed is None or displayed.shown.plain:
         return []
@@ -114,7 +114,7 @@ def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
         (
             8.0,
             f"{shown.frames} of {shown.request.frames} frames",
-            "The picture is the mean of so many frames that were rendered of it",
+            "The picture is the mean of this many rendered frames",
         ),
         (6.5, noise, "Estimated noise of the picture as displayed, of white"),
         (5.0, speed, "Pictures per second while something moves"),

@@ -1,4 +1,4 @@
-"""Windows over all others: the browser of mesh files, the list of keys, the question at the end."""
+"""Dialogs: the mesh browser, the list of keys, and the question about unsaved edits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FIXED = (
 
 
 def draw_help(ui: DesktopState) -> None:
-    """Help on keys and mouse."""
+    """Draw the help on keys and mouse."""
     if not ui.help:
         return
     _centre()
@@ -40,7 +40,7 @@ def draw_help(ui: DesktopState) -> None:
 
 
 def draw_leaving(ui: DesktopState) -> bool:
-    """Ask whether to save before the window closes; whether it may close now."""
+    """Ask whether to save before the window closes; return True if it may close now."""
     if not ui.leaving:
         return False
     _centre()
@@ -69,12 +69,14 @@ def _centre() -> None:
 
 
 class MeshBrowser:
-    """A list of folders and mesh files: it needs no helper of the desktop's, near or far.
+    """A browser of folders and mesh files, drawn by the viewer itself.
+
+    It needs no file dialog of the desktop, locally or over a network.
 
     Parameters
     ----------
     folder : Path
-        Where to begin.
+        Initial folder.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -83,7 +85,7 @@ class MeshBrowser:
         self._open = False
 
     def draw(self, ui: DesktopState) -> None:
-        """While `ui.browsing`."""
+        """Draw the browser while `ui.browsing`."""
         if not ui.browsing:
             self._open = False
             return
@@ -104,11 +106,11 @@ class MeshBrowser:
                 ui.cursor = None
                 ui.add([chosen])
         imgui.end()
-        if imgui.is_key_pressed(imgui.Key.escape):  # also while a path is typed
+        if imgui.is_key_pressed(imgui.Key.escape):  # also during text input
             ui.browsing = False
 
     def _path(self) -> Path | None:
-        """The line for a path; a file that was typed."""
+        """Draw the text field for a path; return the file that was entered."""
         imgui.set_next_item_width(-1.0)
         if not self._open:
             imgui.set_keyboard_focus_here()
@@ -125,7 +127,7 @@ class MeshBrowser:
         return path
 
     def _list(self) -> Path | None:
-        """Folders and meshes; a file that was clicked."""
+        """Draw folders and meshes; return the file that was clicked."""
         if imgui.selectable(f"{icons.ICON_FA_FOLDER_OPEN}  ..", False)[0]:
             self._go_to(self._folder.parent)
         try:

@@ -1,4 +1,4 @@
-"""The gizmo that moves, turns and scales an object, over the picture."""
+"""The gizmo over the picture, which moves, rotates and scales an object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GIZMO = imguizmo.im_guizmo
 Matrix = NDArray[np.float64]
 Mode = Literal["move", "turn", "scale"]
 Rectangle = tuple[float, float, float, float]
-"""Left, top, width and height on the screen."""
+"""A rectangle on the screen: left, top, width and height."""
 NEAR_M, FAR_M = 0.01, 1000.0
 
 _OPERATIONS = {
@@ -30,7 +30,7 @@ _SPACES = {
 
 
 def camera_matrix(view: View, pose: Matrix | None) -> Matrix:
-    """(4, 4) transform from the world to view space, of a view at a capture centre of this pose."""
+    """Return the (4, 4) transform from the world to view space, at a capture centre's pose."""
     matrix = np.eye(4)
     matrix[:3, :3] = view.world_from_view.T
     if pose is not None:
@@ -39,7 +39,7 @@ def camera_matrix(view: View, pose: Matrix | None) -> Matrix:
 
 
 def projection_matrix(view: View) -> Matrix:
-    """(4, 4) OpenGL projection of a perspective view."""
+    """Return the (4, 4) OpenGL projection of a perspective view."""
     up = 1.0 / np.tan(0.5 * np.deg2rad(view.fov_y_deg))
     depth = NEAR_M - FAR_M
     return np.array(
@@ -55,12 +55,12 @@ def projection_matrix(view: View) -> Matrix:
 def manipulate(
     rectangle: Rectangle, view: View, pose: Matrix | None, to_world: Matrix, mode: Mode
 ) -> Matrix | None:
-    """Draw the gizmo of an object in the present window; where a drag of it puts the object.
+    """Draw the gizmo of an object in the current window; return the object's new transform.
 
     Parameters
     ----------
     rectangle : (left, top, width, height)
-        Where the picture is on the screen.
+        The picture on the screen.
     view : View
     pose : (4, 4) float64 or None
         Pose of the capture centre.
@@ -70,7 +70,7 @@ def manipulate(
     Returns
     -------
     (4, 4) float64 or None
-        None: it stays.
+        None if the gizmo is not dragged.
     """
     GIZMO.set_orthographic(False)
     GIZMO.allow_axis_flip(False)
@@ -91,7 +91,7 @@ def manipulate(
 
 
 def slides() -> bool:
-    """The drag is that of the centre, which goes anywhere."""
+    """Return True if the gizmo's centre is dragged, which moves freely in the picture."""
     return bool(GIZMO.get_active_handle_type() == GIZMO.MOVETYPE.mt_move_screen)
 
 

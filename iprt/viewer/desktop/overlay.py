@@ -18,7 +18,7 @@ from iprt.viewer.desktop.widgets import toggle, tooltip
 from iprt.viewer.labels import PARTS
 
 Box = tuple[float, float, float, float]
-"""Left, top, right and bottom on the screen."""
+"""A box on the screen: left, top, right and bottom."""
 MARGIN = 10.0
 CAPTION_EM = 34.0
 """Largest width of captions."""
@@ -43,7 +43,7 @@ _EDGES = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b).bit_count() ==
 def floating(
     name: str, x: float, y: float, *, pivot: tuple[float, float] = (0.0, 0.0), inert: bool = False
 ) -> Iterator[None]:
-    """A small window over the picture, `pivot` of which, as shares of its size, is at a point."""
+    """Open a small window over the picture; `pivot` is its point at (x, y), as fractions."""
     imgui.set_next_window_pos(imgui.ImVec2(x, y), imgui.Cond_.always, imgui.ImVec2(*pivot))
     imgui.set_next_window_bg_alpha(0.8)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 5.0)
@@ -55,7 +55,7 @@ def floating(
 
 
 def toolbar(ui: DesktopState, rectangle: Rectangle) -> None:
-    """How the gizmo works, while an object is selected."""
+    """Draw the gizmo's modes while an object is selected."""
     if ui.state is None:
         return
     left, top, _, _ = rectangle
@@ -70,12 +70,12 @@ def toolbar(ui: DesktopState, rectangle: Rectangle) -> None:
 
 
 def toolbar_width() -> float:
-    """At most."""
+    """Return the largest width of the toolbar."""
     return 4.0 * (2.0 * imgui.get_frame_height() + imgui.get_style().item_spacing.x) + 2.0 * MARGIN
 
 
 def split_bar(ui: DesktopState, rectangle: Rectangle, *, lit: bool) -> None:
-    """The line between the picture and what it is compared with."""
+    """Draw the line between the two compared pictures."""
     lens = ui.viewport.lens
     if lens.against is None or lens.error:
         return
@@ -91,7 +91,7 @@ def split_bar(ui: DesktopState, rectangle: Rectangle, *, lit: bool) -> None:
 
 
 def caption(ui: DesktopState, rectangle: Rectangle) -> None:
-    """In the upper right corner: what is shown if not the picture, and what misleads in it."""
+    """Draw the caption and warnings of the picture in the upper right corner."""
     displayed = ui.displayed
     words = [] if displayed is None else [(displayed.caption, TEXT), (displayed.warning, ACCENT)]
     words = [(text, color) for text, color in words if text]
@@ -113,7 +113,7 @@ def caption(ui: DesktopState, rectangle: Rectangle) -> None:
 
 
 def activity(ui: DesktopState, rectangle: Rectangle) -> None:
-    """At the bottom: what is compiled or loaded, what went wrong, what was just done."""
+    """Draw compilation, loading, problems and notices at the bottom."""
     status, notice, preview = ui.engine.status, ui.notice, None
     lines = [(text, BAD) for text in status.problems] + [(text, TEXT) for text in status.notes]
     if notice is not None:
@@ -133,22 +133,22 @@ def activity(ui: DesktopState, rectangle: Rectangle) -> None:
             imgui.text_unformatted(text)
             imgui.pop_style_color()
         imgui.pop_text_wrap_pos()
-        # The window lets the mouse through, which drags the picture there too.
+        # Mouse input passes through the window, so that the picture can be dragged there too.
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     if preview is not None and imgui.is_mouse_hovering_rect(low, high, False):
         tooltip(preview.details)
 
 
 def readout(ui: DesktopState, rectangle: Rectangle, object_box: Box | None) -> None:
-    """The values of the pixel at the mouse, in a corner where they hide nothing of interest.
+    """Draw the values of the pixel at the mouse, in the corner that covers the least of interest.
 
     Parameters
     ----------
     ui : DesktopState
     rectangle : (left, top, width, height)
-        Where the picture is on the screen.
+        The picture on the screen.
     object_box : (left, top, right, bottom) or None
-        What is seen of the selected object.
+        Visible box of the selected object.
     """
     if not ui.readout or ui.cursor is None:
         return
@@ -174,15 +174,14 @@ def readout(ui: DesktopState, rectangle: Rectangle, object_box: Box | None) -> N
 def free_corner(
     rectangle: Rectangle, size: tuple[float, float], avoid: Sequence[Box]
 ) -> tuple[float, float, tuple[float, float]]:
-    """A corner of the picture for a window of that size: the one that hides the smallest part of
-    what to avoid.
+    """Return the corner of the picture where a window of this size covers the least of `avoid`.
 
-    The lower right one if it is as good as others. Upper ones leave room for tools and captions.
+    The lower right corner wins ties. Upper corners leave room for tools and captions.
 
     Returns
     -------
     (x, y, pivot)
-        As `floating` takes them.
+        Arguments of `floating`.
     """
     left, top, width, height = rectangle
     upper = top + imgui.get_frame_height() + 4.0 * MARGIN
@@ -197,7 +196,7 @@ def free_corner(
 
 
 def _overlap(one: Box, other: Box) -> float:
-    """Area that two boxes share."""
+    """Return the area of the intersection of two boxes."""
     wide = min(one[2], other[2]) - max(one[0], other[0])
     high = min(one[3], other[3]) - max(one[1], other[1])
     return max(wide, 0.0) * max(high, 0.0)
@@ -206,7 +205,7 @@ def _overlap(one: Box, other: Box) -> float:
 def edges(
     to_world: Matrix, corners: tuple[Matrix, Matrix], view: View, pose: Matrix | None
 ) -> list[tuple[Matrix, Matrix]]:
-    """Both ends, in pixels of the view, of an object's bounding box's edges before the camera."""
+    """Return both ends, in view pixels, of a bounding box's edges in front of the camera."""
     low, high = corners
     points = (low + _CORNERS * (high - low)) @ to_world[:3, :3].T + to_world[:3, 3]
     camera = camera_matrix(view, pose)
@@ -226,7 +225,7 @@ def box(
     *,
     lit: bool,
 ) -> Box | None:
-    """Draw the edges of an object's bounding box; what they take up on the screen."""
+    """Draw the edges of an object's bounding box; return their extent on the screen."""
     left, top, width, height = rectangle
     scale = np.array([width / view.width, height / view.height])
     draw, color = imgui.get_window_draw_list(), packed(ACCENT, 0.9 if lit else 0.45)

@@ -1,4 +1,4 @@
-"""The panel of the picture: the lens that it is seen through, comparisons, screenshots."""
+"""The panel of the picture: lens, comparisons, screenshots."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from iprt.viewer.labels import PARTS
 
 
 def draw(ui: DesktopState) -> None:
-    """The whole panel."""
+    """Draw the panel."""
     heading("Picture")
     for field in lens_fields(ui):
         draw_field(ui, field)
     heading("Values")
-    label("At the mouse", "What a pixel holds, in a corner of the picture (I).")
+    label("At the mouse", "Values of the pixel, in a corner of the picture (I).")
     ui.readout = imgui.checkbox("##readout", ui.readout)[1]
     heading(PARTS["screenshot"].name)
     about = PARTS["screenshot"].about

@@ -1,4 +1,4 @@
-"""The picture, and what the mouse does in it."""
+"""The picture in the window, and mouse input on it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from iprt.viewer.objects import ObjectState
 
 Gesture = Literal["press", "look", "slide", "split", "gizmo"]
 CLICK_PX = 4.0
-"""A press that moves no further is a click."""
+"""Movement of a press in pixels up to which it counts as a click."""
 SPLIT_PX = 6.0
-"""So near the bar that divides the picture can be taken hold of."""
+"""Distance in pixels within which the dividing bar can be grabbed."""
 MISFIT = 0.02
-"""A picture whose sides differ from the view's by more is shown with margins."""
+"""Relative difference in aspect ratio above which a picture is shown with margins."""
 _BARE = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.no_move
@@ -39,21 +39,21 @@ class PictureView:
     Attributes
     ----------
     rectangle : (left, top, width, height)
-        Where the picture is in the window.
+        The picture in the window.
     gesture : str or None
-        What the mouse is doing in it.
+        Current mouse gesture.
     """
 
     def __init__(self, ui: DesktopState, window: Window) -> None:
         self._ui, self._window = ui, window
         self.rectangle: Rectangle = (0.0, 0.0, 0.0, 0.0)
         self.gesture: Gesture | None = None
-        self._turn: Matrix | None = None  # from what is seen to the picture, where it was rendered
-        self._object: str | None = None  # that was pressed
-        self._offset = np.zeros(2)  # from the mouse to the foot of what slides
+        self._turn: Matrix | None = None  # rotation from the current view to the rendered one
+        self._object: str | None = None  # the pressed object
+        self._offset = np.zeros(2)  # from the mouse to the foot of the dragged object
 
     def draw(self, area: Rectangle) -> None:
-        """The picture in an area of the window, with all that lies over it."""
+        """Draw the picture in an area of the window, with all overlays."""
         left, top, width, height = area
         if width < 1 or height < 1:
             self._ui.cursor = self.gesture = None
@@ -82,14 +82,14 @@ class PictureView:
             overlay.readout(self._ui, self.rectangle, object_box)
 
     def _turned(self) -> Matrix | None:
-        """How the last picture is turned to be that of the view; None: it is as it was rendered."""
+        """Return the rotation from the last picture to the view, or None if they agree."""
         displayed = self._ui.displayed
         if displayed is None:
             return None
         return turned(self._ui.viewport.view, displayed.shown.request.view)
 
     def _fitted(self, area: Rectangle) -> Rectangle:
-        """Where the picture is; with margins if it has other sides."""
+        """Return the rectangle of the picture, with margins if its aspect ratio differs."""
         displayed = self._ui.displayed
         if displayed is None:
             return area
@@ -113,7 +113,7 @@ class PictureView:
     # The mouse --------------------------------------------------------------------------------
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        """Position of a window point in the picture, as shares of its width and height."""
+        """Return a window point's position in the picture, as fractions of width and height."""
         left, top, width, height = self.rectangle
         return (x - left) / width, (y - top) / height
 
@@ -172,7 +172,7 @@ class PictureView:
     # Objects ----------------------------------------------------------------------------------
 
     def _camera(self) -> tuple[View, Matrix | None] | None:
-        """The view that is seen, and the capture centre's pose; None: nothing is."""
+        """Return the displayed view and the capture centre's pose, or None without a picture."""
         displayed = self._ui.displayed
         if displayed is None or displayed.shown.request.view.projection != "perspective":
             return None
@@ -180,12 +180,12 @@ class PictureView:
         return view, displayed.shown.pose
 
     def _foot(self, state: ObjectState) -> Matrix:
-        """The middle of an object's lower side, before its transform."""
+        """Return the centre of the bottom of an object's bounding box, before its transform."""
         low, high = state.corners
         return np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
 
     def _take_hold(self) -> None:
-        """Remember where the foot is from the mouse, so that it does not jump there."""
+        """Store the offset from the mouse to the object's foot, to prevent a jump."""
         state, camera = self._ui.state, self._camera()
         self._offset = np.zeros(2)
         if state is None or camera is None:
@@ -202,14 +202,14 @@ class PictureView:
             self._offset = offset
 
     def _slide(self) -> None:
-        """Set the object down where the mouse drags its foot."""
+        """Place the object where the mouse drags its foot."""
         ui, mouse = self._ui, imgui.get_io().mouse_pos
         place = turned_place(self._turn, *(self._place(mouse.x, mouse.y) + self._offset))
         if ui.selected is not None and place is not None:
             ui.viewport.drop(ui.selected, *place, upright=not ui.align)
 
     def _gizmo(self) -> overlay.Box | None:
-        """Let the gizmo, if wanted, move the selected object; the box that it takes up."""
+        """Let the gizmo move the selected object; return the box of its outline."""
         state, camera = self._ui.state, self._camera()
         if state is None or camera is None:
             return None

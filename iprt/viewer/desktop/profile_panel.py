@@ -1,4 +1,4 @@
-"""The panel of times: what each pass of the last view frames took."""
+"""The profile panel: times of each pass in the last view frames."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ OPACITY = 0.85
 
 
 def draw(ui: DesktopState) -> None:
-    """The whole panel."""
+    """Draw the panel."""
     heading("Passes of the last view frames")
     if not ui.timeline.steps.size:
         quiet("Nothing has been rendered yet.")
         return
     _plot(ui.timeline)
     _table(ui.timeline)
-    quiet("What iprt profile prints in full: kernels, bytes, rays, memory.")
+    quiet("iprt profile prints more: kernels, bytes, rays, memory.")
 
 
 def _plot(timeline: Timeline) -> None:
-    """The passes' times on top of each other, by view frame."""
+    """Plot the passes' stacked times by view frame."""
     steps, series = timeline.steps.astype(np.float64), timeline.series()
     if len(steps) == 1:
         steps, series = np.append(steps, steps + 1.0), {k: v.repeat(2) for k, v in series.items()}
@@ -70,12 +70,12 @@ def _table(timeline: Timeline) -> None:
 
 
 def _color(number: int) -> imgui.ImVec4:
-    """The colour of a pass, by its place in a frame."""
+    """Return the colour of a pass by its index in a frame."""
     return implot.get_colormap_color(number)
 
 
 def _swatch(number: int) -> None:
-    """A square of the pass's colour, before its name."""
+    """Draw a square of the pass's colour before its name."""
     corner, side = imgui.get_cursor_screen_pos(), imgui.get_font_size()
     color = _color(number)
     low = imgui.ImVec2(corner.x, corner.y + 0.2 * side)

@@ -1,4 +1,4 @@
-"""The panel of the scene: its views, its objects, and the one that is selected."""
+"""The panel of the scene: its views, its objects, and the selected object."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
 
 def draw(ui: DesktopState) -> None:
-    """The whole panel."""
+    """Draw the panel."""
     _files(ui)
     heading("View")
     _view(ui)
@@ -72,7 +72,7 @@ _CLAMPED = imgui.SliderFlags_.always_clamp
 
 def _objects(ui: DesktopState) -> None:
     states = ui.engine.objects
-    if not states and ui.displayed is not None:  # before that they are only not read yet
+    if not states and ui.displayed is not None:  # before the first picture they are still loading
         quiet("None yet: drop a .glb, .gltf, .obj, .ply or .stl file on the picture.")
     for state in states:
         visible = ui.visible(state.name)

@@ -1,4 +1,4 @@
-"""The panel of the renderer's settings, made from their model."""
+"""The panel of the renderer's settings, derived from their model."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from iprt.viewer.desktop.widgets import (
 from iprt.viewer.fields import quality_field, rate_field, setting_field
 
 RESET_SHARE = 0.6
-"""Share of the panel's width at which the button that resets all settings begins."""
+"""Position of the button that resets all settings, as a fraction of the panel's width."""
 
 
 def draw(ui: DesktopState) -> None:
-    """The whole panel."""
+    """Draw the panel."""
     _preset(ui)
     draw_field(ui, rate_field(ui))
     for group in control_groups():
@@ -35,10 +35,10 @@ def draw(ui: DesktopState) -> None:
 def _preset(ui: DesktopState) -> None:
     heading("Quality")
     draw_field(ui, quality_field(ui))
-    # Always there: rows that come and go would move the slider that is being dragged.
+    # Always drawn: rows that come and go would move a slider during a drag.
     preset = preset_of(ui.settings)
     count = len(preset.differing)
-    label("Changed settings", "Those that differ from the preset.")
+    label("Changed settings", "Number of settings that differ from the preset.")
     imgui.text_unformatted(str(count or "none"))
     hint(preset.text if count else "")
     imgui.same_line(RESET_SHARE * imgui.get_window_width())

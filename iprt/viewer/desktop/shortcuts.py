@@ -1,4 +1,4 @@
-"""Keys: what they do, in one table that the list of shortcuts shows too."""
+"""The table of keyboard shortcuts, which the help shows too."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from iprt.viewer.desktop.window import KeyPress
 
 @dataclass(frozen=True)
 class Shortcut:
-    """A key and what it does.
+    """A keyboard shortcut with its action.
 
     Attributes
     ----------
     keys : str
-        As `KeyPress` has them; several are divided by a comma, and any of them will do.
+        Names as in `KeyPress`; alternatives are separated by a comma.
     about : str
     act : callable
     repeats : bool
-        It is done again and again while the key is held down.
+        True if holding the key repeats the action.
     """
 
     keys: str
@@ -68,11 +68,11 @@ ELSEWHERE = (
     ("drag the selected object", "slide it over surfaces"),
     ("drop a file", "add a mesh at the cursor"),
 )
-"""Shortcuts that are handled elsewhere."""
+"""Inputs that are handled elsewhere."""
 
 
 def act_on_keys(ui: DesktopState, presses: Sequence[KeyPress]) -> None:
-    """Do what the keys that were pressed stand for, unless text is being typed."""
+    """Run the actions of pressed keys, unless text is being typed."""
     if imgui.get_io().want_text_input:
         return
     for press in presses:
@@ -82,7 +82,7 @@ def act_on_keys(ui: DesktopState, presses: Sequence[KeyPress]) -> None:
 
 
 def _escape(ui: DesktopState) -> None:
-    """Close the list or the colour picker that is open, or else what else is open."""
+    """Close an open list or colour picker, or else another open part."""
     flags = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
     if imgui.is_popup_open("", flags):
         imgui.internal.close_popups_except_modals()

@@ -1,4 +1,4 @@
-"""The last picture as it is seen from where the view has turned to since."""
+"""The last picture, reprojected to the current direction of the view."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iprt.geometry.camera import View
 Matrix = NDArray[np.float64]
 
 BESIDE = (0.05, 0.05, 0.06)
-"""Colour of what the last picture does not show."""
+"""Colour outside the last picture."""
 
 _VERTEX = """
 #version 330
@@ -22,7 +22,7 @@ void main() {
     gl_Position = vec4(2.0 * place - 1.0, 0.0, 1.0);
 }
 """
-# Rows of textures are stored from the top down, as imgui shows them: no axis is turned over.
+# Rows of textures are stored top down, as imgui displays them, so no axis is flipped.
 _FRAGMENT = """
 #version 330
 uniform sampler2D picture;
@@ -40,20 +40,20 @@ void main() {
 
 
 def turned(view: View, picture: View) -> Matrix | None:
-    """Where a picture shows what a view of the same place does.
+    """Return the homography from a view to a picture rendered from the same place.
 
     Parameters
     ----------
     view : View
     picture : View
-        That the picture was rendered for.
+        The view that the picture was rendered for.
 
     Returns
     -------
     (3, 3) float64 or None
-        Takes (x, y, 1), a place in the view as shares of its width and height from the upper left,
-        to a multiple of such a place in the picture; a negative one is behind its camera. None:
-        they look the same way, or one of them shows the whole panorama.
+        It maps (x, y, 1), a position in the view as fractions of width and height from the upper
+        left, to homogeneous coordinates in the picture; a negative third one lies behind the
+        camera. None if both look the same way, or one shows the whole panorama.
     """
     if "equirect" in (view.projection, picture.projection) or _look(view) == _look(picture):
         return None
@@ -62,7 +62,7 @@ def turned(view: View, picture: View) -> Matrix | None:
 
 
 def turned_place(turn: Matrix | None, x: float, y: float) -> tuple[float, float] | None:
-    """The place in the picture of one in the view; None: the picture does not show it."""
+    """Map a position in the view to the picture; None outside the picture."""
     if turn is not None:
         x, y, depth = turn @ (x, y, 1.0)
         if depth <= 0.0:
@@ -76,14 +76,14 @@ def _look(view: View) -> tuple[float, float, float]:
 
 
 def _rays(view: View) -> Matrix:
-    """(3, 3) from places in a view, (x, y, 1), to view space."""
+    """Return the (3, 3) map from positions in a view, (x, y, 1), to view space."""
     high = float(np.tan(0.5 * np.deg2rad(view.fov_y_deg)))
     wide = high * view.width / view.height
     return np.array([[2.0 * wide, 0.0, -wide], [0.0, -2.0 * high, high], [0.0, 0.0, -1.0]])
 
 
 class Turner:
-    """Draws turned pictures into a texture of its own."""
+    """A renderer of reprojected pictures into its own texture."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -95,7 +95,7 @@ class Turner:
     def draw(
         self, picture: moderngl.Texture, turn: Matrix, size: tuple[int, int]
     ) -> moderngl.Texture:
-        """The picture as a view of that many pixels has it, by what `turned` returned."""
+        """Reproject a picture by the matrix of `turned`, at a size in pixels."""
         target = self._sized(size)
         picture.filter = moderngl.LINEAR, moderngl.LINEAR
         picture.repeat_x = picture.repeat_y = False

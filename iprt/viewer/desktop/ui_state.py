@@ -20,34 +20,34 @@ from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
 NOTICE_S = 6.0
-"""A notice is shown so long."""
+"""Seconds for which a notice is shown."""
 
 
 class DesktopState(UiState):
-    """The state of a window, and what is open in it.
+    """The state of a window and its panels.
 
     Parameters
     ----------
     engine : Engine
     viewport : Viewport
     folder : Path
-        Where screenshots go.
+        Folder of screenshots.
 
     Attributes
     ----------
     mode : {"move", "turn", "scale"}
-        What the gizmo does.
+        Mode of the gizmo.
     readout : bool
-        The values at the cursor are shown beside it.
+        Show the values at the cursor.
     panels, help, browsing, leaving : bool
-        What is open: the panels; the list of shortcuts; the browser of mesh files; the question
-        whether to save.
+        Open parts: the panels; the list of shortcuts; the mesh browser; the question about unsaved
+        edits.
     closing : bool
-        The window is to close as soon as all is saved.
+        Close the window after saving.
     cursor : (x, y) or None
-        Place in the last picture that the mouse is at, as shares of its width and height.
+        Mouse position in the last picture, as fractions of width and height.
     timeline : Timeline
-        What the last view frames took.
+        Times of the last view frames.
     """
 
     def __init__(self, engine: Engine, viewport: Viewport, folder: Path) -> None:
@@ -59,16 +59,17 @@ class DesktopState(UiState):
         self.cursor: tuple[float, float] | None = None
         self.timeline = Timeline()
         self._notice: tuple[str, bool, float] | None = None
-        self._saved: SimpleQueue[str | None] = SimpleQueue()  # what came of it
+        self._saved: SimpleQueue[str | None] = SimpleQueue()  # results of saving
 
     # Notices ----------------------------------------------------------------------------------
 
     def say(self, text: str, *, bad: bool = False) -> None:
+        """Show a notice for `NOTICE_S` seconds; `bad` marks a problem."""
         self._notice = text, bad, time.monotonic() + NOTICE_S
 
     @property
     def notice(self) -> tuple[str, bool] | None:
-        """The present notice, and whether it is bad."""
+        """The current notice, with True if it reports a problem."""
         if self._notice is None or time.monotonic() > self._notice[2]:
             self._notice = None
             return None
@@ -77,14 +78,14 @@ class DesktopState(UiState):
     # Objects ----------------------------------------------------------------------------------
 
     def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
-        """Want an object there in the frame that is shown."""
+        """Move an object to a transform (4, 4) in the displayed frame."""
         try:
             self.engine.place(state.name, state.placed(to_world))
         except IprtError as error:
             self.say(str(error), bad=True)
 
     def add(self, paths: Sequence[Path]) -> None:
-        """Set meshes down on the surface at the cursor, or in the middle of the picture."""
+        """Add meshes on the surface at the cursor, or in the middle of the picture."""
         for path in paths:
             if path.suffix.lower() not in MESH_SUFFIXES:
                 kinds = ", ".join(MESH_SUFFIXES)
@@ -95,12 +96,12 @@ class DesktopState(UiState):
             self.say(f"{path.name} is read, to be {self.selected}")
 
     def browse(self) -> None:
-        """Open the browser of mesh files, or close it."""
+        """Open or close the mesh browser."""
         self.browsing = not self.browsing
 
     @property
     def unsaved(self) -> bool:
-        """There are edits that the scene's file does not have."""
+        """True if there are edits that the scene's file does not have."""
         return bool(self.engine.unsaved)
 
     def save(self) -> None:
@@ -111,7 +112,7 @@ class DesktopState(UiState):
             self.say("nothing to save")
 
     def report_saved(self) -> None:
-        """Show the result of `save`; after a problem the window stays."""
+        """Report the results of `save`; after a problem the window stays open."""
         while not self._saved.empty():
             if self._saved.get() is None:
                 self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
@@ -119,7 +120,7 @@ class DesktopState(UiState):
                 self.closing = False
 
     def step(self, frames: int) -> None:
-        """Pause, so many frames later."""
+        """Pause, and move by a number of frames."""
         if len(self.frames) > 1:
             frame = self.frame
             self.engine.pause()
@@ -128,7 +129,7 @@ class DesktopState(UiState):
     # Files ------------------------------------------------------------------------------------
 
     def screenshot(self, suffix: str) -> Path | None:
-        """Write a picture to a file that is not there yet; its path."""
+        """Write a picture to a new file, and return its path."""
         try:
             path = self.viewport.screenshot(suffix, self.folder)
         except IprtError as error:
@@ -138,7 +139,7 @@ class DesktopState(UiState):
         return path
 
     def escape(self) -> None:
-        """Close what is open, or else let go of what is selected."""
+        """Close an open part, or else deselect."""
         if self.help or self.browsing or self.leaving:
             self.help = self.browsing = self.leaving = False
         else:

@@ -1,4 +1,4 @@
-"""Pieces of panels: labelled rows, headings, buttons."""
+"""Widgets of panels: labelled rows, headings, buttons."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.ui_state import UiState
 
 LABEL_SHARE = 0.38
-"""Share of a panel's width that labels have."""
+"""Width of labels as a fraction of the panel's width."""
 VALUE_EM = 5.2
-"""Room beside a slider: the same for all values, so that it keeps its length in a drag."""
+"""Room for the value beside a slider, the same for all values: the slider keeps its length in a
+drag."""
 _UNSET = "automatic"
 RESET_EM = 2.4
-"""Room for the button that goes back to a default."""
+"""Room for the button that resets a value."""
 
 
 def part(name: str) -> None:
-    """As `label`, of what both viewers have."""
+    """Draw the label of a part that both viewers share."""
     label(PARTS[name].name, PARTS[name].about)
 
 
 def label(text: str, help_text: str = "") -> None:
-    """The left part of a row; the next item takes the rest of it."""
+    """Draw the label of a row; the next item fills the rest."""
     imgui.align_text_to_frame_padding()
     imgui.text_colored(imgui.ImVec4(*QUIET), text)
     if help_text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
@@ -44,7 +45,7 @@ def label(text: str, help_text: str = "") -> None:
 
 
 def tooltip(text: str) -> None:
-    """Beside the mouse, in lines of a readable length."""
+    """Draw a tooltip at the mouse, wrapped to a readable width."""
     if imgui.begin_tooltip():
         imgui.push_text_wrap_pos(26.0 * imgui.get_font_size())
         imgui.text_unformatted(text)
@@ -53,21 +54,21 @@ def tooltip(text: str) -> None:
 
 
 def hint(text: str) -> None:
-    """A tooltip of the last item."""
+    """Attach a tooltip to the last item."""
     if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
         tooltip(text)
 
 
 def heading(text: str) -> None:
-    """Above a group of rows."""
+    """Draw a heading above a group of rows."""
     imgui.spacing()
     imgui.separator_text(text)
 
 
 def quiet(text: str, *, wrap_em: float | None = None) -> None:
-    """Text that does not call for attention, wrapped at the window's width.
+    """Draw subdued text, wrapped at the window's width.
 
-    Windows that are as wide as what is in them need a width of its own for it.
+    Windows that fit their contents need an explicit width (`wrap_em`).
     """
     imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*QUIET))
     imgui.push_text_wrap_pos(0.0 if wrap_em is None else wrap_em * imgui.get_font_size())
@@ -77,7 +78,7 @@ def quiet(text: str, *, wrap_em: float | None = None) -> None:
 
 
 def button(text: str, about: str = "", *, width: float = 0.0, enabled: bool = True) -> bool:
-    """Whether it was pressed."""
+    """Draw a button; return True if it was pressed."""
     with disabled(not enabled):
         pressed = imgui.button(text, imgui.ImVec2(width, 0.0))
     hint(about)
@@ -85,7 +86,7 @@ def button(text: str, about: str = "", *, width: float = 0.0, enabled: bool = Tr
 
 
 def toggle(icon: str, on: bool, about: str) -> bool:
-    """A button that is lit while something is on; whether it was pressed."""
+    """Draw a button that is lit while `on`; return True if it was pressed."""
     if on:
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ACCENT))
     pressed = button(icon, about, width=2.0 * imgui.get_frame_height())
@@ -96,7 +97,7 @@ def toggle(icon: str, on: bool, about: str) -> bool:
 
 @contextmanager
 def disabled(off: bool) -> Iterator[None]:
-    """Widgets drawn inside are disabled."""
+    """Disable the widgets drawn inside."""
     imgui.begin_disabled(off)
     try:
         yield
@@ -113,22 +114,22 @@ def slider(
     logarithmic: bool = False,
     clamped: bool = True,
 ) -> float | None:
-    """A slider with its value beside it, where the grab does not hide it; what was chosen just now.
+    """Draw a slider with its value beside it; return the newly chosen value, or None.
 
-    Ctrl and a click take a number. It has as much room as the next item would have.
+    The value does not cover the grab. Ctrl and a click allow typing. The width is the next item's.
 
     Parameters
     ----------
     name : str
     value : float
-        Whole numbers are chosen if it is an int.
+        An int restricts the slider to integers.
     ends : (low, high)
         Ends of the slider.
     words : callable
-        Tells a value with its unit.
+        Formats a value with its unit.
     logarithmic : bool
     clamped : bool
-        Typed numbers do not go beyond the ends.
+        Limit typed numbers to the ends.
     """
     low, high = ends
     gap = imgui.get_style().item_inner_spacing.x
@@ -137,7 +138,7 @@ def slider(
     flags |= int(imgui.SliderFlags_.always_clamp) if clamped else 0
     imgui.set_next_item_width(imgui.calc_item_width() - room - gap)
     changed, chosen = False, value
-    # Without a format: no number over the slider.
+    # An empty format hides the number on the slider.
     if isinstance(value, int):
         changed, chosen = imgui.slider_int(name, value, round(low), round(high), "", flags)
     else:
@@ -158,7 +159,7 @@ def choice(
     *,
     missing: Mapping[int, str] | None = None,
 ) -> int | None:
-    """A list to choose from; the index that was chosen just now.
+    """Draw a list to choose from; return the newly chosen index, or None.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def choice(
     options : sequence of Label
     chosen : int
     missing : mapping of int to str
-        Why some of them cannot be chosen now.
+        Reasons why options cannot be chosen now.
     """
     missing = missing or {}
     if not imgui.begin_combo(name, options[chosen].name):
@@ -183,7 +184,7 @@ def choice(
 
 
 def draw_field(ui: UiState, field: Field) -> None:
-    """A row with an input, which is read and written."""
+    """Draw a row with an input, and write its changes."""
     words, now = field.label(), field.read()
     label(words.name, words.about)
     resettable = field.default is not REQUIRED
@@ -203,7 +204,7 @@ def draw_field(ui: UiState, field: Field) -> None:
 
 
 def _drawn(field: Field, now: Any) -> Any:
-    """The input, drawn; its value, changed or not."""
+    """Draw the input; return its value, changed or not."""
     name = f"##{field.key}"
     if now is None and field.start is not REQUIRED:
         pressed = imgui.button(f"{_UNSET}{name}", imgui.ImVec2(imgui.calc_item_width(), 0.0))
@@ -240,7 +241,7 @@ def _numbers(field: Field, now: list[float]) -> list[float]:
 
 
 def _number(name: str, of: Slider, now: float, field: Field) -> float:
-    """A slider, which takes numbers by Ctrl and a click."""
+    """Draw a slider that accepts typed numbers."""
     unit = field.unit if len(field.sliders) == 1 else ""
 
     def words(value: float) -> str:
@@ -263,7 +264,7 @@ def _number(name: str, of: Slider, now: float, field: Field) -> float:
 def _linear_color(
     name: str, color: tuple[float, float, float]
 ) -> tuple[float, float, float] | None:
-    """A colour picker of linear Rec.709 in [0, 1], shown as it looks; what was chosen just now."""
+    """Draw a colour picker for linear Rec.709 in [0, 1]; return a newly chosen colour, or None."""
     shown = [float(value) for value in srgb_encode(np.clip(color, 0.0, 1.0))]
     changed, picked = imgui.color_edit3(name, shown, imgui.ColorEditFlags_.float)
     if not changed:

@@ -1,4 +1,4 @@
-"""The window: GLFW opens it, imgui's own GLFW and OpenGL backends draw into it."""
+"""The window, opened by GLFW and drawn by imgui's GLFW and OpenGL backends."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from iprt.viewer.desktop.turning import BESIDE, Matrix, Turner
 from iprt.viewer.needs import ELSEWHERE
 
 STIRRED_S, STIRRED_FRAMES = 0.6, 8
-"""Drawn again and again at least so long and so often after any input: tooltips appear, and popups
-settle. Where a frame takes a tenth of a second, the time alone would not be enough."""
+"""Least time in seconds, and least number of frames, to redraw after any input: tooltips appear,
+and popups settle. The time alone would not suffice if a frame takes a tenth of a second."""
 
 
 _NAMED_KEYS = {
@@ -44,14 +44,14 @@ _MODIFIERS = {"Ctrl": glfw.MOD_CONTROL, "Shift": glfw.MOD_SHIFT, "Alt": glfw.MOD
 
 @dataclass(frozen=True)
 class KeyPress:
-    """A key that was pressed, with those that were held down at that moment.
+    """A key press with its modifiers.
 
     Attributes
     ----------
     keys : str
-        As they are written on the keyboard: `Ctrl+Shift+Z`.
+        Names as on the keyboard: `Ctrl+Shift+Z`.
     repeated : bool
-        It was held down, and not pressed anew.
+        True if the key is held down and repeats.
     """
 
     keys: str
@@ -59,20 +59,20 @@ class KeyPress:
 
 
 class Window:
-    """One window with its OpenGL context and its imgui context; one at a time.
+    """A window with its OpenGL and imgui contexts; only one may exist at a time.
 
     Parameters
     ----------
     title : str
     size : (width, height)
-        In screen units.
+        Size in screen units.
     dropped : callable
-        Called with the files that were dropped on it.
+        Called with dropped files.
 
     Raises
     ------
     DeviceError
-        There is no display, or no OpenGL 3.3 on it.
+        There is no display, or it has no OpenGL 3.3.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class Window:
     ) -> None:
         self._handle = handle = _opened(title, size)
         self._title, self._dropped = title, dropped
-        self._framed: tuple[int, int, int, int] | None = None  # place and size before full screen
+        self._framed: tuple[int, int, int, int] | None = None  # geometry before full screen
         self._context = moderngl.create_context()
         glfw.swap_interval(1)
         glfw.set_window_size_limits(handle, 1, 1, glfw.DONT_CARE, glfw.DONT_CARE)
-        # glfw's stubs have the types of C, not those that it hands over.
+        # glfw's stubs declare C types instead of the actual arguments.
         drop: Any = self._drop
         stir: Any = self._stir
         glfw.set_drop_callback(handle, drop)
@@ -107,16 +107,16 @@ class Window:
         imgui.create_context()
         implot.create_context()
         imgui.get_io().set_ini_filename("")
-        # On X11 pixels are the screen's units, and everything is to be that much larger.
+        # On X11 screen units are pixels, so the content scale must be applied by imgui.
         pixels = glfw.get_framebuffer_size(handle)[0] / max(glfw.get_window_size(handle)[0], 1)
         self.scale: float = max(glfw.get_window_content_scale(handle)[0] / max(pixels, 1e-6), 1.0)
         apply_style(self.scale)
-        # imgui's callbacks call those that were there before.
+        # imgui's callbacks chain to the ones set above.
         backends.glfw_init_for_opengl(ctypes.cast(handle, ctypes.c_void_p).value or 0, True)
         backends.opengl3_init("#version 330")
 
     def close(self) -> None:
-        """Take the window off the screen."""
+        """Close the window and release its contexts."""
         backends.opengl3_shutdown()
         backends.glfw_shutdown()
         implot.destroy_context()
@@ -126,7 +126,7 @@ class Window:
 
     @property
     def size(self) -> tuple[int, int]:
-        """In screen units."""
+        """Size in screen units."""
         width, height = glfw.get_window_size(self._handle)
         return width, height
 
@@ -136,13 +136,13 @@ class Window:
 
     @property
     def position(self) -> tuple[int, int]:
-        """Its upper left corner on the screen, in screen units."""
+        """Upper left corner on the screen, in screen units."""
         x, y = glfw.get_window_pos(self._handle)
         return x, y
 
     @property
     def closing(self) -> bool:
-        """Somebody wants it closed."""
+        """True if closing was requested."""
         return bool(glfw.window_should_close(self._handle))
 
     @closing.setter
@@ -151,16 +151,17 @@ class Window:
 
     @property
     def pixels_per_unit(self) -> float:
-        """Scale of the screen. High-resolution displays of some systems have more than 1."""
+        """Pixels per screen unit; more than 1 on high-resolution displays of some systems."""
         return float(glfw.get_framebuffer_size(self._handle)[0] / max(self.size[0], 1))
 
     def rename(self, title: str) -> None:
+        """Set the window's title."""
         if title != self._title:
             self._title = title
             glfw.set_window_title(self._handle, title)
 
     def switch_full_screen(self) -> None:
-        """Fill the screen, or go back to the size from before."""
+        """Fill the screen, or return to the former size."""
         if self._framed is not None:
             windowed: Any = None
             glfw.set_window_monitor(self._handle, windowed, *self._framed, glfw.DONT_CARE)
@@ -173,7 +174,7 @@ class Window:
     # Events -----------------------------------------------------------------------------------
 
     def wait(self, timeout_s: float) -> bool:
-        """Take events, and wait for one at most so long; whether there is something to draw for."""
+        """Process events, waiting up to `timeout_s`; return True if a redraw is needed."""
         glfw.wait_events_timeout(timeout_s)
         return self._unsettled > 0 or time.monotonic() - self._stirred_s < STIRRED_S
 
@@ -181,10 +182,10 @@ class Window:
         self._stirred_s, self._unsettled = time.monotonic(), STIRRED_FRAMES
 
     def take_keys(self) -> list[KeyPress]:
-        """Keys pressed since the last call.
+        """Return the keys pressed since the last call.
 
-        With the modifiers of the very event. imgui knows only those that are held when it draws,
-        and a quick Ctrl+S may begin and end between two frames.
+        They carry the modifiers of their own events. imgui knows only the modifiers held while it
+        draws, and a quick Ctrl+S may begin and end between two frames.
         """
         presses, self._presses = self._presses, []
         return presses
@@ -199,14 +200,14 @@ class Window:
     def _drop(self, _: Any, files: Any) -> None:
         self._stir()
         x, y = glfw.get_cursor_pos(self._handle)
-        imgui.get_io().add_mouse_pos_event(x, y)  # no motion is reported while things are dragged
+        imgui.get_io().add_mouse_pos_event(x, y)  # no motion is reported during drag and drop
         self._dropped([Path(os.fsdecode(file)) for file in files])
 
     # Frames -----------------------------------------------------------------------------------
 
     @contextmanager
     def frame(self) -> Iterator[None]:
-        """Draw by imgui inside; then it is on the screen."""
+        """Draw by imgui inside the block, and then present the frame."""
         self._unsettled = max(self._unsettled - 1, 0)
         backends.opengl3_new_frame()
         backends.glfw_new_frame()
@@ -220,7 +221,7 @@ class Window:
         glfw.swap_buffers(self._handle)
 
     def upload(self, pixels: NDArray[np.uint8]) -> None:
-        """Take a picture (H, W, 3) for `picture`."""
+        """Upload a picture (H, W, 3) for `picture`."""
         height, width = pixels.shape[:2]
         if self._texture is None or self._texture.size != (width, height):
             if self._texture is not None:
@@ -229,9 +230,9 @@ class Window:
         self._texture.write(np.ascontiguousarray(pixels), alignment=1)
 
     def picture(self, width_px: int, height_px: int, turn: Matrix | None) -> Any:
-        """imgui's name of the picture that was uploaded, to be drawn that large; None: none was.
+        """Return imgui's reference to the uploaded picture at a size in pixels, or None.
 
-        With what `turned` returned, as it is seen from there.
+        With a matrix of `turned`, the picture is reprojected.
         """
         texture = self._texture
         if texture is None:
@@ -245,7 +246,7 @@ class Window:
 
 
 def _written(key: int) -> str:
-    """The letter on a key: by the layout, or by its place where the layout has no Latin ones."""
+    """Return the letter on a key by the layout, or by position for non-Latin layouts."""
     if key in _NAMED_KEYS:
         return _NAMED_KEYS[key]
     name = glfw.get_key_name(key, 0) or ""
@@ -255,7 +256,7 @@ def _written(key: int) -> str:
 
 
 def _opened(title: str, size: tuple[int, int]) -> Any:
-    """GLFW's handle of a window whose context is current."""
+    """Open a window, and make its context current; return its GLFW handle."""
     handle = None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", glfw.GLFWError)

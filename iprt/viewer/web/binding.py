@@ -1,4 +1,4 @@
-"""Inputs of a panel that show what the engine has, and change it."""
+"""Two-way bindings between inputs of a panel and values of the engine."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Any
 from iprt.errors import IprtError
 
 Post = Callable[[object, Callable[[], object]], None]
-"""Have something done by the window's thread; of what has the same key, only the newest."""
+"""Schedules a call on the window's thread; of calls with the same key, only the newest runs."""
 
 HELD_S = 0.4
-"""An input is left alone for so long after its user has moved it."""
+"""Seconds for which an input is not updated after its user has changed it."""
 
 
 class Binding:
-    """One input: what its user sets is written, what others set is shown.
+    """A two-way binding of one input: the user's changes are written, other changes are shown.
 
     Parameters
     ----------
     handle : viser handle with a value
     read : callable
-        What is set now, as the handle has it.
+        Returns the current value, in the handle's type.
     write : callable
-        Takes the handle's value; after an IprtError the input goes back.
+        Takes the handle's value; after an IprtError the input is reset.
     post : Post
     report : callable
         Takes a line for the user.
@@ -43,9 +43,10 @@ class Binding:
         self._seen = read()
         self._show(self._seen)
 
-        # A coroutine: viser would call a plain function on another thread, later than `show`.
+        # This must be a coroutine: viser would call a plain function on another thread, after
+        # `show`.
         async def changed(event: Any) -> None:
-            if event.client_id is not None:  # else it was ourselves
+            if event.client_id is not None:  # else the change is our own
                 self._touched_s = time.monotonic()
                 post(self, self._written)
 
@@ -53,11 +54,11 @@ class Binding:
 
     @property
     def touched(self) -> bool:
-        """The user has set it and may hold it still."""
+        """True if the user changed it recently and may still hold it."""
         return time.monotonic() - self._touched_s < 2.0 * HELD_S
 
     def sync(self) -> None:
-        """Show what others have set, but never under the user's hand."""
+        """Show changes by others, unless the user is changing the input."""
         if time.monotonic() - self._touched_s < HELD_S:
             return
         now = self._read()
@@ -79,15 +80,15 @@ class Binding:
 
 
 def show(handle: Any, name: str, value: Any) -> None:
-    """Set what a handle has under a name, if it is not so already: each time is sent."""
+    """Set an attribute of a handle if it differs, because every assignment is sent."""
     if getattr(handle, name) != value:
         setattr(handle, name, value)
 
 
 def do_on(listen: Callable[[Any], object], post: Post, do: Callable[[], object]) -> None:
-    """Have a button's click or a command's key do something, by the window's thread."""
+    """Run a function on the window's thread for each click of a button or key of a command."""
 
     async def happened(_event: Any) -> None:
-        post(object(), do)  # each one counts
+        post(object(), do)  # none may be merged
 
     listen(happened)

@@ -1,4 +1,4 @@
-"""One browser: its camera, its picture and its panels, by a thread of its own."""
+"""The session of one browser: camera, picture and panels, on its own thread."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from iprt.viewer.web.picture import PictureSender
 
 LOG = logging.getLogger("iprt.viewer")
 POLL_S, REST_POLL_S = 0.008, 0.05
-"""Between two looks for a picture, while there is something to wait for, and else."""
+"""Polling intervals in seconds for a picture: while one is expected, and otherwise."""
 PANELS_S = 0.1
-"""Between two updates of the panels."""
+"""Interval in seconds between updates of the panels."""
 SETTLE_S, AGAIN_S = 20.0, 0.5
 """Longest time until a browser looks where it is sent, and the time after which that is sent again:
 what arrives while the page is still being made is lost."""
@@ -35,14 +35,14 @@ SAME_DEG = 1e-4
 
 @dataclass(frozen=True)
 class Start:
-    """How browsers begin.
+    """The initial state of browsers.
 
     Attributes
     ----------
     view : View
-        Where they look; they have sizes of their own.
+        Initial view; browsers have their own sizes.
     objects : tuple of str or None
-        Names of the objects that they show. None: all.
+        Names of the shown objects; None for all.
     target_fps : float or None
         See `Viewport.target_fps`.
     """
@@ -54,7 +54,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Camera:
-    """viser's, as a browser has sent it; quaternion and vertical field of view in radians."""
+    """The camera sent by a browser through viser: quaternion, vertical field of view in radians."""
 
     wxyz: tuple[float, ...]
     fov: float
@@ -95,17 +95,18 @@ class Browser(BrowserState):
         self._thread.start()
 
     def close(self) -> None:
-        """The browser is gone: let its thread end."""
+        """Tell the thread to end, after the browser has disconnected."""
         self._closed = True
         self._wake.set()
 
     def join(self, timeout_s: float) -> None:
+        """Wait for the thread to end."""
         self._thread.join(timeout_s)
 
     # Any thread may call these ----------------------------------------------------------------
 
     def _divide(self, split: float) -> None:
-        """Divide the picture at a share of the window's width."""
+        """Divide the picture at a fraction of the window's width."""
 
         def divide() -> None:
             at = min(max(self.in_picture(split, 0.5)[0], 0.0), 1.0)
@@ -123,7 +124,7 @@ class Browser(BrowserState):
     # The window's thread calls these ----------------------------------------------------------
 
     def _report_defect(self, error: Exception) -> None:
-        """Report an error that no input should cause; the window goes on, and it may come again."""
+        """Report an internal error; the window continues, and the error may recur."""
         text = f"a defect of iprt: {type(error).__name__}: {error}"
         if text not in self._defects:
             self._defects.add(text)
@@ -131,12 +132,12 @@ class Browser(BrowserState):
             self.say(text, bad=True)
 
     def go_to(self, name: str) -> None:
-        """Look as a view of the scene does."""
+        """Switch to a view of the scene."""
         super().go_to(name)
         self._direct(self.viewport.view)
 
     def _direct(self, view: View) -> None:
-        """Have the browser look so."""
+        """Turn the browser's camera to a view."""
         self._directed, self._directed_s = view, time.monotonic()
         self._send_camera(view)
 
@@ -149,7 +150,7 @@ class Browser(BrowserState):
             camera.look_at = np.zeros(3)
 
     def _clicked(self, x: float, y: float) -> None:
-        """Select what is there in the window, and read its values."""
+        """Select the object at a window position, and read the pixel's values."""
         x, y = self.in_picture(x, y)
         self.selected = self.viewport.object_at(x, y)
         self.read = self.viewport.readout(x, y)
@@ -229,7 +230,7 @@ class Browser(BrowserState):
         viewport.resize(camera.width, camera.height)
         view = look_of(viewport.view, np.array(camera.wxyz), camera.fov)
         if self._directed is not None:
-            # Where it looked before the message arrived does not count.
+            # Ignore the camera until the message has arrived.
             now = time.monotonic()
             if not _same(view, self._directed) and now < self._directed_s + SETTLE_S:
                 if now > self._again_s:
@@ -241,7 +242,7 @@ class Browser(BrowserState):
             viewport.look(view)
 
     def _show(self) -> bool:
-        """Send the newest picture, if there is one; whether there was."""
+        """Send the newest picture; return True if there was one."""
         displayed = self.viewport.poll()
         if displayed is None or self._closed:
             return False
@@ -252,7 +253,7 @@ class Browser(BrowserState):
 
 
 def _same(a: View, b: View) -> bool:
-    """Whether two cameras look alike, but for rounding."""
+    """Return True if two cameras look alike, up to rounding."""
     apart = abs((a.yaw_deg - b.yaw_deg + 180.0) % 360.0 - 180.0)
     fov = abs(a.fov_y_deg - b.fov_y_deg)
     return max(apart, abs(a.pitch_deg - b.pitch_deg), fov) < SAME_DEG

@@ -1,4 +1,4 @@
-"""State shared by the panels and the gizmo of one browser."""
+"""State shared by one browser's panels and gizmo."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from iprt.viewer.ui_state import UiState
 
 
 class BrowserState(UiState):
-    """The state of one browser's window. All but `post` is for the window's thread.
+    """The state of one browser's window; only `post` is thread-safe.
 
     Parameters
     ----------
     engine : Engine
     client : viser.ClientHandle
     uploads : Path
-        Folder for files that its user adds.
+        Folder for uploaded files.
 
     Attributes
     ----------
     snapping : bool
-        The selected object stays on surfaces while it is dragged.
+        Keep the selected object on surfaces during a drag.
     read : Readout or None
-        What the pixel holds that was clicked last.
+        Values of the last clicked pixel.
     lossless : bool
-        The browser has the picture without loss.
+        True if the browser has the lossless picture.
     """
 
     def __init__(self, engine: Engine, client: Any, uploads: Path) -> None:
@@ -44,25 +44,25 @@ class BrowserState(UiState):
         self._todo: dict[object, Callable[[], object]] = {}
 
     def post(self, key: object, do: Callable[[], object]) -> None:
-        """Have something done by the window's thread; of what has the same key, the newest."""
+        """Schedule a call on the window's thread; only the newest of each key runs."""
         self._todo[key] = do
         self._wake.set()
 
     def say(self, text: str, *, bad: bool = False) -> None:
-        """See `UiState.say`."""
+        """Show a notification; see `UiState.say`."""
         how: dict[str, Any] = {"color": "red"} if bad else {}
         self.client.add_notification("", text, auto_close_seconds=8.0 if bad else 4.0, **how)
 
     @property
     def centre(self) -> NDArray[np.float64]:
-        """The capture centre in the world, which is the origin of what the browser draws."""
+        """World position of the capture centre, the origin of the browser's scene."""
         pose = None if self.displayed is None else self.displayed.shown.pose
         return np.zeros(3) if pose is None else pose[:3, 3]
 
     def in_picture(self, x: float, y: float) -> tuple[float, float]:
-        """A place in the window as shares of the picture, which may be wider or narrower.
+        """Convert a window position to a position in the picture, which may be wider or narrower.
 
-        Both are as high: see `Truth.view`.
+        Both have the same height: see `Truth.view`.
         """
         if self.displayed is None:
             return x, y
@@ -71,7 +71,7 @@ class BrowserState(UiState):
         return 0.5 + (x - 0.5) / wider, y
 
     def drop_at(self, point: NDArray[np.float64]) -> bool:
-        """Set the selected object on the surface behind a point that the browser draws."""
+        """Place the selected object on the surface behind a point in the browser's scene."""
         view = self.viewport.view
         x, y = view.project(point) / (view.width, view.height)
         if self.selected is None or not np.isfinite(x + y):

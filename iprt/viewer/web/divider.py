@@ -1,7 +1,7 @@
-"""The bar between the picture and what it is compared with, which the browser draws over both.
+"""The bar between the compared pictures, drawn by the browser.
 
-It stands in the scene, on the picture's plane: so it turns with the last picture until the next one
-is there.
+It is an object in the scene, on the picture's plane, and therefore turns with the last picture
+until the next one arrives.
 """
 
 from __future__ import annotations
@@ -19,24 +19,23 @@ from iprt.viewer.web.camera import camera_of, quaternion
 
 ROOT = "/divider"
 FAR_M = 100.0
-"""Distance of the picture's plane: viser points with an arrow at what is dragged, which has a size
-in metres and is not seen from there."""
+"""Distance of the picture's plane. viser marks dragged objects by an arrow with a size in metres,
+which is invisible at this distance."""
 BAR_PX, GRIP_PX = 16, 26
-"""Widths of what can be dragged; the line in the bar is thinner."""
+"""Widths of the draggable parts; the line in the bar is thinner."""
 GAP_PX = 12
-"""From the bar, and from the upper end of the picture, to the words."""
+"""Distance of the labels from the bar and from the picture's upper edge."""
 WHITE, DARK = (255, 255, 255, 255), (0, 0, 0, 110)
 
 
 class Divider:
-    """One browser's divider. The window's thread uses it.
+    """The divider of one browser, for use by the window's thread.
 
     Parameters
     ----------
     client : viser.ClientHandle
     dragged : callable
-        Takes the share of the window's width, from the left, to which the bar is dragged. Called
-        by viser's thread.
+        Called by viser's thread with the new position, as a fraction of the window's width.
     """
 
     def __init__(self, client: Any, dragged: Callable[[float], object]) -> None:
@@ -58,7 +57,7 @@ class Divider:
     def follow(
         self, view: View, height_px: int, split: float, sides: tuple[str, str] | None
     ) -> None:
-        """Divide a picture.
+        """Move the divider to a picture.
 
         Parameters
         ----------
@@ -67,9 +66,9 @@ class Divider:
         height_px : int
             Height of the window.
         split : float
-            Share of the width, from the left.
+            Position as a fraction of the width, from the left.
         sides : (str, str) or None
-            What is left and right of the bar. None: the picture is not divided.
+            Names of the pictures left and right of the bar; None without a division.
         """
         show(self._root, "visible", sides is not None)
         if sides is None:
@@ -90,7 +89,7 @@ class Divider:
 
 
 def bar_pixels() -> Bytes:
-    """(4, W, 4): a bright line with dark edges; clear beside it."""
+    """Draw the bar (4, W, 4): a bright line with dark edges, transparent beside it."""
     pixels = np.zeros((4, BAR_PX, 4), np.uint8)
     middle = BAR_PX // 2
     pixels[:, middle - 2 : middle + 2] = DARK
@@ -99,7 +98,7 @@ def bar_pixels() -> Bytes:
 
 
 def grip_pixels() -> Bytes:
-    """(N, N, 4): a bright disc with arrows to both sides."""
+    """Draw the grip (N, N, 4): a bright disc with arrows to both sides."""
     size = 4 * GRIP_PX
     y, x = (np.mgrid[:size, :size] + 0.5) / (0.5 * size) - 1.0
     pixels: NDArray[np.uint8] = np.zeros((size, size, 4), np.uint8)

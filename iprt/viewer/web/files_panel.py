@@ -1,4 +1,4 @@
-"""Undo and redo, the scene's file, and files of the picture."""
+"""The panel of undo and redo, the scene's file, and pictures as files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUIET = (60, 66, 74)
 
 
 class FilesPanel:
-    """Edits are those of all browsers. The window's thread uses the panel."""
+    """The files panel, for use by the window's thread; all browsers share edits."""
 
     def __init__(self, browser: BrowserState) -> None:
         self._browser, engine = browser, browser.engine
@@ -70,6 +70,7 @@ class FilesPanel:
             )
 
     def sync(self) -> None:
+        """Update the buttons."""
         engine = self._browser.engine
         show(self._undo, "disabled", not engine.can_undo)
         show(self._redo, "disabled", not engine.can_redo)

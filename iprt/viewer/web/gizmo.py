@@ -1,4 +1,4 @@
-"""The gizmo of the selected object, which the browser draws over the picture."""
+"""The gizmo of the selected object, drawn by the browser over the picture."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ Float = NDArray[np.float64]
 NAME = "/gizmo"
 SIZE_PX = 90.0
 MIN_MOVE = 1e-9
-"""Metres, and sines of half angles: below, nothing has moved."""
+"""Least motion, in metres and in matrix elements."""
 
 
 class Gizmo:
-    """Moves and turns the selected object. The window's thread uses it."""
+    """The gizmo that moves and rotates the selected object, for use by the window's thread."""
 
     def __init__(self, browser: BrowserState) -> None:
         self._browser = browser
         self._handle: Any = None
         self._name: str | None = None
-        self._shown: Float | None = None  # the object's to_world, for which it stands there
+        self._shown: Float | None = None  # the to_world that it shows
         self._dragged = False
 
     def sync(self) -> None:
-        """Follow the selected object, unless it follows the gizmo."""
+        """Move the gizmo to the selected object, except while the gizmo is dragged."""
         state = self._browser.state
         if state is None or state.name != self._name:
             self._remove()
@@ -68,12 +68,12 @@ class Gizmo:
         self._handle.on_update(updated)
 
     def _moved(self, pose: tuple[Float, Float], *, ended: bool) -> None:
-        """Bring the object to where the gizmo was dragged."""
+        """Move the object to the dragged gizmo."""
         browser, state = self._browser, self._browser.state
         if state is None or state.name != self._name:
             return
         if ended:
-            self._shown = None  # so that it goes to where the object has come
+            self._shown = None  # so that `sync` moves the gizmo to the object
         before = _relative(state, browser.centre)
         turn, stretch = polar(before[:3, :3])
         to_world = np.eye(4)
@@ -89,7 +89,7 @@ class Gizmo:
 
 
 def polar(linear: Float) -> tuple[Float, Float]:
-    """A rotation and a stretch, (3, 3) both, whose product is an invertible `linear`."""
+    """Return a rotation and a stretch, (3, 3) both, whose product is an invertible `linear`."""
     turn, stretch = linalg.polar(linear)
     sign = np.sign(np.linalg.det(turn))
     return sign * turn, sign * stretch
@@ -102,6 +102,6 @@ def _relative(state: ObjectState, centre: Float) -> Float:
 
 
 def _middle(state: ObjectState, placed: Float) -> Float:
-    """Centre of the object's box."""
+    """Return the centre of the object's box."""
     middle: Float = placed[:3, :3] @ np.mean(state.corners, axis=0) + placed[:3, 3]
     return middle

@@ -1,4 +1,4 @@
-"""A panel's inputs in the browser, made from their descriptions."""
+"""Inputs of a panel in the browser, built from their descriptions."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from iprt.viewer.web.binding import Binding, show
 from iprt.viewer.web.browser_state import BrowserState
 
 STEPS = 200
-"""Number of steps of a slider whose values are not whole numbers."""
+"""Number of steps of a non-integer slider."""
 
 
 class Inputs:
-    """Inputs one below the other, which follow what they show. The window's thread uses them.
+    """A column of inputs that follow their values, for use by the window's thread.
 
     Parameters
     ----------
     ui : BrowserState
     fields : iterable of Field
     visible : callable
-        Whether they are there now.
+        Returns True while the inputs are shown.
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class Inputs:
 
     @property
     def touched(self) -> bool:
-        """The user has set one of them and may hold it still."""
+        """True if the user changed an input recently and may still hold it."""
         return any(binding.touched for _, binding in self._bound)
 
     def sync(self) -> None:
-        """Show what has changed."""
+        """Show changed values."""
         visible = self._visible()
         for field, binding in self._bound:
             handle = binding.handle
@@ -67,12 +67,12 @@ class Inputs:
             binding.sync()
 
     def remove(self) -> None:
-        """Take them out of the panel."""
+        """Remove the inputs from the panel."""
         for _, binding in self._bound:
             binding.handle.remove()
 
     def _add(self, field: Field) -> None:
-        """The input, and where it may have no value, a box that says so."""
+        """Add an input, with a check box if it may have no value."""
         if field.start is not REQUIRED:
             label = field.label()
             given = Field(
@@ -126,7 +126,7 @@ class Inputs:
         kind, step = int if slider.whole else float, _step(slider)
         low, high = kind(slider.low), kind(slider.high)
         if slider.logarithmic or not low <= now <= high:
-            # viser's sliders are linear, and take nothing beyond their ends.
+            # viser's sliders are linear, and accept no values beyond their ends.
             ends = {} if field.beyond else {"min": low, "max": high}
             handle = gui.add_number(_name(field), kind(now), step=step, **ends)
         else:
@@ -165,7 +165,7 @@ def _name(field: Field) -> str:
 
 
 def _step(slider: Slider) -> float:
-    """Between two positions of a slider."""
+    """Return the distance between two positions of a slider."""
     if slider.whole:
         return 1
     if slider.logarithmic:

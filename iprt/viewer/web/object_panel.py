@@ -1,4 +1,4 @@
-"""The objects: which one is edited, where it is, what it is made of."""
+"""The panel of objects: selection, placement, material."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from iprt.viewer.web.inputs import Inputs
 
 NONE = Label("none", "")
 LONGEST = 60
-"""Characters of a file's name, which has at most 255 bytes with what the scene adds to it."""
+"""Limit for the characters of a file name, which may have 255 bytes with the scene's additions."""
 
 
 class ObjectPanel:
-    """One browser's panel; edits are those of all. The window's thread uses it."""
+    """The objects panel, for use by the window's thread; all browsers share edits."""
 
     def __init__(self, ui: BrowserState) -> None:
         self._ui = ui
@@ -68,12 +68,13 @@ class ObjectPanel:
             raise IprtError(
                 f"{printable(name, 80)}: not a mesh; these are read: {', '.join(MESH_SUFFIXES)}"
             )
-        # In a folder of its own: it is read again when the scene is saved.
+        # Keep the file in its own folder: saving the scene reads it again.
         path = Path(tempfile.mkdtemp(dir=ui.uploads)) / f"{stem}{suffix}"
         path.write_bytes(content)
         ui.selected = ui.engine.add(path, *ui.viewport.aim(0.5, 0.5))
 
     def sync(self) -> None:
+        """Show changed values."""
         state = self._ui.state
         self._names.sync()
         self._inputs.sync()
@@ -104,7 +105,7 @@ def _selected(ui: BrowserState) -> Field:
 
 
 def _dragging(ui: BrowserState) -> list[Field]:
-    """How the object follows the gizmo."""
+    """Build the fields that control dragging by the gizmo."""
     return [
         Field(
             "snap",

@@ -1,24 +1,24 @@
-// What viser's page lacks to look around in a panorama: a drag turns the view with the scene under
-// the cursor, the wheel narrows the field of view, and the last picture turns with the view until
-// the next one is there, so that gizmos stay on what they belong to.
+// Panorama navigation for viser's page: a drag turns the view with the scene under the cursor, and
+// the wheel changes the field of view. The last picture turns with the view until the next one
+// arrives, so that gizmos stay on their objects.
 //
-// Works on what viser's page has for its own tests (window.__viserMutable).
+// It uses the interface of viser's own tests (window.__viserMutable).
 "use strict";
 (() => {
   const MIN_FOV = 2, MAX_FOV = 150, ZOOM_STEP = 0.9; // as in iprt/viewer/viewport.py
   const KEY_STEP = 0.05; // radians
-  const PICTURE = "/picture"; // the node with the pose of the newest picture; see picture.py
-  const AGAIN_MS = 500; // between two reminders of where the page looks
+  const PICTURE = "/picture"; // scene node with the pose of the newest picture; see picture.py
+  const AGAIN_MS = 500; // interval between repeated camera messages
 
   const fragment = `
     varying vec2 vUv;
     uniform sampler2D colorMap;
     uniform bool enabled;
     uniform bool moved;
-    uniform mat3 turn; // from the view to that of the picture
+    uniform mat3 turn; // rotation from the view to the picture's view
     uniform vec2 extent; // tangents of half the fields of view
     uniform vec2 pictureExtent;
-    uniform float beside; // light of what is drawn beside the picture: its edge, drawn out
+    uniform float beside; // brightness of the extended edge beside the picture
     void main() {
       if (!enabled) discard;
       vec2 at = vUv;
@@ -49,17 +49,17 @@
     }
     turnPictures(viser, mesh);
     steer(viser);
-    // The page may have sent its camera before it was connected or had its size: the server renders
-    // for that until it learns better. Likewise it repeats what the page was not ready to hear.
+    // The page may send its camera before it is connected or has its size, and the server would
+    // keep rendering for that. Repeat the camera; the server repeats its messages likewise.
     setInterval(() => {
       if (!picture || mesh.material.uniforms.moved.value) viser.sendCamera();
     }, AGAIN_MS);
     window.iprt = { picture: () => picture }; // for tests
   }
 
-  // The last picture, turned ------------------------------------------------------------------
+  // Reprojection of the last picture ----------------------------------------------------------
 
-  let picture = null; // how it looks: quaternion of its camera, tangents of half its fields of view
+  let picture = null; // camera quaternion and tangents of half the fields of view
 
   function turnPictures(viser, mesh) {
     const material = mesh.material, uniforms = material.uniforms;
@@ -71,7 +71,7 @@
     material.fragmentShader = fragment;
     material.needsUpdate = true;
 
-    // viser sets the texture once it is decoded; of messages that came with it, the newest count.
+    // viser sets the texture once it is decoded; the newest pose message belongs to it.
     let texture = uniforms.colorMap.value;
     Object.defineProperty(uniforms.colorMap, "value", {
       get: () => texture,
@@ -80,7 +80,7 @@
         const pose = viser.nodePoseData[PICTURE];
         if (next && pose?.wxyz && pose?.position) {
           const [w, x, y, z] = pose.wxyz;
-          // viser's cameras look along +Z, with +Y down; those of three.js are turned about X.
+          // viser's cameras look along +Z, with +Y down; three.js's are rotated about X.
           const half = viser.camera.quaternion.clone().set(1, 0, 0, 0);
           const turned = viser.camera.quaternion.clone().set(x, y, z, w).multiply(half);
           picture = { quaternion: turned, extent: pose.position.slice(0, 2) };
@@ -99,7 +99,7 @@
       const still = Math.hypot(turn.x, turn.y, turn.z) < 1e-5;
       const [pictureWide, pictureHigh] = picture.extent;
       uniforms.moved.value = !(still && same(high, pictureHigh) && same(wide, pictureWide));
-      uniforms.beside.value = still ? 0 : 0.5; // at rest the picture may be narrower, by intent
+      uniforms.beside.value = still ? 0 : 0.5; // at rest the picture may be narrower on purpose
       uniforms.turn.value = columns(turn);
       uniforms.extent.value = [wide, high];
       uniforms.pictureExtent.value = picture.extent;
@@ -118,14 +118,14 @@
   // Mouse and keys ----------------------------------------------------------------------------
 
   function steer(viser) {
-    // All before viser's own: on the window, on the way down.
+    // Listen before viser's own handlers: on the window, in the capture phase.
     const listen = (kind, heard) =>
       window.addEventListener(kind, heard, { capture: true, passive: false });
 
     listen("pointerdown", (event) => {
       if (event.target !== viser.canvas) return;
       const controls = viser.cameraControl;
-      // So that the scene follows the cursor: viser's own drag is that of a model in the middle.
+      // Let the scene follow the cursor; viser's own drag orbits a model in the centre.
       const speed = -Math.tan((viser.camera.fov * Math.PI) / 360) / Math.PI;
       controls.azimuthRotateSpeed = controls.polarRotateSpeed = speed;
       const rotate = controls.mouseButtons.left;
@@ -162,7 +162,7 @@
     });
   }
 
-  // Else pictures get smaller, or larger, whenever the browser is slow, or quick.
+  // Fix the pixel ratio, which viser would otherwise adapt to the browser's speed.
   const address = new URL(window.location.href);
   address.searchParams.set("fixedDpr", window.devicePixelRatio);
   window.history.replaceState(null, "", address);

@@ -1,4 +1,4 @@
-"""The panels beside the picture: one folder or tab each, and the status above them."""
+"""The panels beside the picture: folders or tabs, with the status above them."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from iprt.viewer.web.visible_panel import VisiblePanel
 
 WIDTH_PX = 340
 LINES, LINE_EM = 8, 1.5
-"""Height of the status."""
+"""Height of the status panel."""
 
 
 class Panel(Protocol):
     """A part of the interface."""
 
     def sync(self) -> None:
-        """Show what has changed."""
+        """Show changed values."""
 
 
 class Panels:
-    """All panels of one browser. The window's thread uses it."""
+    """All panels of one browser, for use by the window's thread."""
 
     def __init__(self, browser: BrowserState) -> None:
         gui = browser.client.gui
@@ -53,15 +53,16 @@ class Panels:
             self._panels.append(ProfilePanel(browser))
 
     def sync(self) -> None:
+        """Show changed values in all panels."""
         for panel in self._panels:
             panel.sync()
 
 
 class Status:
-    """Panel of the picture, its quality, the engine's work and its errors.
+    """The status panel: picture, quality, activity and problems.
 
-    Its height is fixed, so that what is below it stays where it is: what has no room
-    in a line is cut off and shown in full where the mouse rests on it; the rest is scrolled to.
+    Its height is fixed, so that the parts below stay in place. Long lines are cut off, with the
+    full text as a tooltip. More lines are reached by scrolling.
     """
 
     def __init__(self, browser: BrowserState) -> None:
@@ -69,6 +70,7 @@ class Status:
         self._html = browser.client.gui.add_html("")
 
     def sync(self) -> None:
+        """Show the current status."""
         show(self._html, "content", self._content())
 
     def _content(self) -> str:
@@ -119,7 +121,7 @@ class Status:
 
 
 def _line(name: str, text: str, about: str = "", *, lines: int = 1) -> str:
-    """A name and so many lines of text at most, with a tooltip."""
+    """Return a name with at most `lines` lines of text, and a tooltip."""
     cut = (
         "display:-webkit-box;-webkit-box-orient:vertical;overflow:hidden;"
         f"-webkit-line-clamp:{lines}"

@@ -1,4 +1,4 @@
-"""A window's picture, sent to its browser: lossy while it changes, without loss at rest."""
+"""Transmission of a window's pictures to its browser: lossy during changes, lossless at rest."""
 
 from __future__ import annotations
 
@@ -16,28 +16,29 @@ from iprt.viewer.web.divider import Divider
 QUALITY = 88
 """Quality of JPEG pictures, out of 100."""
 REST_S = 1.0
-"""A picture that nothing has followed for so long is sent without loss, though not refined yet."""
+"""Seconds without a new picture after which an unrefined one is sent without loss."""
 ANSWER_S = 20.0
-"""Longest wait for a browser to say that it has a picture."""
+"""Longest wait for a browser to confirm a picture."""
 PICTURE = "/picture"
-"""The node whose pose is that of the picture, for `page.js`."""
+"""Scene node with the picture's pose, for `page.js`."""
 
 
 class PictureSender:
-    """Sends pictures to one browser, each once the one before has come there.
+    """A sender of pictures to one browser, for use by one thread.
 
-    So that nothing piles up on the way, however slow it is. One thread may use it.
+    It sends a picture after the browser has confirmed the previous one, so that nothing piles up on
+    a slow connection.
 
     Parameters
     ----------
     client : viser.ClientHandle
     divider : Divider
-        Comes with the pictures that it divides.
+        Updated together with the pictures.
 
     Attributes
     ----------
     lossless : bool
-        The last one was sent so.
+        True if the last picture was sent without loss.
     """
 
     def __init__(self, client: Any, divider: Divider) -> None:
@@ -48,7 +49,7 @@ class PictureSender:
         self.lossless = False
 
     def follow(self, displayed: DisplayedFrame, height_px: int, split: float) -> bool:
-        """Send a picture if the browser does not have it as well as it should; whether it was.
+        """Send a new picture, or a lossless version of the last; return True if sent.
 
         Parameters
         ----------
@@ -56,7 +57,7 @@ class PictureSender:
         height_px : int
             Height of the window.
         split : float
-            Where the picture is divided, if it is: share of the width, from the left.
+            Position of a division as a fraction of the width, from the left.
         """
         if displayed is not self._sent:
             lossless = displayed.shown.refined
@@ -81,8 +82,8 @@ class PictureSender:
                 displayed.pixels, format="png" if lossless else "jpeg", jpeg_quality=QUALITY
             )
         self._client.flush()
-        # Answered after the picture, as all messages are in order.
-        # Never from a tab that its browser has put to sleep, or that is gone.
+        # Messages are ordered, so the answer confirms the picture. Suspended or closed tabs never
+        # answer.
         with contextlib.suppress(TimeoutError, RuntimeError):
             self._client.local_storage.get_item("iprt", timeout=ANSWER_S)
         self._sent, self._sent_s, self.lossless = displayed, time.monotonic(), lossless

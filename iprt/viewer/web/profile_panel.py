@@ -1,4 +1,4 @@
-"""Where the time of a view frame goes: the last ones as a plot, their medians as a table."""
+"""The profile panel: times of the last view frames as a plot, medians as a table."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from iprt.viewer.web.browser_state import BrowserState
 HEIGHT_PX = 170
 COLORS = ("#868e96", "#4dabf7", "#ffa94d", "#69db7c", "#f783ac", "#ffd43b")
 EVERY_S = 0.5
-"""Between two updates, which are of some size."""
+"""Interval in seconds between updates, which are large."""
 MOST_PASSES = len(COLORS) - 2
-"""Passes that have a line of their own, at most."""
+"""Largest number of passes with their own line."""
 
 
 class ProfilePanel:
-    """Time per pass, as lines and as a table. The window's thread uses it."""
+    """Time per pass as lines and as a table, for use by the window's thread."""
 
     def __init__(self, browser: BrowserState) -> None:
         self._browser, self._gui = browser, browser.client.gui
@@ -37,6 +37,7 @@ class ProfilePanel:
         self._due_s = 0.0
 
     def sync(self) -> None:
+        """Add the newest times."""
         displayed = self._browser.displayed
         if (
             displayed is None
@@ -47,7 +48,7 @@ class ProfilePanel:
         self._due_s = time.monotonic() + EVERY_S
         rows, series = self._timeline.table(), self._timeline.series()
         whole, passes = np.sum(list(series.values()), axis=0), rows[1:]
-        # Passes leave the window: objects were hidden, or the method changed.
+        # Passes disappear when objects are hidden or the method changes.
         if len(self._lines) < min(len(passes), MOST_PASSES) or not series.keys() >= {*self._lines}:
             self._lines = [row.name for row in passes[:MOST_PASSES]]
             names = ["with the host", WHOLE, *self._lines]

@@ -1,4 +1,4 @@
-"""Which view, and which frame of the video."""
+"""The panel of views and playback."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REAL_TIME: PlaybackMode = "real time"
 
 
 class ScenePanel:
-    """Views and playback. The window's thread uses it."""
+    """The panel of views and playback, for use by the window's thread."""
 
     def __init__(self, ui: BrowserState) -> None:
         self._ui, gui = ui, ui.client.gui
@@ -32,6 +32,7 @@ class ScenePanel:
             do_on(command.on_trigger, ui.post, ui.toggle_playing)
 
     def sync(self) -> None:
+        """Show changed values."""
         if self._counter is not None:
             counter = self._ui.viewport.counter
             show(self._counter, "content", _counted("" if counter is None else counter.text))
@@ -72,6 +73,6 @@ def _playback(ui: BrowserState) -> list[Field]:
 
 
 def _counted(text: str) -> str:
-    """Beside the column of labels; as high when it is empty."""
+    """Return the counter beside the column of labels, at a fixed height."""
     style = "font-size:.8em;height:1.8em;padding:0 .8em 0 9em;font-variant-numeric:tabular-nums"
     return f"<div class='counter' style='{style}'>{escape(text)}</div>"

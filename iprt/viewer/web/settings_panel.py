@@ -1,4 +1,4 @@
-"""Every setting of the renderer, as an input made from the settings' model."""
+"""The panel of the renderer's settings, derived from their model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from iprt.viewer.web.inputs import Inputs
 
 
 class SettingsPanel:
-    """Settings are those of all browsers. The window's thread uses the panel."""
+    """The settings panel, for use by the window's thread; all browsers share the settings."""
 
     def __init__(self, ui: BrowserState) -> None:
         self._ui, gui = ui, ui.client.gui
@@ -27,6 +27,7 @@ class SettingsPanel:
         self.sync()
 
     def sync(self) -> None:
+        """Show changed values."""
         settings = self._ui.settings
         if settings is self._shown and not any(inputs.touched for inputs in self._inputs):
             return
@@ -38,7 +39,7 @@ class SettingsPanel:
 
 
 def _differing(text: str) -> str:
-    """As high whatever it says: the inputs below it stay where they are."""
+    """Return the difference from the preset at a fixed height, so that the inputs stay in place."""
     style = (
         "height:3em;line-height:1.5;font-size:.8em;margin:0 .8em;opacity:.7;overflow:hidden;"
         "overflow-wrap:anywhere"

@@ -1,4 +1,4 @@
-"""Which objects a window shows."""
+"""The panel of shown objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ HINT = "Show or hide it in this window."
 
 
 class VisiblePanel:
-    """A box for each object, which the window shows or hides. The window's thread uses it."""
+    """A check box for each object's visibility, for use by the window's thread."""
 
     def __init__(self, ui: BrowserState) -> None:
         self._ui = ui
@@ -22,6 +22,7 @@ class VisiblePanel:
         self.sync()
 
     def sync(self) -> None:
+        """Show changed values."""
         states = self._ui.engine.objects
         wanted = [(state.name, state.keyframed) for state in states]
         if wanted != self._known:

@@ -1,0 +1,307 @@
+"""Data model of a glTF document, validated by pydantic.
+
+Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
+(materials). Parts that are not read are left out.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.alias_generators import to_camel
+
+from iprt.files.untrusted import MAX_BYTES, MAX_VERTICES
+
+MAX_PARTS = 2**17
+"""Limit for accessors, buffer views and buffers of a document, each."""
+MAX_NODES = 2**14
+"""Limit for nodes and primitives of a document, each; trimesh takes a millisecond for each."""
+TRIANGLES, TRIANGLE_STRIP = 4, 5
+"""Modes of primitives that are read."""
+
+_FLOAT32 = 5126
+_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+Index = Annotated[int, Field(ge=0)]
+Bytes = Annotated[int, Field(ge=0, le=MAX_BYTES)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Quadruple = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
+
+
+class Part(BaseModel):
+    """A part of a glTF document; unknown keys are ignored."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
+
+
+Model = TypeVar("Model", bound=Part)
+
+
+class Buffer(Part):
+    """A buffer: binary data in a file or in the document."""
+
+    uri: str | None = None
+    byte_length: Bytes
+
+
+class BufferView(Part):
+    """A buffer view: a range of a buffer."""
+
+    buffer: Index
+    byte_offset: Bytes = 0
+    byte_length: Bytes
+    byte_stride: Annotated[int, Field(ge=4, le=252)] | None = None
+
+
+class Accessor(Part):
+    """An accessor: typed elements in a buffer view."""
+
+    buffer_view: Index | None = None
+    byte_offset: Bytes = 0
+    component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
+    count: Annotated[int, Field(ge=0, le=MAX_VERTICES)]
+    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
+    sparse: Any = None
+    normalized: bool = False
+
+    @property
+    def is_integer(self) -> bool:
+        """True for integer components."""
+        return self.component_type != _FLOAT32
+
+    @property
+    def item_bytes(self) -> int:
+        """Size of an element in bytes."""
+        return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
+
+
+class Image(Part):
+    """An image, in a file or in a buffer view."""
+
+    uri: str | None = None
+    buffer_view: Index | None = None
+
+
+class Sampler(Part):
+    """A texture sampler; only its wrap modes are read."""
+
+    wrap_s: int = 10497
+    wrap_t: int = 10497
+
+
+class TextureSource(Part):
+    """A texture's image in an extension."""
+
+    source: Index | None = None
+
+
+class TextureExtensions(Part):
+    """Extensions of a texture."""
+
+    webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
+    basisu: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
+
+
+class Texture(Part):
+    """A texture: an image and a sampler."""
+
+    source: Index | None = None
+    sampler: Index | None = None
+    extensions: TextureExtensions = Field(default=TextureExtensions())
+
+    @property
+    def image(self) -> int | None:
+        """Index of the image to read: the WebP image, which Pillow reads, or else the core one."""
+        webp = self.extensions.webp
+        return self.source if webp is None or webp.source is None else webp.source
+
+
+class TextureTransform(Part):
+    """A transform of texture coordinates (KHR_texture_transform)."""
+
+    offset: list[Number] = Field(default=[0.0, 0.0])
+    rotation: Number = 0.0
+    scale: list[Number] = Field(default=[1.0, 1.0])
+    tex_coord: Index | None = None
+
+    @property
+    def changes(self) -> bool:
+        """True unless the transform is the identity."""
+        return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
+
+
+class ReferenceExtensions(Part):
+    """Extensions of a texture reference."""
+
+    transform: TextureTransform | None = Field(default=None, alias="KHR_texture_transform")
+
+
+class TextureReference(Part):
+    """A material's reference to a texture."""
+
+    index: Index
+    tex_coord: Index = 0
+    extensions: ReferenceExtensions = Field(default=ReferenceExtensions())
+
+    @property
+    def coordinates(self) -> int:
+        """Index of the texture coordinate set."""
+        transform = self.extensions.transform
+        given = None if transform is None else transform.tex_coord
+        return self.tex_coord if given is None else given
+
+    @property
+    def moved(self) -> bool:
+        """True if KHR_texture_transform changes the texture coordinates."""
+        return self.extensions.transform is not None and self.extensions.transform.changes
+
+
+class PbrMetallicRoughness(Part):
+    """The metallic-roughness parameters of a material."""
+
+    base_color_factor: Quadruple | None = None
+    metallic_factor: Number = 1.0
+    roughness_factor: Number = 1.0
+    base_color_texture: TextureReference | None = None
+
+
+class SpecularGlossiness(Part):
+    """The specular-glossiness parameters of a material; only the texture is read."""
+
+    diffuse_texture: TextureReference | None = None
+
+
+class MaterialExtensions(Part):
+    """Extensions of a material."""
+
+    glossy: SpecularGlossiness | None = Field(
+        default=None, alias="KHR_materials_pbrSpecularGlossiness"
+    )
+
+
+class GltfMaterial(Part):
+    """A material."""
+
+    name: str | None = None
+    alpha_mode: str = "OPAQUE"
+    emissive_factor: Triple | None = None
+    pbr_metallic_roughness: PbrMetallicRoughness | None = None
+    extensions: MaterialExtensions = Field(default=MaterialExtensions())
+
+    def color_textures(self) -> list[TextureReference]:
+        """Return the colour textures of this material."""
+        pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
+        given = [
+            None if pbr is None else pbr.base_color_texture,
+            None if glossy is None else glossy.diffuse_texture,
+        ]
+        return [texture for texture in given if texture is not None]
+
+
+class PrimitiveExtensions(Part):
+    """Extensions of a primitive."""
+
+    draco: Any = Field(default=None, alias="KHR_draco_mesh_compression")
+
+
+class Primitive(Part):
+    """A primitive: vertices and indices with one material."""
+
+    attributes: dict[str, Index]
+    extensions: PrimitiveExtensions = Field(default=PrimitiveExtensions())
+    indices: Index | None = None
+    material: Index | None = None
+    mode: Annotated[int, Field(ge=0, le=6)] = TRIANGLES
+    targets: list[Any] = Field(default=[])
+
+
+class GltfMesh(Part):
+    """A mesh."""
+
+    name: str | None = None
+    primitives: Annotated[list[Primitive], Field(min_length=1)]
+
+
+class Node(Part):
+    """A node: a transform with a mesh, a skin and children."""
+
+    name: str | None = None
+    children: list[Index] = Field(default=[])
+    mesh: Index | None = None
+    skin: Index | None = None
+    matrix: Matrix | None = None
+    translation: Triple | None = None
+    rotation: Quadruple | None = None
+    scale: Triple | None = None
+
+
+class GltfScene(Part):
+    """A scene: the roots of its node trees."""
+
+    nodes: list[Index] = Field(default=[])
+
+
+class Gltf(Part):
+    """The parts of a document that are read."""
+
+    scene: Index = 0
+    scenes: list[GltfScene] = Field(default=[])
+    nodes: Annotated[list[Node], Field(max_length=MAX_NODES)] = Field(default=[])
+    meshes: Annotated[list[GltfMesh], Field(max_length=MAX_NODES)] = Field(default=[])
+    materials: Annotated[list[GltfMaterial], Field(max_length=MAX_NODES)] = Field(default=[])
+    textures: list[Texture] = Field(default=[])
+    samplers: list[Sampler] = Field(default=[])
+    images: Annotated[list[Image], Field(max_length=MAX_PARTS)] = Field(default=[])
+    accessors: Annotated[list[Accessor], Field(max_length=MAX_PARTS)] = Field(default=[])
+    buffer_views: Annotated[list[BufferView], Field(max_length=MAX_PARTS)] = Field(default=[])
+    buffers: Annotated[list[Buffer], Field(max_length=MAX_PARTS)] = Field(default=[])
+    animations: list[Any] = Field(default=[])
+    skins: list[Any] = Field(default=[])
+    cameras: list[Any] = Field(default=[])
+    extensions_used: list[str] = Field(default=[])
+    extensions_required: list[str] = Field(default=[])
+
+    def uris(self) -> list[str]:
+        """Return the URIs of buffers and images outside the binary chunk."""
+        named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
+        return [uri for uri in named if uri is not None]
+
+    def color_images(self) -> list[int]:
+        """Return the indices of the images used as base colour."""
+        images = [self.textures[texture.index].image for texture in self.color_textures()]
+        return list(dict.fromkeys(image for image in images if image is not None))
+
+    def color_textures(self) -> list[TextureReference]:
+        """Return the colour textures of all materials."""
+        return [texture for material in self.materials for texture in material.color_textures()]
+
+
+def parsed_gltf(document: Any) -> Gltf:
+    """Parse a document whose parts have the right shapes; `check_gltf` checks their references.
+
+    Raises
+    ------
+    ValueError
+        The document is malformed; the message names the first fault in one line.
+    """
+    return parsed_part(Gltf, document, "")
+
+
+def parsed_part(model: type[Model], value: Any, where: str) -> Model:
+    """Parse a part of a document, or raise a ValueError that names the first fault in one line."""
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        raise ValueError(_first_fault(error, where)) from None
+
+
+def _first_fault(error: ValidationError, where: str = "") -> str:
+    """Return the first validation error in one line, with its key below `where`."""
+    fault = error.errors(include_url=False, include_input=False)[0]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
+    return f"{(where + key).lstrip('.') or 'document'}: {fault['msg']}"
