@@ -16,8 +16,8 @@ from iprt.capture.gathering import Gathering
 from iprt.capture.sequence import RgbdSequence
 from iprt.capture.splat import splat
 from iprt.errors import FormatError
-from iprt.footage.openings import solid_angles
 from iprt.footage.video.depth_code import DepthCode
+from iprt.geometry.equirect import solid_angles
 from iprt.output.exr import write_exr
 from iprt.scene.edit import new_scene
 

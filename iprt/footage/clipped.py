@@ -20,7 +20,7 @@ from iprt.footage.frame import Frame
 from iprt.footage.gather import Float
 from iprt.footage.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
 from iprt.footage.light_shading import shading_of
-from iprt.footage.openings import solid_angles
+from iprt.geometry.equirect import solid_angles
 
 CHANGED = 0.3
 """Share of the clipped area that comes or goes, from which on lights are estimated anew."""

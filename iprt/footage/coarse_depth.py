@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from iprt.footage.normals import estimate_normals, over_poles
 from iprt.footage.openings import UNMEASURED
-from iprt.geometry.camera import equirect_direction
+from iprt.geometry.equirect import texel_azimuths, texel_directions, texel_polar_angles
 
 Plane = NDArray[np.float32]
 Index = slice | NDArray[np.intp]
@@ -187,7 +187,7 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
     """
     left, right = _sides(coarse, width)
     above, below, share = _neighbours(height, coarse.shape[0])
-    theta = (np.arange(height) + 0.5) / height * np.pi
+    theta = texel_polar_angles(height)
     sin, cos = (f(theta).astype(np.float32)[:, None] for f in (np.sin, np.cos))
     result = np.empty((height, width), np.float32)
     for first in range(0, height, _BAND_ROWS):
@@ -230,7 +230,7 @@ class _Side:
 
 def _sides(coarse: Plane, width: int) -> tuple[_Side, _Side]:
     """Coarse texels to the left and to the right of the columns."""
-    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
+    phi = texel_azimuths(width)
     sin, cos = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
     inverse = over_poles(_inverse(coarse), 1)
     x, y, z = np.moveaxis(over_poles(_planes(coarse), 1), -1, 0)
@@ -262,8 +262,8 @@ def _planes(coarse: Plane) -> Plane:
     there = usable(coarse)
     depth = np.where(there, coarse, np.float32(np.inf))
     normal = estimate_normals(depth, np.zeros(coarse.shape, np.uint8))
-    column, row = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
-    direction = equirect_direction(np.stack([column, row], axis=-1), w, h).astype(np.float32)
+    x, y, z = np.broadcast_arrays(*texel_directions(w, h))
+    direction = np.stack([x, y, z], axis=-1).astype(np.float32)
     facing = np.einsum("...i,...i", normal, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
         planes = normal / (depth * facing)[..., None]

@@ -12,8 +12,8 @@ from scipy.ndimage import uniform_filter
 
 from iprt.footage.frame import LUMINANCE, Frame
 from iprt.footage.gather import cell_means
-from iprt.footage.openings import solid_angles
-from iprt.geometry.camera import View, equirect_texel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_texel, solid_angles
 from iprt.geometry.pose import camera_motion
 
 Float = NDArray[np.float64]

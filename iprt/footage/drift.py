@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
-from iprt.footage.openings import solid_angles
-from iprt.geometry.camera import View, equirect_texel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_texel, solid_angles
 from iprt.geometry.pose import camera_motion
 
 Picture = NDArray[np.float32]

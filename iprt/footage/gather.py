@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.footage.openings import solid_angles
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.geometry.camera import View
+from iprt.geometry.equirect import cell_towards, solid_angles
 
 Float = NDArray[np.float64]
 
@@ -207,19 +207,6 @@ def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
             passes = (below <= CLEARANCE * front) | (below >= THICKNESS * front)
             free[first : first + block] &= passes
     return free
-
-
-def cell_towards(
-    point: NDArray[np.floating], radius: NDArray[np.floating], rows: int
-) -> NDArray[np.intp]:
-    """Number of the cell of a grid that points (..., 3) at a distance (...) are seen in."""
-    polar = np.arccos(np.clip(point[..., 1] / np.maximum(radius, 1e-12), -1.0, 1.0))
-    azimuth = np.arctan2(point[..., 0], -point[..., 2])
-    row = np.minimum((polar * (rows / np.pi)).astype(np.intp), rows - 1)
-    column = ((azimuth / (2.0 * np.pi) + 0.5) * 2 * rows).astype(np.intp)
-    # Not by the remainder, which takes NumPy longer than the arc tangent; nor does a NaN get out.
-    column = np.where((column >= 0) & (column < 2 * rows), column, 0)
-    return np.asarray(row * 2 * rows + column)
 
 
 def form_factors(x: Float, n: Float, cells: Cells, chosen: NDArray[np.intp], share: Float) -> Float:

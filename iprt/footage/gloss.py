@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
+from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 from iprt.geometry.material import Material
 
 Mask = NDArray[np.bool_]
@@ -159,8 +160,7 @@ def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask
 
 def _on_plane(frame: Frame, plane: Plane) -> Mask:
     x, y, z = plane.normal
-    theta = (np.arange(frame.height) + 0.5)[:, None] / frame.height * np.pi
-    phi = ((np.arange(frame.width) + 0.5) / frame.width - 0.5) * 2.0 * np.pi
+    theta, phi = texel_polar_angles(frame.height)[:, None], texel_azimuths(frame.width)
     across = x * np.sin(phi) - z * np.cos(phi)
     distance = np.dot(plane.point, plane.normal)
     on = np.zeros(frame.depth.shape, bool)

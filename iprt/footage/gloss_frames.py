@@ -27,7 +27,8 @@ from iprt.footage.gloss_evidence import Later, PlanePicture
 from iprt.footage.mirrored import RAYS, Patch, RoomCells, reflected
 from iprt.footage.planes import NEAREST, CellPlane
 from iprt.footage.segments import lifted
-from iprt.geometry.camera import View, equirect_pixel, equirect_texel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel, equirect_texel
 from iprt.geometry.pose import camera_motion
 
 LIGHT_ROWS, REST_ROWS = 64, 16

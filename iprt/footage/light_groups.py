@@ -12,7 +12,8 @@ from scipy import ndimage
 from iprt.footage.clip_gains import Tie
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Float
-from iprt.footage.openings import components, solid_angles
+from iprt.footage.openings import components
+from iprt.geometry.equirect import solid_angles
 
 NEARLY, FULLY = 0.95, 0.98
 """Shares of the white level at which a channel begins to count as clipped, and wholly does. Codecs

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Cells, Float, Geometry, cell_means, cell_towards
+from iprt.footage.gather import Cells, Float, Geometry, cell_means
 from iprt.footage.planes import CellPlane
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.geometry.coat import fresnel_dielectric
+from iprt.geometry.equirect import cell_towards
 
 IOR = 1.5
 """Index of refraction of the coat that is assumed: most varnishes, plastics and glazes."""

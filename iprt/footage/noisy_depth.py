@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from iprt.footage.gather import Cells
 from iprt.footage.normals import GAP_TOLERANCE, window_taps
-from iprt.footage.openings import solid_angles
 from iprt.footage.planes import find_planes
+from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
 
 Plane = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -74,7 +74,8 @@ class Noise:
         rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
         row = np.repeat(rows, 2 * _WINDOWS)[:, None]
         column = np.tile(np.arange(2 * _WINDOWS) * width // (2 * _WINDOWS), _WINDOWS)[:, None]
-        theta = (row + 0.5) / height * np.pi
+        polar = texel_polar_angles(height)
+        theta = polar[row]
         offset = (np.arange(_ACROSS) - _ACROSS // 2) * step
         down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
         aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
@@ -82,7 +83,7 @@ class Noise:
         whole = known[at].all(axis=1)
         if np.count_nonzero(whole) < 30:
             return cls(0.0, 0.0)
-        to, phi = (at[0] + 0.5) / height * np.pi, aside * 2.0 * np.pi / width
+        to, phi = polar[at[0]], aside * 2.0 * np.pi / width
         ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
         a = np.sin(to) * np.sin(phi) / ahead
         b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
@@ -179,7 +180,7 @@ def _cell_sums(depth: Plane, known: Mask) -> Float:
     narrow = np.empty((10, height, 2 * rows))
     for first in range(0, height, _BLOCK_ROWS):
         block = slice(first, min(first + _BLOCK_ROWS, height))
-        x, y, z = (part * depth[block] for part in _directions(width, height, block))
+        x, y, z = (part * depth[block] for part in texel_directions(width, height, block))
         for number, values in enumerate(
             (known[block], x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)
         ):
@@ -212,13 +213,6 @@ def _agreement(squared: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2, squared.dtype)
 
 
-def _directions(width: int, height: int, rows: slice) -> tuple[Float, Float, Float]:
-    """x, y (rows, 1) and z of the unit directions of texels' centres in some rows."""
-    theta = (np.arange(rows.start, rows.stop)[:, None] + 0.5) / height * np.pi
-    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
-    return np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)
-
-
 def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
     """(H, W) `depth` drawn to the planes of the 3 x 3 cells around that pass near `place`.
 
@@ -232,7 +226,7 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
     cell_row, weight_down = _splines(height, rows)
     for first in range(0, height, _BLOCK_ROWS):
         block = slice(first, min(first + _BLOCK_ROWS, height))
-        x, y, z = (part.astype(np.float32) for part in _directions(width, height, block))
+        x, y, z = (part.astype(np.float32) for part in texel_directions(width, height, block))
         at = place[block]
         total, shift = np.zeros_like(at), np.zeros_like(at)
         for down, aside in _NEIGHBOURS:
@@ -267,7 +261,7 @@ def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
     flattened = np.empty_like(depth)
     for first in range(0, height, _BLOCK_ROWS):
         block = slice(first, min(first + _BLOCK_ROWS, height))
-        direction = np.stack(np.broadcast_arrays(*_directions(width, height, block)), axis=-1)
+        direction = np.stack(np.broadcast_arrays(*texel_directions(width, height, block)), axis=-1)
         shift = np.zeros_like(depth[block])
         for number, plane in enumerate(large):
             off = (direction @ (plane.normal / plane.offset)).astype(np.float32) * depth[block]
@@ -285,7 +279,7 @@ def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
 def _as_cells(planes: Float) -> Cells:
     """Cells of tangent planes (rows, columns, 3); sky where there is none."""
     rows, columns = planes.shape[:2]
-    x, y, z = np.broadcast_arrays(*_directions(columns, rows, slice(0, rows)))
+    x, y, z = np.broadcast_arrays(*texel_directions(columns, rows))
     direction = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     g = planes.reshape(-1, 3)
     inverse = (g * direction).sum(axis=-1)

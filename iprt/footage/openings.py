@@ -22,6 +22,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from iprt.footage.frame import LUMINANCE
+from iprt.geometry.equirect import solid_angles
 
 OPEN_SKY_SR = 2.0
 """Solid angle above which a hole is open. Below 2 pi, so that the fill has a unique solution."""
@@ -42,12 +43,6 @@ class Holes:
     open_sky: Mask
     opening: Mask
     dropout: Mask
-
-
-def solid_angles(width: int, height: int) -> NDArray[np.float64]:
-    """(H,) exact solid angle in sr of a texel of each row of an equirect image."""
-    edges = np.cos(np.arange(height + 1) / height * np.pi)
-    return (edges[:-1] - edges[1:]) * (2.0 * np.pi / width)
 
 
 def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | None = None) -> Holes:

@@ -15,9 +15,8 @@ from iprt.files.wording import length
 from iprt.footage.coarse_depth import usable
 from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.normals import estimate_normals
-from iprt.footage.openings import solid_angles
 from iprt.footage.readings import Reading, likely_reading
-from iprt.geometry.camera import equirect_direction
+from iprt.geometry.equirect import equirect_direction, solid_angles
 
 Float = NDArray[np.float64]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.geometry.equirect import texel_polar_angles
+
 OUTSIDE_ROWS = 128
 """Rows of the environment: enough for directions that no window showed to the camera."""
 
@@ -38,7 +40,7 @@ def outside_radiance(
     height, width = opening.shape
     texel = np.flatnonzero(opening)
     row, column = texel // width, texel % width
-    weight = np.sin((np.arange(height) + 0.5) / height * np.pi)[row]
+    weight = np.sin(texel_polar_angles(height))[row]
     cell = row * OUTSIDE_ROWS // height * 2 * OUTSIDE_ROWS + column * 2 * OUTSIDE_ROWS // width
     size = 2 * OUTSIDE_ROWS**2
     weighted = weight[:, None] * light

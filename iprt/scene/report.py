@@ -17,12 +17,12 @@ from iprt.footage.clipped import Recovered
 from iprt.footage.depth import holes_of
 from iprt.footage.frame import Frame
 from iprt.footage.gloss import Evidence
-from iprt.footage.openings import solid_angles
 from iprt.footage.surroundings import Surroundings, normal_warnings
 from iprt.footage.video.incidents import bad_frames
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import RawFrame
 from iprt.footage.video.tracks import depth_code
+from iprt.geometry.equirect import solid_angles
 from iprt.geometry.mesh import Instance, transformed
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.objects import SceneObject

@@ -13,7 +13,7 @@ from iprt.footage.clip_gains import MAX_GAIN
 from iprt.footage.clipped import ClippedLights, Recovered
 from iprt.footage.frame import Frame
 from iprt.footage.light_groups import Clipped, groups_of
-from iprt.footage.openings import solid_angles
+from iprt.geometry.equirect import solid_angles
 from tests.footage.lamp_rooms import WARM, bright, clip, grey, lamp, lamp_room, srgb, tone_mapped
 from tests.frame.radiosity import Lamp, Window, room
 from tests.worlds import Float, sphere_frame
