@@ -161,7 +161,7 @@ luminance of that mean, which guides the spatial filter (of real surfaces: what 
 fraction of E_R with `iprt`, over pi with `iprt2023`; of objects: of diffuse and
 specular light, added up); learned: radiance of real surfaces as `oil` has learned it, 0 where it
 has not. All but the background is in the colours of the video's reference frame
-(`iprt.footage.drift`), where the frame's differ."""
+(`iprt.footage.prepare.exposure`), where the frame's differ."""
 
 
 def read_aov(renderer: RenderedView, name: str) -> Image:

@@ -45,6 +45,7 @@ def info(
     """
     from iprt.commands.scene_report import plan_lines, render_plan, report_lines
     from iprt.files.atomic import require_writable
+    from iprt.footage.prepare.remarks import video_notices, video_remarks
     from iprt.output.thumbnail import write_thumbnail
     from iprt.scene.report import describe_scene
     from iprt.scene.scene import Scene
@@ -57,12 +58,12 @@ def info(
     if thumbnail is not None:
         opened.require_not_ours(thumbnail)
     raw = opened.raw_frame()
-    frame = opened.sanitised(raw)
+    frame = opened.preparation()(raw)
     report = describe_scene(opened, frame, raw)
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
     plan = render_plan(opened, frame)
-    notices = opened.source.notices() + opened.source.remarks()
+    notices = video_notices(opened.source) + video_remarks(opened.raw_frames)
     if json:
         import json as json_format
 
@@ -103,6 +104,7 @@ def check(
     import numpy as np
 
     from iprt.commands.scene_report import memory_lines
+    from iprt.footage.prepare.remarks import video_remarks
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
@@ -110,12 +112,12 @@ def check(
     opened = Scene.open(scene, allow_outside=allow_outside)
     made_up = check_files(opened)
     raw = opened.raw_frame()
-    frame = opened.sanitised(raw)
+    frame = opened.preparation()(raw)
     report = describe_scene(opened, frame, raw)
     made_up += report.unlikely
     for line in made_up:
         print(f"warning: {line}")
-    for line in opened.source.remarks():
+    for line in video_remarks(opened.raw_frames):
         print(f"note: {line}")
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:

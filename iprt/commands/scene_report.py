@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 def first_look(folder: Path) -> list[str]:
     """Facts about the first frame of a new scene, for its maker to compare with the real place."""
+    from iprt.footage.prepare.remarks import video_remarks
     from iprt.scene.report import surroundings_of, unlikely
     from iprt.scene.scene import Scene
 
@@ -21,7 +22,7 @@ def first_look(folder: Path) -> list[str]:
     raw = scene.raw_frame()
     place = surroundings_of(scene, raw)
     lines = [] if place is None else [f"place: {place.line()}"]
-    lines += [f"note: {line}" for line in scene.source.remarks()]
+    lines += [f"note: {line}" for line in video_remarks(scene.raw_frames)]
     return lines + [f"warning: {phrase}" for phrase in unlikely(scene, raw, place)]
 
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from iprt.footage.frame import Frame
 from iprt.footage.gather import Cells, cell_means
-from iprt.footage.gloss import Evidence, Plane, RealMaterial
 from iprt.footage.gloss_evidence import ALPHAS, Reflection
 from iprt.footage.gloss_frames import Followed, Moment
 from iprt.footage.mirrored import IOR, KINDS
 from iprt.footage.planes import PARALLEL, CellPlane, find_planes
+from iprt.footage.prepare.gloss import Evidence, Plane, RealMaterial
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 

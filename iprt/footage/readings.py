@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.coarse_depth import usable
+from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import equirect_direction
 
 Float = NDArray[np.float64]

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.wording import length
-from iprt.footage.coarse_depth import usable
 from iprt.footage.color_fit import weighted_quantile
 from iprt.footage.normals import estimate_normals
 from iprt.footage.readings import Reading, likely_reading
+from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import equirect_direction, solid_angles
 
 Float = NDArray[np.float64]

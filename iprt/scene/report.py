@@ -13,14 +13,15 @@ import numpy as np
 from iprt.errors import IprtError
 from iprt.files.images import picture_size
 from iprt.files.problems import problems_error
-from iprt.footage.clipped import Recovered
-from iprt.footage.depth import holes_of
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import Evidence
+from iprt.footage.prepare.clipped_lights import Recovered
+from iprt.footage.prepare.gloss import Evidence
+from iprt.footage.prepare.openings import holes_of
+from iprt.footage.prepare.reading import RawFrame
+from iprt.footage.prepare.remarks import depth_doubts, video_notices
+from iprt.footage.prepare.steady import bad_frames
 from iprt.footage.surroundings import Surroundings, normal_warnings
-from iprt.footage.video.incidents import bad_frames
 from iprt.footage.video.sequence import frame_path
-from iprt.footage.video.source import RawFrame
 from iprt.footage.video.tracks import depth_code
 from iprt.geometry.equirect import solid_angles
 from iprt.geometry.mesh import Instance, transformed
@@ -190,7 +191,7 @@ def unlikely(scene: Scene, raw: RawFrame, place: Surroundings | None) -> list[st
     """Return guesses and doubts about the depth and normals of a frame as read; a phrase
     each.
     """
-    found = scene.source.doubts()
+    found = depth_doubts(scene.raw_frames)
     found += [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
     if raw.normal is not None:
         found += [f"normals: {phrase}" for phrase in normal_warnings(raw.normal, raw.depth)]
@@ -213,7 +214,7 @@ def check_files(scene: Scene) -> list[str]:
     """
     problems: list[str] = []
     _collect(problems, scene, scene.raw_frame)
-    warnings = scene.source.notices() + ([] if problems else bad_frames(scene.source))
+    warnings = video_notices(scene.source) + ([] if problems else bad_frames(scene.raw_frames))
     warnings = [warning.replace(f"{scene.root}{os.sep}", "") for warning in warnings]
     _collect(problems, scene, lambda: scene.real_materials)
     _collect(problems, scene, lambda: scene.instances)

@@ -12,12 +12,12 @@ from iprt.errors import SceneError
 from iprt.files.path_safety import anywhere, require_inside
 from iprt.files.problems import problems_error
 from iprt.files.untrusted import is_file
-from iprt.footage.clipped import ClippedLights
-from iprt.footage.drift import Drift
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import Glossy, RealMaterial, with_gloss
-from iprt.footage.video.incidents import Stage, steady_frames
-from iprt.footage.video.source import FrameSource, RawFrame
+from iprt.footage.prepare.gloss import RealMaterial
+from iprt.footage.prepare.reading import RawFrame, RawFrames
+from iprt.footage.prepare.stages import Preparation
+from iprt.footage.prepare.steady import steady_frames
+from iprt.footage.video.source import FrameSource
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
@@ -99,6 +99,7 @@ class Scene:
         self.manifest = manifest
         self.within = root if within is None else within
         self.source = FrameSource(root, manifest.video, self.within)
+        self.raw_frames = RawFrames(self.source)
         names = tuple(table.name for table in manifest.objects)
         self.views = {table.name: _scene_view(root, table, names) for table in manifest.views}
 
@@ -165,20 +166,13 @@ class Scene:
         FormatError
             Its files cannot be used.
         """
-        return self.sanitised(self.raw_frame(index))
-
-    def sanitised(self, raw: RawFrame) -> Frame:
-        """A frame as read to one as it is rendered: cleaned, its glossy surfaces known, and the
-        light of what is clipped.
-        """
-        frame = with_gloss(raw.sanitised(), self.real_materials)
-        return ClippedLights(self.source.white)(frame)
+        return self.preparation()(self.raw_frame(index))
 
     def raw_frame(self, index: int | None = None) -> RawFrame:
         """As `frame`, before anything is filled or cleaned."""
         chosen = self.frame_indices[0] if index is None else index
         self._require_frames([chosen])
-        return self.source.read(chosen)
+        return self.raw_frames.read(chosen)
 
     def stream(
         self, indices: Iterable[int], *, strict: bool = False, drift: bool = True, ahead: int = 2
@@ -214,27 +208,12 @@ class Scene:
         if not isinstance(indices, Iterator):
             indices = list(indices)
             self._require_frames(indices)
-        frames = steady_frames(self.source, indices, self._stages(drift), strict=strict)
-        return Ahead(frames, ahead)
+        raws = steady_frames(self.raw_frames, indices, strict=strict)
+        return Ahead(self.preparation(drift=drift).frames(raws), ahead)
 
-    def _stages(self, drift: bool) -> list[Stage]:
-        """The stages of a stream after sanitising, in order; made anew for each stream."""
-        # Materials are known by their hue, in the colours of the reference frame.
-        return [
-            *([Drift(self.source.white)] if drift else []),
-            Glossy(self.real_materials),
-            ClippedLights(self.source.white),
-            Frame.measured,
-        ]
-
-    def prepared(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
-        """Frames of `stream` made of frames as they are read, on the thread that asks for them."""
-        stages = self._stages(drift=True)
-        for raw in raws:
-            frame = raw.sanitised()
-            for stage in stages:
-                frame = stage(frame)
-            yield frame
+    def preparation(self, *, drift: bool = True) -> Preparation:
+        """Return what makes frames of raw ones, anew for each pass over the video."""
+        return Preparation(self.source.white, self.real_materials, drift=drift)
 
     @property
     def clips(self) -> bool:
@@ -269,7 +248,7 @@ class Scene:
         FormatError
             As `declared_materials`.
         """
-        return found_materials(self.source, self.manifest, self.declared_materials)
+        return found_materials(self.raw_frames, self.manifest, self.declared_materials)
 
     @cached_property
     def declared_materials(self) -> tuple[RealMaterial, ...]:

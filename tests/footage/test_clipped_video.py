@@ -14,8 +14,8 @@ from PIL import Image
 
 from iprt import cli
 from iprt.footage import clipped as stage_module
-from iprt.footage.clipped import BLEND, ClippedLights, Recovered
 from iprt.footage.frame import Frame
+from iprt.footage.prepare.clipped_lights import BLEND, ClippedLights, Recovered
 from iprt.scene.scene import Scene
 from tests.footage.lamp_rooms import WARM, bright, clip, lamp, lamp_room, srgb
 from tests.frame.radiosity import Lamp

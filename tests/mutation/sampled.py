@@ -18,14 +18,24 @@ SEED = 20240
 
 # File, how many of its mutants, tests that guard it.
 GUARDED = {
-    "iprt/footage/openings.py": (5, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
+    "iprt/footage/prepare/openings.py": (
+        5,
+        ("tests/footage/prepare/test_fill.py", "tests/scene/test_scene.py"),
+    ),
     "iprt/footage/window_environment.py": (4, ("tests/footage/test_window_environment.py",)),
     "iprt/footage/normals.py": (
         8,
         ("tests/footage/test_normals.py", "tests/world/real/test_surfaces.py"),
     ),
-    "iprt/footage/depth.py": (7, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
-    "iprt/geometry/camera.py": (6, ("tests/geometry/test_camera.py",)),
+    "iprt/footage/prepare/fill.py": (
+        7,
+        ("tests/footage/prepare/test_fill.py", "tests/scene/test_scene.py"),
+    ),
+    "iprt/geometry/camera.py": (4, ("tests/geometry/test_camera.py",)),
+    "iprt/geometry/equirect.py": (
+        4,
+        ("tests/geometry/test_camera.py", "tests/geometry/test_equirect.py"),
+    ),
     "iprt/bvh/build.py": (3, ("tests/bvh/test_tree.py", "tests/bvh/test_traversal.py")),
     "iprt/bvh/cache.py": (2, ("tests/bvh/test_cache.py",)),
     "iprt/bvh/scene.py": (
@@ -50,23 +60,6 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/footage/normals.py: n += 1.0 -> n += 2.1": (
-        "Inverse depth is summed less the local plane's, of which nothing is left on planes: a "
-        "mean that is a little off bends none."
-    ),
-    "iprt/footage/normals.py: surface = np.fmin(before_bend, after_bend) * step <= "
-    "GAP_TOLERANCE[1] * self._center -> surface = np.fmin(before_bend, after_bend) * step < "
-    "GAP_TOLERANCE[1] * self._center": "A bend that is the limit by chance.",
-    "iprt/footage/depth.py: steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size))) -> "
-    "steps = min(1000, max(40, int(_CG_TEXEL_STEPS * diagonal.size)))": (
-        "More steps of a solver that ends sooner, at the same depths."
-    ),
-    "iprt/footage/depth.py: if _dot(rest, rest) <= enough: -> if _dot(rest, rest) < enough:": (
-        "A residual that is the tolerance by chance."
-    ),
-    "iprt/footage/depth.py: coarse = _blocks_of_four(inverse) / np.maximum(count, "
-    "np.float32(1.0)) -> coarse = _blocks_of_four(inverse) / np.maximum(count, "
-    "np.float32(2.1))": ("Where the solver starts from; it ends at the same depths."),
     "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
         "Node 0 is the root, which no node refers to."
     ),

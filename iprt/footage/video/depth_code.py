@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.footage.openings import UNMEASURED
 from iprt.footage.video.placement import Placement
 from iprt.geometry.equirect import texel_polar_angles
 
@@ -19,6 +18,14 @@ Picture = NDArray[np.float32]
 
 MAX_WHITE = 1.01
 """Floats that go from 0 to 1 are no larger."""
+UNMEASURED = float(np.finfo(np.float32).min)
+"""Depth where a surface is said to be that was not measured; where a file holds it, too."""
+
+
+def usable(depth: Picture) -> NDArray[np.bool_]:
+    """Return where there is a surface; elsewhere depth is 0, negative, NaN or infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((depth > 0.0) & (depth < np.inf))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from iprt.footage.openings import UNMEASURED, Holes, classify_holes
+from iprt.footage.prepare.openings import holes_of
+from iprt.footage.video.depth_code import usable
 
 Mask = NDArray[np.bool_]
 Plane = NDArray[np.float32]
@@ -22,14 +23,10 @@ only fine detail."""
 
 @dataclass(frozen=True)
 class CleanDepth:
-    """Depth (H, W) float32 and flags (H, W) bool, as `Frame` holds them.
-
-    `measured` is True where the source has a depth of its own.
-    """
+    """Depth (H, W) float32 and openings (H, W) bool, as `Frame` holds them."""
 
     depth: Plane
     opening: Mask
-    measured: Mask
 
 
 def sanitise_color(color: Plane) -> Plane:
@@ -56,9 +53,9 @@ def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
     color : (H, W, 3) float32
         Linear radiance, finite.
     """
-    measured = _is_depth(stored)
+    measured = usable(stored)
     if measured.all():
-        return CleanDepth(stored, np.zeros_like(measured), measured)
+        return CleanDepth(stored, np.zeros_like(measured))
     holes = holes_of(stored, measured, color)
     inverse = np.zeros(stored.shape, np.float32)
     with np.errstate(over="ignore"):
@@ -68,26 +65,7 @@ def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
     depth = np.where(measured, stored, np.float32(np.inf))
     with np.errstate(divide="ignore"):
         depth[fill] = np.where(filled > 0.0, 1.0 / filled, np.inf)
-    return CleanDepth(depth, holes.opening, measured)
-
-
-def _is_depth(stored: Plane) -> Mask:
-    with np.errstate(invalid="ignore"):
-        return np.asarray((stored > 0.0) & (stored < np.inf))
-
-
-def find_openings(stored: Plane, color: Plane) -> Mask:
-    """(H, W) bool: `CleanDepth.opening`, which is all of it that depends on colour."""
-    measured = _is_depth(stored)
-    if measured.all():
-        return np.zeros_like(measured)
-    return holes_of(stored, measured, color).opening
-
-
-def holes_of(stored: Plane, measured: Mask, color: Plane) -> Holes:
-    """Return unmeasured pixels by kind; see `sanitise_depth` and `classify_holes`."""
-    unmeasured = stored == UNMEASURED
-    return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
+    return CleanDepth(depth, holes.opening)
 
 
 def fill_inverse_depth(

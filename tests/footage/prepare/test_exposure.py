@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.footage.drift import Drift
 from iprt.footage.frame import Frame
+from iprt.footage.prepare.exposure import Drift
 from iprt.geometry.camera import View
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, bright_walls, landscape_frame, room_frame, sphere_frame

@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.footage.coarse_depth import at_full_size
-from iprt.footage.openings import UNMEASURED
-from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, cube_factor
-from iprt.footage.video.incidents import steady_frames
-from iprt.footage.video.stored_depth import StoredDepth, find_marks
+from iprt.footage.prepare.enlarge import at_full_size
+from iprt.footage.prepare.metres import StoredDepth, find_marks
+from iprt.footage.prepare.remarks import depth_doubts
+from iprt.footage.prepare.steady import steady_frames
+from iprt.footage.video.depth_code import (
+    UNMEASURED,
+    DepthCode,
+    DepthMarks,
+    DepthSamples,
+    cube_factor,
+)
 from iprt.scene.scene import Scene
 from tests.footage.video.encoding import grey16, write_video
 from tests.scene.files import SHARED, box_room, directions, write_channels, write_png16_grey
@@ -100,10 +106,10 @@ def test_what_does_not_is_none(samples: DepthSamples, code: DepthCode) -> None:
 def test_scenes_have_none(folder: Path) -> None:
     if not folder.is_dir():
         pytest.skip("not in this checkout")
-    source = Scene.open(folder).source
-    assert source.doubts() == []
-    assert source.stored_depth is not None
-    assert source.stored_depth.marks == DepthMarks()
+    frames = Scene.open(folder).raw_frames
+    assert depth_doubts(frames) == []
+    assert frames.stored_depth is not None
+    assert frames.stored_depth.marks == DepthMarks()
 
 
 def test_given_values_replace_what_is_found() -> None:
@@ -211,8 +217,8 @@ def test_the_first_frame_decides(
     assert np.isinf(second[0, 0])
     assert (second[HOLE] == 40).all()
     with caplog.at_level(logging.WARNING):
-        list(steady_frames(scene.source, [0, 1], [], strict=True))
-    assert [record.message for record in caplog.records] == scene.source.doubts()
+        list(steady_frames(scene.raw_frames, [0, 1], strict=True))
+    assert [record.message for record in caplog.records] == depth_doubts(scene.raw_frames)
     assert len(caplog.records) == 1
 
 
@@ -222,7 +228,7 @@ def test_a_hole_that_was_not_measured_is_filled_and_no_window(tmp_path: Path) ->
     head = 'format = 1\nname = "a"\n[video]\ncolor = "c.png"\ndepth = "d.exr"\n'
     for keys, is_window in (("", True), ("depth_invalid = [1e10]\n", False)):
         (tmp_path / "scene.toml").write_text(head + keys)
-        frame = Scene.open(tmp_path).raw_frame().sanitised()
+        frame = Scene.open(tmp_path).frame()
         assert frame.opening[HOLE].all() == is_window
         assert frame.opening.any() == is_window
         assert frame.depth[HOLE] == pytest.approx(ROOM[HOLE], rel=0.2)

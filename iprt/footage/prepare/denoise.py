@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from iprt.footage.gather import Cells
 from iprt.footage.normals import GAP_TOLERANCE, window_taps
 from iprt.footage.planes import find_planes
+from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
 
 Plane = NDArray[np.float32]
@@ -115,8 +116,7 @@ def smoothed(depth: Plane) -> Plane:
     height, width = depth.shape
     if height < MIN_ROWS or width != 2 * height:
         return depth
-    with np.errstate(invalid="ignore"):
-        known = (depth > 0.0) & (depth < np.inf)
+    known = usable(depth)
     noise = Noise.of(depth, known)
     if noise.bent <= CLEAN:
         return depth

@@ -7,22 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
-
 from iprt.errors import FormatError
 from iprt.files.wording import counted
-from iprt.footage.depth import find_openings, sanitise_color
-from iprt.footage.frame import Frame
-from iprt.footage.video.source import FrameReader, FrameSource, Picture, RawFrame
+from iprt.footage.prepare.reading import FrameReader, Picture, RawFrame, RawFrames
+from iprt.footage.prepare.remarks import depth_doubts, video_remarks
 
 LOG = logging.getLogger("iprt.video")
 LOOK_BACK = 300
 """Frames before the first one asked for that are searched for a good one."""
-
-
-Stored = tuple[Picture | None, Picture | None]
-Stage = Callable[[Frame], Frame]
-"""A function from sanitised frames to frames."""
 
 
 class Incident:
@@ -52,11 +44,11 @@ class Incident:
 
 
 class SteadyReader:
-    """Reads and sanitises frames; what of them cannot be read is that of the last good frame.
+    """Reads frames; what of them cannot be read is that of the last good frame.
 
-    Where depth (or a normal) cannot be read, the last good depth, openings and normals stay, and
-    colour goes on. Where colour cannot be read, all of the last good frame stays: new depth would
-    not fit to old colour.
+    Where depth (or a normal) cannot be read, the last good depth and normals stay, and colour goes
+    on. Where colour cannot be read, all of the last good frame stays: new depth would not fit to
+    old colour.
 
     Parameters
     ----------
@@ -78,12 +70,11 @@ class SteadyReader:
     ) -> None:
         self._reader, self._first, self._strict = reader, first, strict
         self._incident = Incident(report)
-        self._last: Frame | None = None
-        self._stored: Stored = None, None  # what depth and normals of `_last` were made of
+        self._last: RawFrame | None = None
         self._color_of = self._depth_of = first  # the frames that `_last` is made of
 
-    def read(self, index: int) -> Frame:
-        """A frame, sanitised.
+    def read(self, index: int) -> RawFrame:
+        """Read a frame.
 
         Raises
         ------
@@ -99,9 +90,9 @@ class SteadyReader:
         try:
             raw = self._reader.completed(index, color)
         except FormatError as error:
-            self._before(index, error)
+            last = self._before(index, error)
             self._incident.bad(f"{error}; depth of frame {self._depth_of} stays until one is good")
-            return self._recolored(index, color)
+            return self._recolored(last, index, color)
         self._incident.good(index)
         return self._keep(raw)
 
@@ -109,34 +100,19 @@ class SteadyReader:
         """Tell of a run of bad frames that goes on up to here."""
         self._incident.end()
 
-    def _keep(self, raw: RawFrame) -> Frame:
-        self._last = self._unmoved(raw) or raw.sanitised()
-        self._stored = raw.depth, raw.normal
+    def _keep(self, raw: RawFrame) -> RawFrame:
+        self._last = raw
         self._color_of = self._depth_of = raw.index
-        return self._last
+        return raw
 
-    def _unmoved(self, raw: RawFrame) -> Frame | None:
-        """A frame whose depth is that of the one before, which need not be filled and fitted anew.
-
-        As of a static scene with one picture of depth, or of depth with half the rate of colour.
-        """
-        if self._last is None or not _same((raw.depth, raw.normal), self._stored):
-            return None
-        color = sanitise_color(raw.color)
-        if not np.array_equal(find_openings(raw.depth, color), self._last.opening):
-            return None
-        return replace(self._last, color=color, index=raw.index, pose=raw.pose)
-
-    def _recolored(self, index: int, color: Picture) -> Frame:
-        """The last frame with the colour of another, and from where that was seen."""
-        assert self._last is not None
-        pose = self._reader.pose(index)
-        self._last = replace(self._last, color=sanitise_color(color), index=index, pose=pose)
+    def _recolored(self, last: RawFrame, index: int, color: Picture) -> RawFrame:
+        """Return the last frame with the colour of another, and from where that was seen."""
+        self._last = replace(last, color=color, index=index, pose=self._reader.pose(index))
         self._color_of = index
         return self._last
 
-    def _before(self, index: int, error: FormatError) -> Frame:
-        """The last frame: of those read here, or else what came before the first one asked for.
+    def _before(self, index: int, error: FormatError) -> RawFrame:
+        """Return the last frame: of those read here, or else of those before the first asked for.
 
         So what stands in for a bad frame does not depend on where a film was resumed.
         """
@@ -158,44 +134,29 @@ class SteadyReader:
                 self._keep(self._reader.completed(earlier, color))
                 break
         if self._last is not None and newest is not None and newest[0] != self._depth_of:
-            self._recolored(*newest)
-
-
-def _same(stored: Stored, others: Stored) -> bool:
-    """Whether depths and normals are equal, bit for bit."""
-    return all(
-        other is not None and np.array_equal(plane.view(np.uint32), other.view(np.uint32))
-        if plane is not None
-        else other is None
-        for plane, other in zip(stored, others, strict=True)
-    )
+            self._recolored(self._last, *newest)
 
 
 def steady_frames(
-    source: FrameSource, indices: Iterable[int], stages: Iterable[Stage], *, strict: bool
-) -> Iterator[Frame]:
-    """Frames as `SteadyReader` reads them, each after all stages."""
-    stages = tuple(stages)
-    for line in source.disagreements() + source.doubts():
+    frames: RawFrames, indices: Iterable[int], *, strict: bool = False
+) -> Iterator[RawFrame]:
+    """Read frames as `SteadyReader` does, one by one; the log tells of guesses about the video."""
+    for line in frames.source.tracks.disagreements + depth_doubts(frames):
         LOG.warning(line)
-    for line in source.remarks():
+    for line in video_remarks(frames):
         LOG.info(line)
-    with source.reading() as reader:
-        steady = SteadyReader(reader, source.indices[0], strict=strict)
+    with frames.reading() as reader:
+        steady = SteadyReader(reader, frames.source.indices[0], strict=strict)
         for index in indices:
-            frame = steady.read(index)
-            for stage in stages:
-                frame = stage(frame)
-            yield frame
-            del frame  # must not live on while the next one is made
+            yield steady.read(index)
         steady.end()
 
 
-def bad_frames(source: FrameSource) -> list[str]:
-    """Read all frames; a line for each run of bad ones, with the first one's error."""
+def bad_frames(frames: RawFrames) -> list[str]:
+    """Read all frames, and return a line for each run of bad ones, with the first one's error."""
     runs: list[tuple[int, int, str]] = []
-    with source.reading() as reader:
-        for index in source.indices:
+    with frames.reading() as reader:
+        for index in frames.source.indices:
             try:
                 reader.read(index)
             except FormatError as error:

@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from iprt.footage.noisy_depth import smoothed
+from iprt.footage.prepare.denoise import smoothed
 from iprt.geometry.camera import View
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.stance import Stance
 from tests.oracles.worlds import Box, World
 
-MESH = Path(__file__).parents[2] / "scenes360" / "room" / "meshes" / "pot.ply"
+MESH = Path(__file__).parents[3] / "scenes360" / "room" / "meshes" / "pot.ply"
 WIDTH, HEIGHT = 512, 256
 ROOM = World()
 TABLE = World(solids=(Box((0.2, -1.0, -1.5), (0.6, 0.4, 0.3), 0.3),))

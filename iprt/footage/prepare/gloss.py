@@ -137,11 +137,6 @@ class Glossy:
         return replace(frame, gloss=gloss, real_materials=materials)
 
 
-def with_gloss(frame: Frame, materials: tuple[RealMaterial, ...]) -> Frame:
-    """One frame after the stage `Glossy`."""
-    return Glossy(materials)(frame)
-
-
 def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
     """(..., 3) linear colours over the sum of their channels; NaN for black, which has no hue.
 

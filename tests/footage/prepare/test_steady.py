@@ -11,6 +11,7 @@ import pytest
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.frame import Frame
+from iprt.footage.prepare.remarks import video_notices
 from iprt.scene.scene import Scene
 from tests.footage.video.test_stream import write_video
 from tests.scene.files import write_channels, write_rgb
@@ -163,7 +164,7 @@ def test_missing_frames_open_unless_strict(tmp_path: Path) -> None:
     (tmp_path / "d.002.exr").unlink()
     (tmp_path / "d.003.exr").unlink()
     line = "video.depth: there is no file d.002.exr (and 1 more frames)"
-    assert Scene.open(tmp_path).source.notices() == [f"{line}; the one before it stays"]
+    assert video_notices(Scene.open(tmp_path).source) == [f"{line}; the one before it stays"]
     with pytest.raises(SceneError) as error:
         Scene.open(tmp_path, strict=True)
     assert str(error.value).endswith(line)

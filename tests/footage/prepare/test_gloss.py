@@ -13,7 +13,7 @@ from PIL import Image
 from iprt import cli
 from iprt.errors import FormatError, SceneError
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import Glossy, Plane, RealMaterial, chromaticity, with_gloss
+from iprt.footage.prepare.gloss import Glossy, Plane, RealMaterial, chromaticity
 from iprt.geometry.material import Material
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.scene import Scene
@@ -42,7 +42,7 @@ def test_places_are_kept_while_depth_stays(monkeypatch: pytest.MonkeyPatch) -> N
     found = [stage(frame).gloss for frame in frames]
     assert places == [frames[0], frames[2]]
     for frame, gloss in zip(frames, found, strict=True):
-        np.testing.assert_array_equal(gloss, with_gloss(frame, (brown,)).gloss)
+        np.testing.assert_array_equal(gloss, Glossy((brown,))(frame).gloss)
     np.testing.assert_array_equal(found[1], DOWN)
 
 
@@ -95,11 +95,11 @@ def test_all_that_is_given_must_hold_and_the_last_entry_wins() -> None:
     floor = RealMaterial("floor", COAT, plane=plane)
     metal = Material("conductor", (0.9, 0.8, 0.7))
     part = RealMaterial("part", metal, plane=plane, mask=mask)
-    frame = with_gloss(FRAME, (floor, part))
+    frame = Glossy((floor, part))(FRAME)
     assert frame.gloss is not None
     np.testing.assert_array_equal(frame.gloss, np.where(DOWN, np.where(mask, 2, 1), 0))
     assert frame.real_materials == (COAT, metal)
-    assert with_gloss(FRAME, ()) is FRAME
+    assert Glossy(())(FRAME) is FRAME
 
 
 def test_windows_and_sky_are_never_glossy() -> None:

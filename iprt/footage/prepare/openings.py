@@ -17,11 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from iprt.footage.components import component_of
 from iprt.footage.frame import LUMINANCE
+from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import solid_angles
 
 OPEN_SKY_SR = 2.0
@@ -29,9 +28,6 @@ OPEN_SKY_SR = 2.0
 OPEN_SKY_ELEVATION_DEG = 30.0
 DROPOUT_SR = 1e-4
 DROPOUT_BRIGHTNESS = 2.0
-
-UNMEASURED = float(np.finfo(np.float32).min)
-"""Depth where a surface is said to be that was not measured; where a file holds it, too."""
 
 Mask = NDArray[np.bool_]
 
@@ -43,6 +39,20 @@ class Holes:
     open_sky: Mask
     opening: Mask
     dropout: Mask
+
+
+def find_openings(stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
+    """Return the openings (H, W) of depth in metres, by its colour (H, W, 3)."""
+    measured = usable(stored)
+    if measured.all():
+        return np.zeros_like(measured)
+    return holes_of(stored, measured, color).opening
+
+
+def holes_of(stored: NDArray[np.float32], measured: Mask, color: NDArray[np.float32]) -> Holes:
+    """Return texels that are not `measured` by kind; see `classify_holes`."""
+    unmeasured = stored == UNMEASURED
+    return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
 
 
 def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | None = None) -> Holes:
@@ -59,7 +69,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | No
     """
     height, width = hole.shape
     texel = np.flatnonzero(hole)
-    of_texel, count = _hole_of(hole, texel)
+    of_texel, count = component_of(hole, texel)
     rows = texel // width
     sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
     lowest_row = np.zeros(count)
@@ -85,35 +95,6 @@ def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | No
         return mask
 
     return Holes(texels(is_open), texels(~is_open & ~is_dropout), texels(is_dropout))
-
-
-def components(hole: Mask) -> tuple[NDArray[np.intp], int]:
-    """Label 8-connected components on the sphere; 0-based labels (H, W), valid where `hole`."""
-    texel = np.flatnonzero(hole)
-    of_texel, count = _hole_of(hole, texel)
-    label = np.zeros(hole.shape, np.intp)
-    label.ravel()[texel] = of_texel
-    return label, count
-
-
-def _hole_of(hole: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
-    """(N,) 0-based labels of the texels of holes, and how many holes there are."""
-    height = hole.shape[0]
-    label, count = ndimage.label(hole, structure=np.ones((3, 3)))
-    pairs = [
-        (label[up : height - down, -1], label[down : height - up, 0])
-        for up, down in ((1, 0), (0, 0), (0, 1))
-    ]
-    # The texels of a polar row surround the pole: they all touch there.
-    for row in (0, height - 1):
-        present = label[row][label[row] > 0]
-        pairs.append((present[:1].repeat(present.size), present))
-    a = np.concatenate([first for first, _ in pairs])
-    b = np.concatenate([second for _, second in pairs])
-    both = (a > 0) & (b > 0)
-    links = coo_array((np.ones(both.sum()), (a[both] - 1, b[both] - 1)), shape=(count, count))
-    merged, group = connected_components(links, directed=False)
-    return group.astype(np.intp)[label.ravel()[texel] - 1], int(merged)
 
 
 def _brightness_over_rim(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.normals import estimate_normals, over_poles
-from iprt.footage.openings import UNMEASURED
+from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import texel_azimuths, texel_directions, texel_polar_angles
 
 Plane = NDArray[np.float32]
@@ -136,11 +136,6 @@ def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
     row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
     said = unmeasured[row[:, None], column]
     return np.where(said & ~(full > 0.0), np.float32(UNMEASURED), full)
-
-
-def usable(depth: Plane) -> NDArray[np.bool_]:
-    """Where there is a surface; elsewhere depth is 0, negative, NaN or infinite."""
-    return np.asarray(np.isfinite(depth) & (depth > 0.0))
 
 
 def _changes(known: Plane) -> NDArray[np.bool_]:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from iprt import cli
-from iprt.footage.coarse_depth import Grid, at_full_size, enlarged, usable
+from iprt.footage.prepare.enlarge import Grid, at_full_size, enlarged
+from iprt.footage.prepare.remarks import interpolation
+from iprt.footage.video.depth_code import usable
 from iprt.scene.scene import Scene
 from tests.footage.video.encoding import Track, grey16, plain, write_video
 from tests.scene.files import (
@@ -23,7 +25,7 @@ from tests.scene.files import (
     write_scene,
 )
 
-OWN = Path(__file__).resolve().parents[2] / "scenes360"
+OWN = Path(__file__).resolve().parents[3] / "scenes360"
 Depth = NDArray[np.float32]
 
 
@@ -231,7 +233,7 @@ def test_scenes_have_a_resolution_of_their_own(folder: Path) -> None:
         pytest.skip("not in this checkout")
     scene = Scene.open(folder)
     depth = scene.raw_frame().depth
-    assert scene.source.interpolation() == []
+    assert interpolation(scene.raw_frames) == []
     for how, stored in quantised(depth).items():
         assert Grid.of(stored) is None, how
         if how == "decimetres":

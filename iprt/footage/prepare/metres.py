@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.wording import length
-from iprt.footage.coarse_depth import Grid, usable
-from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, cube_factor
+from iprt.footage.prepare.enlarge import Grid
+from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, cube_factor, usable
 
 Picture = NDArray[np.float32]
 
