@@ -16,7 +16,7 @@ from iprt.device.caches import own_folder
 from iprt.errors import FormatError
 from iprt.files.atomic import replacing
 from iprt.files.table import Ior, Point, Table, Unit
-from iprt.footage.found_gloss import find_gloss
+from iprt.footage.found_gloss.search import find_gloss
 from iprt.footage.prepare.gloss import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation

@@ -13,6 +13,7 @@ import numpy as np
 from iprt.errors import IprtError
 from iprt.files.images import picture_size
 from iprt.files.problems import problems_error
+from iprt.footage.depth_summary import DepthSummary, normal_warnings
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.clipped_lights import Recovered
 from iprt.footage.prepare.gloss import Evidence
@@ -20,7 +21,6 @@ from iprt.footage.prepare.openings import holes_of
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
-from iprt.footage.surroundings import Surroundings, normal_warnings
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.tracks import depth_code
 from iprt.geometry.equirect import solid_angles
@@ -89,7 +89,7 @@ class SceneReport:
     fps: float
     exposure: float
     depth_unit: str
-    surroundings: Surroundings | None
+    surroundings: DepthSummary | None
     unlikely: tuple[str, ...]
     depth_percentiles: dict[str, float]
     radiance_percentiles: dict[str, float]
@@ -182,12 +182,12 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     )
 
 
-def surroundings_of(scene: Scene, raw: RawFrame) -> Surroundings | None:
+def surroundings_of(scene: Scene, raw: RawFrame) -> DepthSummary | None:
     """The place that a frame as read shows; None where it has no depth."""
-    return Surroundings.of(raw.depth, is_cube=scene.source.code.kind == "cube")
+    return DepthSummary.of(raw.depth, is_cube=scene.source.code.kind == "cube")
 
 
-def unlikely(scene: Scene, raw: RawFrame, place: Surroundings | None) -> list[str]:
+def unlikely(scene: Scene, raw: RawFrame, place: DepthSummary | None) -> list[str]:
     """Return guesses and doubts about the depth and normals of a frame as read; a phrase
     each.
     """

@@ -17,8 +17,8 @@ from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import is_file
 from iprt.files.wording import counted
+from iprt.footage.depth_summary import normal_warnings
 from iprt.footage.prepare.reading import RawFrame, require_unit
-from iprt.footage.surroundings import normal_warnings
 from iprt.footage.video.container import is_container
 from iprt.footage.video.sequence import frame_path
 

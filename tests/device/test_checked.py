@@ -17,7 +17,7 @@ from iprt.device.plan import PlanDevice
 from iprt.device.program import Program, build
 from iprt.errors import DefectError
 from iprt.files.resources import CL
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.renderer import Renderer
 from tests.films import entry_points, films, play
 

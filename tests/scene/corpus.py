@@ -18,8 +18,8 @@ import numpy as np
 
 from iprt.errors import FormatError, IprtError
 from iprt.files.images import read_color, read_depth, read_header
+from iprt.footage.depth_summary import DepthSummary
 from iprt.footage.prepare.metres import StoredDepth
-from iprt.footage.surroundings import Surroundings
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
 from iprt.footage.video.depth_code import DepthCode, DepthSamples
@@ -72,7 +72,7 @@ def read_depth_plane(path: Path) -> None:
             stored = StoredDepth.of(path, samples, code)
             assert stored.metres(path, samples, code).shape == depth.shape
     if depth.shape[1] == 2 * depth.shape[0]:
-        Surroundings.of(depth)
+        DepthSummary.of(depth)
 
 
 def read_scene(path: Path) -> None:

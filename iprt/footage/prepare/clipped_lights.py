@@ -1,9 +1,9 @@
 """Light that a camera clipped, found in the shading of the surfaces that it falls on.
 
 A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
-to know how bright they are. `ClippedLights` joins what is clipped to lights (`light_groups`), and
-finds by what factor each is brighter (`clip_gains`) from how it shades the surfaces around
-(`light_shading`). Frames then hold this light, and what the picture shows of it (`ClippedTexels`).
+to know how bright they are. `ClippedLights` joins what is clipped to lights, and finds by what
+factor each is brighter from how it shades the surfaces around (`iprt.footage.lights`). Frames then
+hold this light, and what the picture shows of it (`ClippedTexels`).
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.wording import counted
-from iprt.footage.clip_gains import clip_gains
+from iprt.footage.cells import Float
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Float
-from iprt.footage.light_groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
-from iprt.footage.light_shading import shading_of
+from iprt.footage.lights.gains import clip_gains
+from iprt.footage.lights.groups import GROUP_ROWS, Clipped, groups_of, lights_of, ties_of
+from iprt.footage.lights.shading import shading_of
 from iprt.geometry.equirect import solid_angles
 
 CHANGED = 0.3

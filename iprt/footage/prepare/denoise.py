@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.gather import Cells
+from iprt.footage.cell_planes import find_planes
+from iprt.footage.cells import Cells
 from iprt.footage.normals import GAP_TOLERANCE, window_taps
-from iprt.footage.planes import find_planes
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
 

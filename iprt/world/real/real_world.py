@@ -7,7 +7,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.cut import SWITCHED, is_cut
+from iprt.footage.cut_detection import SWITCHED, is_cut
 from iprt.footage.frame import Frame
 from iprt.geometry.pose import camera_motion
 from iprt.settings.features import Features

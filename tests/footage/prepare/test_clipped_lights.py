@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.files.images import decode_srgb
-from iprt.footage.clip_gains import MAX_GAIN
 from iprt.footage.frame import Frame
-from iprt.footage.light_groups import Clipped, groups_of
+from iprt.footage.lights.gains import MAX_GAIN
+from iprt.footage.lights.groups import Clipped, groups_of
 from iprt.footage.prepare.clipped_lights import ClippedLights, Recovered
 from iprt.geometry.equirect import solid_angles
 from tests.footage.lamp_rooms import WARM, bright, clip, grey, lamp, lamp_room, srgb, tone_mapped

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.footage.surroundings import Surroundings, normal_warnings
+from iprt.footage.depth_summary import DepthSummary, normal_warnings
 from iprt.scene.scene import Scene
 from tests.scene.files import SHARED, box_room, directions
 
@@ -20,8 +20,8 @@ def room(scale: float = 1.0, height: int = 128) -> NDArray[np.float32]:
     return (scale * box_room(2 * height, height)[0]).astype(np.float32)
 
 
-def of(depth: NDArray[np.float32]) -> Surroundings:
-    found = Surroundings.of(depth)
+def of(depth: NDArray[np.float32]) -> DepthSummary:
+    found = DepthSummary.of(depth)
     assert found is not None
     return found
 
@@ -113,7 +113,7 @@ def test_inverse_depth_is_level_in_many_and_more_directions(
 
 
 def test_without_depth_there_is_nothing_to_tell() -> None:
-    assert Surroundings.of(np.zeros((4, 8), np.float32)) is None
+    assert DepthSummary.of(np.zeros((4, 8), np.float32)) is None
 
 
 def test_normals_must_be_those_of_the_depth() -> None:

@@ -7,13 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.footage.cell_planes import CellPlane, find_planes
+from iprt.footage.cells import Cells, Geometry
 from iprt.footage.clipped_texels import ClippedTexels
-from iprt.footage.found_gloss import find_gloss, is_strong, without_flakes
+from iprt.footage.found_gloss.coat_reflection import (
+    RECOVERED,
+    Patch,
+    RoomCells,
+    radiance_along,
+    reflected,
+)
+from iprt.footage.found_gloss.evidence import ALPHAS, Fit, PlanePicture, Reflection
+from iprt.footage.found_gloss.search import find_gloss, is_strong, without_flakes
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Cells, Geometry
-from iprt.footage.gloss_evidence import ALPHAS, Fit, PlanePicture, Reflection
-from iprt.footage.mirrored import RECOVERED, Patch, RoomCells, radiance_along, reflected
-from iprt.footage.planes import CellPlane, find_planes
 from iprt.geometry.material import Material
 from tests.footage.coated_rooms import coated_room, matte_room
 from tests.frame.radiosity import ROOM

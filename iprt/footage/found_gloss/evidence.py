@@ -5,11 +5,11 @@ Of a plane's cells the camera saw
     L = ρ E / π + k S(α)
 
 with E their irradiance, S the reflection that a coat of roughness α and index of refraction 1.5
-would show the camera (`iprt.footage.mirrored`), k its strength, and ρ a reflectance that textures
-vary in ways that have nothing to do with S. L, E and S are taken less their means around, which
-leaves what varies over a few degrees, and over the mean of L around. k and factors on E, of lights
-and of all else apart, then come from a robust regression (Huber) over cells and colours. Cells that
-nothing of this explains, such as the rim of a sunny patch, are left out, also of the means.
+would show the camera (`coat_reflection`), k its strength, and ρ a reflectance that textures vary in
+ways that have nothing to do with S. L, E and S are taken less their means around, which leaves what
+varies over a few degrees, and over the mean of L around. k and factors on E, of lights and of all
+else apart, then come from a robust regression (Huber) over cells and colours. Cells that nothing of
+this explains, such as the rim of a sunny patch, are left out, also of the means.
 
 Of what the picture shows clipped, S has a k of its own: how bright that is, is an estimate, which
 may be several times too low, and one k would have to suit the window and the walls beside it.
@@ -29,9 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from iprt.footage.cell_means import MeansAround
-from iprt.footage.gather import Cells, Float
-from iprt.footage.mirrored import RECOVERED
+from iprt.footage.cells import Cells, Float
+from iprt.footage.found_gloss.cell_means import MeansAround
+from iprt.footage.found_gloss.coat_reflection import RECOVERED
 
 ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
 """GGX roughness that is tried. Beyond, a reflection is as smooth as shading, and cannot be told."""

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from iprt.footage.clip_gains import Tie
+from iprt.footage.cells import Float
 from iprt.footage.components import components
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Float
+from iprt.footage.lights.gains import Tie
 from iprt.geometry.equirect import solid_angles
 
 NEARLY, FULLY = 0.95, 0.98

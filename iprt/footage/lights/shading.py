@@ -8,21 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from iprt.footage.clip_gains import Shading
-from iprt.footage.frame import Frame
-from iprt.footage.gather import (
-    Cells,
-    Float,
-    Geometry,
-    Receivers,
-    cell_means,
-    cell_sums,
-    cell_texels,
-    irradiance_of_lights,
-    irradiance_of_rest,
+from iprt.footage.albedo_segments import (
+    lifted,
+    points_of_segments,
+    segments,
+    spread_cells,
+    well_seen,
 )
-from iprt.footage.light_groups import Clipped, Light, grid_cells
-from iprt.footage.segments import lifted, points_of_segments, segments, spread_cells, well_seen
+from iprt.footage.cells import Cells, Float, Geometry, cell_means, cell_sums, cell_texels
+from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.frame import Frame
+from iprt.footage.lights.gains import Shading
+from iprt.footage.lights.groups import Clipped, Light, grid_cells
 
 FINE_ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 32
 """Rows of cells: receivers and what hides; lights; everything else."""

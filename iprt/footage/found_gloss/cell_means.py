@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import csr_array
 
-from iprt.footage.gather import Float
+from iprt.footage.cells import Float
 
 
 class MeansAround:

@@ -1,7 +1,7 @@
 """What surfaces of a panorama would reflect towards the capture centre if they were coated.
 
-On the host and in cells, to find out which are (`iprt.footage.gloss_evidence`): a few thousand
-points, for several roughnesses. What is rendered is traced by `cl/world/real/highlight.cl`.
+On the host and in cells, to find out which are (`evidence`): a few thousand points, for several
+roughnesses. What is rendered is traced by `cl/world/real/highlight.cl`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.cell_planes import CellPlane
+from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Cells, Float, Geometry, cell_means
-from iprt.footage.planes import CellPlane
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.geometry.coat import fresnel_dielectric
 from iprt.geometry.equirect import cell_towards

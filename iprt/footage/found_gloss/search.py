@@ -12,12 +12,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from iprt.footage.cell_planes import PARALLEL, CellPlane, find_planes
+from iprt.footage.cells import Cells, cell_means
+from iprt.footage.found_gloss.coat_reflection import IOR, KINDS
+from iprt.footage.found_gloss.evidence import ALPHAS, Reflection
+from iprt.footage.found_gloss.frames import Followed, Moment
 from iprt.footage.frame import Frame
-from iprt.footage.gather import Cells, cell_means
-from iprt.footage.gloss_evidence import ALPHAS, Reflection
-from iprt.footage.gloss_frames import Followed, Moment
-from iprt.footage.mirrored import IOR, KINDS
-from iprt.footage.planes import PARALLEL, CellPlane, find_planes
 from iprt.footage.prepare.gloss import Evidence, Plane, RealMaterial
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
@@ -61,7 +61,7 @@ def find_gloss(
         Sanitised, its clipped lights recovered. Cells of which a part is known to be glossy
         (`Frame.gloss`) are left out.
     later : iterable of Frame
-        Others of the video; those from another place than the first count (`gloss_frames`).
+        Others of the video; those from another place than the first count (`frames`).
     """
     first = Moment.of(frame, min(ROWS, frame.height), frame)
     cells = first.around.cells

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from iprt.footage.cell_means import MeansAround
+from iprt.footage.found_gloss.cell_means import MeansAround
 
 ROWS = 16
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.gather import Cells, Float
-from iprt.footage.segments import well_seen
+from iprt.footage.albedo_segments import well_seen
+from iprt.footage.cells import Cells, Float
 
 MAX_PLANES = 12
 MIN_SHARE = 0.008

@@ -51,7 +51,7 @@ _READINGS: dict[Reading, str] = {
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class DepthSummary:
     """A place in numbers.
 
     Attributes
@@ -72,7 +72,7 @@ class Surroundings:
     reading: Reading
 
     @classmethod
-    def of(cls, depth: NDArray[np.float32], *, is_cube: bool = False) -> Surroundings | None:
+    def of(cls, depth: NDArray[np.float32], *, is_cube: bool = False) -> DepthSummary | None:
         """Return the surroundings by a frame's depth (H, W) in metres; None where it has none.
 
         Parameters

@@ -14,19 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.albedo_segments import lifted
+from iprt.footage.cell_planes import NEAREST, CellPlane
+from iprt.footage.cells import Cells, Float, cell_means
+from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.found_gloss.coat_reflection import RAYS, Patch, RoomCells, reflected
+from iprt.footage.found_gloss.evidence import Later, PlanePicture
 from iprt.footage.frame import Frame
-from iprt.footage.gather import (
-    Cells,
-    Float,
-    Receivers,
-    cell_means,
-    irradiance_of_lights,
-    irradiance_of_rest,
-)
-from iprt.footage.gloss_evidence import Later, PlanePicture
-from iprt.footage.mirrored import RAYS, Patch, RoomCells, reflected
-from iprt.footage.planes import NEAREST, CellPlane
-from iprt.footage.segments import lifted
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel, equirect_texel
 from iprt.geometry.pose import camera_motion
@@ -191,7 +185,7 @@ class Followed:
         return PlanePicture(cells, self.plane.cells, color, shading[0], later)
 
     def reflected(self, alpha: float, seed: int, rays: int = RAYS) -> Float:
-        """(1 + frames, KINDS, n, 3) by a coat of one roughness, see `mirrored.reflected`."""
+        """(1 + frames, KINDS, n, 3) by a coat of one roughness, see `coat_reflection.reflected`."""
         cells = self._first.around.cells
         gains = [1.0, *(shown.gain for shown in self._shown)]
         return np.stack(

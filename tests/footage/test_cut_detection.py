@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.footage.cut import is_cut
+from iprt.footage.cut_detection import is_cut
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from tests.oracles.light import flux_change

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from iprt.footage.gather import Cells, Float
+from iprt.footage.cells import Cells, Float
 
 PARALLEL, BESIDE = 0.95, 0.03
 """Cosine of normals, and distance from each other's plane over depth, of cells on one surface."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from iprt.footage.cells import cell_means
 from iprt.footage.frame import LUMINANCE, Frame
-from iprt.footage.gather import cell_means
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_texel, solid_angles
 from iprt.geometry.pose import camera_motion

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from iprt.footage.found_gloss import find_gloss
+from iprt.footage.found_gloss.search import find_gloss
 from iprt.footage.frame import Frame
 from tests.footage.moving_rooms import seen
 
