@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.capture.exposure import Exposures, match_exposures
-from iprt.capture.fill import gaps, push_pull
+from iprt.capture.fill import fill, gaps
 from iprt.capture.gathering import Gathering
 from iprt.capture.sequence import RgbdSequence
 from iprt.capture.splat import splat
@@ -123,8 +123,8 @@ def capture_panorama(
     view = splat(samples, width)
     measured = view.depth > 0.0
     between = gaps(measured)
-    color = np.where(measured[..., None], view.color, push_pull(view.color, measured))
-    filled = push_pull(view.depth[..., None], measured)[..., 0]
+    color = np.where(measured[..., None], view.color, fill(view.color, measured))
+    filled = fill(view.depth[..., None], measured)[..., 0]
     return Captured(
         color,
         np.where(measured, view.depth, np.where(between, filled, np.float32(0.0))),

@@ -22,7 +22,11 @@ GUARDED = {
         5,
         ("tests/footage/prepare/test_fill.py", "tests/scene/test_scene.py"),
     ),
-    "iprt/footage/window_environment.py": (4, ("tests/footage/test_window_environment.py",)),
+    "iprt/footage/window_environment.py": (2, ("tests/footage/test_window_environment.py",)),
+    "iprt/footage/push_pull.py": (
+        4,
+        ("tests/footage/test_push_pull.py", "tests/footage/test_window_environment.py"),
+    ),
     "iprt/footage/normals.py": (
         8,
         ("tests/footage/test_normals.py", "tests/world/real/test_surfaces.py"),
