@@ -17,9 +17,9 @@ from iprt.errors import FormatError
 from iprt.files.atomic import replacing
 from iprt.files.table import Ior, Point, Table, Unit
 from iprt.footage.found_gloss.search import find_gloss
-from iprt.footage.prepare.gloss import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
+from iprt.footage.real_material import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial
 from iprt.footage.video.source import FrameSource
 from iprt.geometry.material import Material
 from iprt.scene.manifest import Manifest

@@ -15,12 +15,12 @@ from iprt.files.images import picture_size
 from iprt.files.problems import problems_error
 from iprt.footage.depth_summary import DepthSummary, normal_warnings
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.clipped_lights import Recovered
-from iprt.footage.prepare.gloss import Evidence
+from iprt.footage.lights.summary import Recovered
 from iprt.footage.prepare.openings import holes_of
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
+from iprt.footage.real_material import Evidence
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.tracks import depth_code
 from iprt.geometry.equirect import solid_angles

@@ -13,10 +13,10 @@ from iprt.files.path_safety import anywhere, require_inside
 from iprt.files.problems import problems_error
 from iprt.files.untrusted import is_file
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.gloss import RealMaterial
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.prepare.steady import steady_frames
+from iprt.footage.real_material import RealMaterial
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View

@@ -11,7 +11,7 @@ import pytest
 
 from iprt import cli
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.gloss import Evidence, Plane, RealMaterial
+from iprt.footage.real_material import Evidence, Plane, RealMaterial
 from iprt.geometry.material import Material
 from iprt.scene import found_gloss
 from iprt.scene.scene import Scene

@@ -18,7 +18,7 @@ from iprt.footage.found_gloss.coat_reflection import IOR, KINDS
 from iprt.footage.found_gloss.evidence import ALPHAS, Reflection
 from iprt.footage.found_gloss.frames import Followed, Moment
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.gloss import Evidence, Plane, RealMaterial
+from iprt.footage.real_material import Evidence, Plane, RealMaterial
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 

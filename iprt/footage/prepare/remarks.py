@@ -5,7 +5,7 @@ from __future__ import annotations
 from iprt.errors import FormatError
 from iprt.files.wording import extent
 from iprt.footage.prepare.reading import RawFrames
-from iprt.footage.video.source import MAX_MISSING, FrameSource
+from iprt.footage.video.source import FrameSource
 
 
 def video_problems(source: FrameSource, *, strict: bool = False) -> list[str]:
@@ -42,7 +42,7 @@ def _gaps(source: FrameSource) -> dict[str, str]:
     """Return by key which frames have no file."""
     lines = {}
     for key, files in source.missing.items():
-        least = "at least " if len(files) == MAX_MISSING else ""
+        least = "at least " if len(files) == source.MAX_MISSING else ""
         more = f" (and {least}{len(files) - 1} more frames)" if len(files) > 1 else ""
         lines[key] = f"there is no file {files[0].relative_to(source.root)}{more}"
     return lines

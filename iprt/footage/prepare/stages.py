@@ -28,9 +28,10 @@ from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import smoothed
 from iprt.footage.prepare.exposure import Drift
 from iprt.footage.prepare.fill import CleanDepth, sanitise_color, sanitise_depth
-from iprt.footage.prepare.gloss import Glossy, RealMaterial
+from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.openings import find_openings
 from iprt.footage.prepare.reading import Picture, RawFrame
+from iprt.footage.real_material import RealMaterial
 
 
 class Preparation:

@@ -26,8 +26,6 @@ from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import StreamTrack, Tracks, depth_code, open_tracks
 
 Picture = NDArray[np.float32]
-MAX_MISSING = 10_000
-"""Frames without a file that are counted."""
 
 
 class FrameSource:
@@ -40,6 +38,9 @@ class FrameSource:
     within : Path
         Folder that the pictures must lie in, links followed.
     """
+
+    MAX_MISSING = 10_000
+    """Frames without a file that are counted."""
 
     def __init__(self, root: Path, video: VideoTable, within: Path) -> None:
         self.root = root
@@ -111,9 +112,9 @@ class FrameSource:
 
     @cached_property
     def missing(self) -> dict[str, list[Path]]:
-        """Files that are not there by their key, at most `MAX_MISSING`; no empty lists."""
+        """Files that are not there by their key, at most `MAX_MISSING` each; no empty lists."""
         files = {
-            key: list(islice(track.missing(), MAX_MISSING))
+            key: list(islice(track.missing(), self.MAX_MISSING))
             for key, track in self.tracks.by_key.items()
         }
         return {key: missing for key, missing in files.items() if missing}

@@ -12,7 +12,8 @@ from iprt.files.images import decode_srgb
 from iprt.footage.frame import Frame
 from iprt.footage.lights.gains import MAX_GAIN
 from iprt.footage.lights.groups import Clipped, groups_of
-from iprt.footage.prepare.clipped_lights import ClippedLights, Recovered
+from iprt.footage.lights.summary import Recovered
+from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.geometry.equirect import solid_angles
 from tests.footage.lamp_rooms import WARM, bright, clip, grey, lamp, lamp_room, srgb, tone_mapped
 from tests.frame.radiosity import Lamp, Window, room

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt import cli
-from iprt.footage import clipped as stage_module
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.clipped_lights import BLEND, ClippedLights, Recovered
+from iprt.footage.lights.summary import Recovered
+from iprt.footage.prepare import clipped_lights as stage_module
+from iprt.footage.prepare.clipped_lights import BLEND, ClippedLights
 from iprt.scene.scene import Scene
 from tests.footage.lamp_rooms import WARM, bright, clip, lamp, lamp_room, srgb
 from tests.frame.radiosity import Lamp

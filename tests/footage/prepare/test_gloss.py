@@ -13,7 +13,8 @@ from PIL import Image
 from iprt import cli
 from iprt.errors import FormatError, SceneError
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.gloss import Glossy, Plane, RealMaterial, chromaticity
+from iprt.footage.prepare.gloss import Glossy
+from iprt.footage.real_material import Plane, RealMaterial, chromaticity
 from iprt.geometry.material import Material
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.scene import Scene

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.gloss import RealMaterial
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.stages import Preparation
+from iprt.footage.real_material import RealMaterial
 from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
 
