@@ -42,3 +42,15 @@ def test_cells_that_grow_in_width_keep_to_their_rows() -> None:
     rows = push_pull(sums, weight, wide_levels=5)
     np.testing.assert_allclose(rows[..., 0], np.repeat(value[:, None], 32, axis=1))
     assert np.abs(push_pull(sums, weight)[..., 0] - value[:, None]).max() > 0.5
+
+
+def test_a_cell_of_which_a_quarter_is_known_counts_for_a_quarter() -> None:
+    """One 1 among 0: the rest of its cell of 2 x 2 is mostly what is around that cell."""
+    values, weight = np.zeros((16, 32, 1)), np.ones((16, 32))
+    weight[4:6, 8:10] = 0.0
+    values[4, 8], weight[4, 8] = 1.0, 1.0
+    sums = values * weight[..., None]
+    # Of the bilinear weights of the nine cells around, 9/16 are its own.
+    assert push_pull(sums, weight)[5, 9, 0] == pytest.approx(9 / 16)
+    coarser = push_pull(sums, weight, blended=True)[5, 9, 0] - 9 / 64
+    assert 0.0 < coarser < 0.05
