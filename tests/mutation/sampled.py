@@ -85,6 +85,10 @@ EQUIVALENT: dict[str, str] = {
     "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
     ".astype(np.int32) -> references += np.where(references >= 1, first_node, -first_leaf)"
     ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
+    'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", (cells + 1,)) '
+    '-> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
+        "Only cells brighter than the mean are in it: it is full where all but one are."
+    ),
     'iprt/world/real/lights.py: f"{prefix}_rows": 1, -> f"{prefix}_rows": 2,': (
         "Never read: there are no cells to be aimed at."
     ),
