@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.device.counting import CountingDevice
 from iprt.device.kernel import Kernel
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.measure.camera_motion import Turn, turned
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene

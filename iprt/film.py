@@ -10,8 +10,8 @@ from iprt.convergence import Goal
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import wait
 from iprt.errors import DeviceError
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.memory import RenderPlan, require_memory

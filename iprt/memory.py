@@ -12,8 +12,8 @@ from iprt.errors import DeviceError
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.device.program import PlannedKernel
-    from iprt.footage.footage import Footage
     from iprt.footage.frame import Frame
+    from iprt.footage.properties import Footage
     from iprt.geometry.camera import View
     from iprt.geometry.mesh import Instance
     from iprt.settings.features import Features

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from iprt.aovs import read_aov
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import tracing_grids
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.gbuffer.context import FrameContext, ViewConstants
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View

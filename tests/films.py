@@ -22,8 +22,8 @@ from iprt.device.plan import PlanDevice
 from iprt.device.program import PlannedKernel
 from iprt.files.resources import CL
 from iprt.footage.clipped_texels import ClippedTexels
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance

@@ -11,7 +11,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from tests.oracles.worlds import World, frame_of

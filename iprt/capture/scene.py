@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.capture.exposure import Exposures, match_exposures
-from iprt.capture.fill import gaps, push_pull
+from iprt.capture.fill import fill, gaps
 from iprt.capture.gathering import Gathering
 from iprt.capture.sequence import RgbdSequence
 from iprt.capture.splat import splat
 from iprt.errors import FormatError
-from iprt.footage.openings import solid_angles
 from iprt.footage.video.depth_code import DepthCode
+from iprt.geometry.equirect import solid_angles
 from iprt.output.exr import write_exr
 from iprt.scene.edit import new_scene
 
@@ -122,8 +122,8 @@ def capture_panorama(
     view = splat(samples, width)
     measured = view.depth > 0.0
     between = gaps(measured)
-    color = np.where(measured[..., None], view.color, push_pull(view.color, measured))
-    filled = push_pull(view.depth[..., None], measured)[..., 0]
+    color = np.where(measured[..., None], view.color, fill(view.color, measured))
+    filled = fill(view.depth[..., None], measured)[..., 0]
     return Captured(
         color,
         np.where(measured, view.depth, np.where(between, filled, np.float32(0.0))),

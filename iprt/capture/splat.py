@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.capture.cloud import CELL_M, SLOTS, Samples
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 
 MIN_RADIUS_M = CELL_M / SLOTS**0.5
 """Typical distance of samples in a full cell."""

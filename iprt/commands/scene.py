@@ -45,6 +45,7 @@ def info(
     """
     from iprt.commands.scene_report import plan_lines, render_plan, report_lines
     from iprt.files.atomic import require_writable
+    from iprt.footage.prepare.remarks import video_notices, video_remarks
     from iprt.output.thumbnail import write_thumbnail
     from iprt.scene.report import describe_scene
     from iprt.scene.scene import Scene
@@ -57,12 +58,12 @@ def info(
     if thumbnail is not None:
         opened.require_not_ours(thumbnail)
     raw = opened.raw_frame()
-    frame = opened.sanitised(raw)
+    frame = opened.preparation()(raw)
     report = describe_scene(opened, frame, raw)
     if thumbnail is not None:
         write_thumbnail(thumbnail, opened, frame)
     plan = render_plan(opened, frame)
-    notices = opened.source.notices() + opened.source.remarks()
+    notices = video_notices(opened.source) + video_remarks(opened.raw_frames)
     if json:
         import json as json_format
 
@@ -114,6 +115,7 @@ def check(
     from iprt.commands.findings import Findings
     from iprt.commands.scene_report import add_memory
     from iprt.commands.setting_flags import BALANCED
+    from iprt.footage.prepare.remarks import video_remarks
     from iprt.scene.report import check_files, describe_scene
     from iprt.scene.scene import Scene
 
@@ -123,10 +125,10 @@ def check(
     findings = Findings(scene=opened.name)
     findings.warn(check_files(opened))
     raw = opened.raw_frame()
-    frame = opened.sanitised(raw)
+    frame = opened.preparation()(raw)
     report = describe_scene(opened, frame, raw)
     findings.warn(report.unlikely)
-    findings.note(opened.source.remarks())
+    findings.note(video_remarks(opened.raw_frames))
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
         findings.warn([f"colour: {lost:.2%} of the picture is NaN or infinite and shown black"])

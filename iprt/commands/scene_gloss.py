@@ -13,7 +13,7 @@ from iprt.commands.standard_streams import reporting
 from iprt.files.wording import counted
 
 if TYPE_CHECKING:
-    from iprt.footage.gloss import RealMaterial
+    from iprt.footage.real_material import RealMaterial
 
 
 def gloss(

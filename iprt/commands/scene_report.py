@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 def add_first_look(findings: Findings, folder: Path) -> None:
     """Add facts about the first frame of a new scene, to compare with the real place."""
+    from iprt.footage.prepare.remarks import video_remarks
     from iprt.scene.report import surroundings_of, unlikely
     from iprt.scene.scene import Scene
 
@@ -23,7 +24,7 @@ def add_first_look(findings: Findings, folder: Path) -> None:
     place = surroundings_of(scene, raw)
     if place is not None:
         findings.say(f"place: {place.line()}", place=place.line())
-    findings.note(scene.source.remarks())
+    findings.note(video_remarks(scene.raw_frames))
     findings.warn(unlikely(scene, raw, place))
 
 

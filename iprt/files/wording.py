@@ -11,3 +11,8 @@ def length(metres: float) -> str:
     if metres >= 1000.0:
         return f"{metres / 1000.0:.3g} km"
     return f"{metres:.2f} m" if metres >= 0.995 else f"{100.0 * metres:.1f} cm"
+
+
+def extent(size: tuple[int, int]) -> str:
+    """Return a width and height as text."""
+    return f"{size[0]} x {size[1]}"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from iprt.footage.median import median_of_smallest
 from iprt.footage.threads import on_all_cores
+from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 
 Plane = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -98,8 +99,7 @@ def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
 
 def _column_spread(width: int, height: int) -> NDArray[np.intp]:
     """(H,) columns per step of the window: 1 at the equator, up to W / 8 at the poles."""
-    sin_theta = np.sin((np.arange(height) + 0.5) / height * np.pi)
-    ratio = (width / (2.0 * height)) / sin_theta
+    ratio = (width / (2.0 * height)) / np.sin(texel_polar_angles(height))
     return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp)
 
 
@@ -207,8 +207,7 @@ def _frame_angles(
     width: int, first: int, last: int, height: int
 ) -> tuple[Plane, Plane, Plane, Plane]:
     """sin and cos of theta (rows, 1) and of phi (W,) at texel centres; see `equirect_direction`."""
-    theta = (np.arange(first, last) + 0.5)[:, None] / height * np.pi
-    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
+    theta, phi = texel_polar_angles(height)[first:last, None], texel_azimuths(width)
     tables = (np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi))
     sin_theta, cos_theta, sin_phi, cos_phi = (table.astype(np.float32) for table in tables)
     return sin_theta, cos_theta, sin_phi, cos_phi

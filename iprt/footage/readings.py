@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.coarse_depth import usable
-from iprt.geometry.camera import equirect_direction
+from iprt.footage.video.depth_code import usable
+from iprt.geometry.equirect import equirect_direction
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -13,6 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.geometry.equirect import equirect_direction, equirect_pixel
+
 Projection = Literal["perspective", "equirect"]
 Float = NDArray[np.float64]
 
@@ -115,29 +117,3 @@ class View:
         rotation = self.world_from_view.ravel().tolist()
         equirect = float(self.projection == "equirect")
         return np.array([*rotation, self.focal_px, *centre, *size, equirect, 0.0], np.float32)
-
-
-def equirect_direction(pixels: Float, width: int, height: int) -> Float:
-    """Return the unit directions (..., 3) of equirect image points (..., 2), in pixels."""
-    phi = (pixels[..., 0] / width - 0.5) * 2.0 * np.pi
-    theta = pixels[..., 1] / height * np.pi
-    return np.stack(
-        [np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=-1
-    )
-
-
-def equirect_pixel(directions: Float, width: int, height: int) -> Float:
-    """Return the equirect image points (..., 2), in pixels with x in [0, width), of directions."""
-    x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
-    phi = np.arctan2(x, -z)
-    theta = np.arctan2(np.hypot(x, z), y)
-    column = np.mod((phi / (2.0 * np.pi) + 0.5) * width, width)
-    return np.stack([column, theta / np.pi * height], axis=-1)
-
-
-def equirect_texel(
-    directions: Float, width: int, height: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the rows and columns of the equirect texels that directions (..., 3) fall into."""
-    column, row = np.moveaxis(equirect_pixel(directions, width, height).astype(np.intp), -1, 0)
-    return np.minimum(row, height - 1), np.minimum(column, width - 1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from iprt.device.profile import PassTime
 from iprt.footage.frame import Frame
-from iprt.footage.video.source import RawFrame
+from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.output.grid import Grid
@@ -103,17 +103,17 @@ def time_preparation(
     """Time `frames` frames of a scene's video, which are enlarged to `size` where that is given."""
     held = _decoded(scene, size)
     height, width = held[0].depth.shape
-    with_kernels = _world(device, scene, next(scene.prepared(held[:1])), settings)
+    with_kernels = _world(device, scene, scene.preparation()(held[0]), settings)
     device.wait()
     del with_kernels
     start = time.perf_counter()
-    world = _world(device, scene, next(scene.prepared(held[:1])), settings)
+    world = _world(device, scene, scene.preparation()(held[0]), settings)
     device.wait()
     first_ms = (time.perf_counter() - start) * 1e3
     preparing: list[float] = []
     loading: list[float] = []
     count = WARM_UP + frames
-    with Ahead(_timed(scene.prepared(_repeated(held, count)), preparing), 2) as stream:
+    with Ahead(_timed(scene.preparation().frames(_repeated(held, count)), preparing), 2) as stream:
         for index, frame in enumerate(stream):
             begin = time.perf_counter()
             world.load(frame)

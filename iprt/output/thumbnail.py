@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw
 
 from iprt.files.atomic import replacing
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.mesh import transformed
 from iprt.output.tone import developed
 from iprt.scene.scene import Scene

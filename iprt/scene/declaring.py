@@ -7,7 +7,7 @@ from pathlib import Path
 
 from iprt.errors import SceneError
 from iprt.files.atomic import replacing
-from iprt.footage.gloss import RealMaterial
+from iprt.footage.real_material import RealMaterial
 from iprt.scene.edit import changing, inline, table_text
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 

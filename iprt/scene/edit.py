@@ -24,6 +24,7 @@ from iprt.files.path_safety import anywhere
 from iprt.files.problems import FRAME_PATTERN
 from iprt.files.termination import undisturbed
 from iprt.files.untrusted import is_file
+from iprt.footage.prepare.reading import RawFrames
 from iprt.footage.video.container import is_container
 from iprt.footage.video.depth_code import DepthCode
 from iprt.footage.video.placement import Eye, Fit
@@ -119,7 +120,7 @@ def new_scene(
     for path in sources.values():
         named_files = (frame_path(Path(), str(path), number) for number in there)
         require_frames(path, list(dict.fromkeys(named_files)))
-    raw = source.read(source.indices[0])
+    raw = RawFrames(source).read(source.indices[0])
     if normal is None and not is_video and has_own_normals(picture, raw):
         sources["normal"] = color
     # A file shared with colour is copied once.

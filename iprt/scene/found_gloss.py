@@ -16,16 +16,16 @@ from iprt.device.caches import own_folder
 from iprt.errors import FormatError
 from iprt.files.atomic import replacing
 from iprt.files.table import Ior, Point, Table, Unit
-from iprt.footage.clipped import ClippedLights
-from iprt.footage.found_gloss import find_gloss
-from iprt.footage.frame import Frame
-from iprt.footage.gloss import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial, with_gloss
+from iprt.footage.found_gloss.search import find_gloss
+from iprt.footage.prepare.reading import RawFrame, RawFrames
+from iprt.footage.prepare.stages import Preparation
+from iprt.footage.real_material import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial
 from iprt.footage.video.source import FrameSource
 from iprt.geometry.material import Material
 from iprt.scene.manifest import Manifest
 
 LOG = logging.getLogger("iprt.scene")
-VERSION = 4
+VERSION = 5
 """Raise this when `find_gloss` changes its results."""
 MIN_HEIGHT = 64
 """Least number of rows of a panorama in which reflections can be detected."""
@@ -82,7 +82,7 @@ _ALL_KEPT = TypeAdapter(list[_Kept])
 
 
 def found_materials(
-    source: FrameSource, manifest: Manifest, declared: tuple[RealMaterial, ...]
+    frames: RawFrames, manifest: Manifest, declared: tuple[RealMaterial, ...]
 ) -> tuple[RealMaterial, ...]:
     """Return the undeclared glossy surfaces that `find_gloss` finds in a scene.
 
@@ -90,20 +90,20 @@ def found_materials(
     and sizes and times of the frames' files. An unwritable folder is not an error. Neither is an
     unreadable frame, which is reported where it is needed.
     """
+    source = frames.source
     file = own_folder() / "gloss" / f"{_key(source, manifest)}.json"
     kept = _read(file)
     if kept is None:
         try:
-            raw = source.read(source.indices[0])
+            raw = frames.read(source.indices[0])
         except FormatError:
             return ()
         if raw.color.shape[0] < MIN_HEIGHT:
             return ()
         LOG.info("looking for glossy surfaces, once for this footage")
-        lights = ClippedLights(source.white)
-        frame = lights(with_gloss(raw.sanitised(), declared))
+        prepare = Preparation(source.white, declared)
         names = frozenset(material.name for material in declared)
-        kept = find_gloss(frame, names, _later(source, lights))
+        kept = find_gloss(prepare(raw), names, prepare.frames(_later(frames)))
         with suppress(FormatError), replacing(file) as temporary:
             temporary.write_bytes(_ALL_KEPT.dump_json([_Kept.of(material) for material in kept]))
     return kept[: MAX_REAL_MATERIALS - len(declared)]
@@ -118,11 +118,11 @@ def _looked_at(source: FrameSource) -> list[int]:
     return [indices[number] for number in chosen]
 
 
-def _later(source: FrameSource, lights: ClippedLights) -> Iterator[Frame]:
-    """Yield the searched frames after the first, with lights recovered in the same sequence."""
-    for index in _looked_at(source)[1:]:
+def _later(frames: RawFrames) -> Iterator[RawFrame]:
+    """Yield the searched frames after the first."""
+    for index in _looked_at(frames.source)[1:]:
         with suppress(FormatError):
-            yield lights(source.read(index).sanitised())
+            yield frames.read(index)
 
 
 def _key(source: FrameSource, manifest: Manifest) -> str:

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from iprt.errors import SceneError
 from iprt.footage.frame import Frame
-from iprt.footage.openings import solid_angles
-from iprt.geometry.camera import View, equirect_direction, equirect_texel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_direction, equirect_texel, solid_angles
 from iprt.geometry.mesh import Instance, Mesh, transformed
 from iprt.scene.stance import Stance
 from iprt.scene.walls import Walls

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.images import read_color
 from iprt.files.untrusted import MAX_PIXELS
-from iprt.footage.gloss import RealMaterial
+from iprt.footage.real_material import RealMaterial
 from iprt.scene.manifest import Manifest
 
 Mask = NDArray[np.bool_]

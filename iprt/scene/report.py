@@ -13,16 +13,17 @@ import numpy as np
 from iprt.errors import IprtError
 from iprt.files.images import picture_size
 from iprt.files.problems import problems_error
-from iprt.footage.clipped import Recovered
-from iprt.footage.depth import holes_of
+from iprt.footage.depth_summary import DepthSummary, normal_warnings
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import Evidence
-from iprt.footage.openings import solid_angles
-from iprt.footage.surroundings import Surroundings, normal_warnings
-from iprt.footage.video.incidents import bad_frames
+from iprt.footage.lights.summary import Recovered
+from iprt.footage.prepare.openings import holes_of
+from iprt.footage.prepare.reading import RawFrame
+from iprt.footage.prepare.remarks import depth_doubts, video_notices
+from iprt.footage.prepare.steady import bad_frames
+from iprt.footage.real_material import Evidence
 from iprt.footage.video.sequence import frame_path
-from iprt.footage.video.source import RawFrame
 from iprt.footage.video.tracks import depth_code
+from iprt.geometry.equirect import solid_angles
 from iprt.geometry.mesh import Instance, transformed
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.objects import SceneObject
@@ -91,7 +92,7 @@ class SceneReport:
     fps: float
     exposure: float
     depth_unit: str
-    surroundings: Surroundings | None
+    surroundings: DepthSummary | None
     unlikely: tuple[str, ...]
     depth_percentiles: dict[str, float]
     radiance_percentiles: dict[str, float]
@@ -184,14 +185,14 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     )
 
 
-def surroundings_of(scene: Scene, raw: RawFrame) -> Surroundings | None:
+def surroundings_of(scene: Scene, raw: RawFrame) -> DepthSummary | None:
     """Estimate the kind of place from a raw frame; None if it has no depth."""
-    return Surroundings.of(raw.depth, is_cube=scene.source.code.kind == "cube")
+    return DepthSummary.of(raw.depth, is_cube=scene.source.code.kind == "cube")
 
 
-def unlikely(scene: Scene, raw: RawFrame, place: Surroundings | None) -> list[str]:
+def unlikely(scene: Scene, raw: RawFrame, place: DepthSummary | None) -> list[str]:
     """Return guesses and doubts about the depth and normals of a raw frame, a phrase each."""
-    found = scene.source.doubts()
+    found = depth_doubts(scene.raw_frames)
     found += [] if place is None else [f"depth: {phrase}" for phrase in place.warnings()]
     if raw.normal is not None:
         found += [f"normals: {phrase}" for phrase in normal_warnings(raw.normal, raw.depth)]
@@ -214,7 +215,7 @@ def check_files(scene: Scene) -> list[str]:
     """
     problems: list[str] = []
     _collect(problems, scene, scene.raw_frame)
-    warnings = scene.source.notices() + ([] if problems else bad_frames(scene.source))
+    warnings = video_notices(scene.source) + ([] if problems else bad_frames(scene.raw_frames))
     warnings = [warning.replace(f"{scene.root}{os.sep}", "") for warning in warnings]
     _collect(problems, scene, lambda: scene.real_materials)
     _collect(problems, scene, lambda: scene.instances)

@@ -13,12 +13,12 @@ from iprt.errors import SceneError
 from iprt.files.path_safety import anywhere, require_inside
 from iprt.files.problems import problems_error
 from iprt.files.untrusted import is_file
-from iprt.footage.clipped import ClippedLights
-from iprt.footage.drift import Drift
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import Glossy, RealMaterial, with_gloss
-from iprt.footage.video.incidents import Stage, steady_frames
-from iprt.footage.video.source import FrameSource, RawFrame
+from iprt.footage.prepare.reading import RawFrame, RawFrames
+from iprt.footage.prepare.stages import Preparation
+from iprt.footage.prepare.steady import steady_frames
+from iprt.footage.real_material import RealMaterial
+from iprt.footage.video.source import FrameSource
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
@@ -100,6 +100,7 @@ class Scene:
         self.manifest = manifest
         self.within = root if within is None else within
         self.source = FrameSource(root, manifest.video, self.within)
+        self.raw_frames = RawFrames(self.source)
         names = tuple(table.name for table in manifest.objects)
         self.views = {table.name: _scene_view(root, table, names) for table in manifest.views}
 
@@ -175,22 +176,13 @@ class Scene:
         FormatError
             Its files cannot be used.
         """
-        return self.sanitised(self.raw_frame(index))
-
-    def sanitised(self, raw: RawFrame) -> Frame:
-        """Prepare a raw frame for rendering.
-
-        The frame is cleaned, its glossy surfaces are assigned, and the radiance of clipped lights
-        is recovered.
-        """
-        frame = with_gloss(raw.sanitised(), self.real_materials)
-        return ClippedLights(self.source.white)(frame)
+        return self.preparation()(self.raw_frame(index))
 
     def raw_frame(self, index: int | None = None) -> RawFrame:
         """Read a frame like `frame`, without filling or cleaning."""
         chosen = self.frame_indices[0] if index is None else index
         self._require_frames([chosen])
-        return self.source.read(chosen)
+        return self.raw_frames.read(chosen)
 
     def stream(
         self, indices: Iterable[int], *, strict: bool = False, drift: bool = True, ahead: int = 2
@@ -226,27 +218,12 @@ class Scene:
         if not isinstance(indices, Iterator):
             indices = list(indices)
             self._require_frames(indices)
-        frames = steady_frames(self.source, indices, self._stages(drift), strict=strict)
-        return Ahead(frames, ahead)
+        raws = steady_frames(self.raw_frames, indices, strict=strict)
+        return Ahead(self.preparation(drift=drift).frames(raws), ahead)
 
-    def _stages(self, drift: bool) -> list[Stage]:
-        """Return new stages that follow sanitising in a stream, in order."""
-        # Materials are matched by hue, in the colours of the reference frame.
-        return [
-            *([Drift(self.source.white)] if drift else []),
-            Glossy(self.real_materials),
-            ClippedLights(self.source.white),
-            Frame.measured,
-        ]
-
-    def prepared(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
-        """Yield the frames of `stream`, made from raw frames on the calling thread."""
-        stages = self._stages(drift=True)
-        for raw in raws:
-            frame = raw.sanitised()
-            for stage in stages:
-                frame = stage(frame)
-            yield frame
+    def preparation(self, *, drift: bool = True) -> Preparation:
+        """Return the stages from raw frames to frames, anew for each pass over the video."""
+        return Preparation(self.source.white, self.real_materials, drift=drift)
 
     @property
     def clips(self) -> bool:
@@ -282,7 +259,7 @@ class Scene:
         FormatError
             As `declared_materials`.
         """
-        return found_materials(self.source, self.manifest, self.declared_materials)
+        return found_materials(self.raw_frames, self.manifest, self.declared_materials)
 
     @cached_property
     def declared_materials(self) -> tuple[RealMaterial, ...]:

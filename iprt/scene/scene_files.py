@@ -9,6 +9,7 @@ from typing import Protocol
 from iprt.errors import FormatError
 from iprt.files.path_safety import require_inside
 from iprt.files.untrusted import is_file
+from iprt.footage.prepare.remarks import video_notices, video_problems
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.scene.manifest import MANIFEST_NAME, Manifest
@@ -35,13 +36,13 @@ def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
 
     Of a video's frames only the first must exist, or all if `strict`.
     """
-    frames = scene.source.problems(strict=strict)
+    frames = video_problems(scene.source, strict=strict)
     problems = [
         *frames,
         *(line for key, name in _files(scene) for line in _wrong(scene, key, name)),
     ]
     try:
-        few = frames or scene.source.notices()
+        few = frames or video_notices(scene.source)
         tries = len(scene.frame_indices) * len(scene.manifest.views)
     except FormatError:  # reported above
         return problems

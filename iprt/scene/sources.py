@@ -17,10 +17,10 @@ from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
 from iprt.files.toml_text import printable
 from iprt.files.untrusted import is_file
 from iprt.files.wording import counted
-from iprt.footage.surroundings import normal_warnings
+from iprt.footage.depth_summary import normal_warnings
+from iprt.footage.prepare.reading import RawFrame, require_unit
 from iprt.footage.video.container import is_container
 from iprt.footage.video.sequence import frame_path
-from iprt.footage.video.source import RawFrame, require_unit
 
 LOG = logging.getLogger("iprt.scene")
 MAX_LISTED = 100_000

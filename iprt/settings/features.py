@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from iprt.bvh.scene import STACK
 from iprt.device.program import Define
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.geometry.material import DIFFUSE_KINDS, SPECULAR_KINDS, Material

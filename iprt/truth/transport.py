@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
-from iprt.footage.openings import solid_angles
+from iprt.geometry.equirect import solid_angles
 from iprt.truth.backend import vector_mitsuba
 from iprt.truth.depth_mesh import depth_mesh
 

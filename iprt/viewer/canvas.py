@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from iprt.convergence import Convergence
 from iprt.device.compute import ComputeDevice
 from iprt.errors import SceneError
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, require_same_objects, same_places
 from iprt.memory import require_memory

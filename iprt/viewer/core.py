@@ -11,8 +11,8 @@ from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
 from iprt.film import footage_of
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.edits import Look, ObjectEdit, edited_objects, flat
 from iprt.scene.objects import SceneObject, objects_at

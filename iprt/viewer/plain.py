@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.pose import view_from
 from iprt.renderer import RenderedFrame
 from iprt.viewer.session import Shown

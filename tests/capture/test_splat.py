@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iprt.capture.cloud import Samples
-from iprt.capture.fill import gaps, push_pull
+from iprt.capture.fill import fill, gaps
 from iprt.capture.splat import splat
 from iprt.geometry.camera import View
 
@@ -70,18 +70,18 @@ def test_push_pull_keeps_what_is_known_and_stays_within_it() -> None:
         values = random.uniform(1.0, 2.0, (*shape, 3)).astype(np.float32)
         known = random.random(shape) < 0.3
         known[0, 0] = True
-        filled = push_pull(values, known)
+        filled = fill(values, known)
         np.testing.assert_allclose(filled[known], values[known], rtol=1e-6)
         assert filled.min() >= values[known].min() - 1e-6
         assert filled.max() <= values[known].max() + 1e-6
-        constant = push_pull(np.full_like(values, 0.7), known)
+        constant = fill(np.full_like(values, 0.7), known)
         np.testing.assert_allclose(constant, 0.7, rtol=1e-6)
-    assert not push_pull(np.ones((4, 8, 1), np.float32), np.zeros((4, 8), bool)).any()
+    assert not fill(np.ones((4, 8, 1), np.float32), np.zeros((4, 8), bool)).any()
 
 
 def test_push_pull_turns_with_the_panorama() -> None:
     random = np.random.default_rng(3)
     values = random.random((16, 32, 1)).astype(np.float32)
     known = random.random((16, 32)) < 0.2
-    turned = push_pull(np.roll(values, 16, axis=1), np.roll(known, 16, axis=1))
-    np.testing.assert_allclose(turned, np.roll(push_pull(values, known), 16, axis=1), atol=1e-6)
+    turned = fill(np.roll(values, 16, axis=1), np.roll(known, 16, axis=1))
+    np.testing.assert_allclose(turned, np.roll(fill(values, known), 16, axis=1), atol=1e-6)

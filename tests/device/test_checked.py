@@ -11,7 +11,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.renderer import Renderer
 from tests.device.checked import INFINITE, CheckedDevice, DefectError
 from tests.films import entry_points, films, play

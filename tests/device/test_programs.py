@@ -10,7 +10,7 @@ import pytest
 from iprt.device.plan import PlanDevice
 from iprt.device.program import PlannedKernel, Program
 from iprt.film import footage_of
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene

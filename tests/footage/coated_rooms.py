@@ -8,7 +8,8 @@ from functools import cache
 import numpy as np
 
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_texel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_texel
 from iprt.geometry.material import Material
 from tests.frame.radiosity import ROOM, Window, room
 from tests.oracles.brdf import evaluate_specular, ggx

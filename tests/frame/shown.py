@@ -20,7 +20,7 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.icd import OVERRIDES
 from iprt.errors import DeviceError
-from iprt.footage.gloss import with_gloss
+from iprt.footage.prepare.stages import Preparation
 from iprt.geometry.camera import View
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -74,7 +74,7 @@ def shown_elsewhere(case: str, folder: Path) -> Pictures | None:
 def _scene(device: ComputeDevice, name: str) -> Iterator[NDArray[np.float32]]:
     scene = Scene.open(ROOT / "scenes360" / name)
     # What is glossy is declared: looking for more takes longer than all else.
-    frame = with_gloss(scene.raw_frame().sanitised(), scene.declared_materials)
+    frame = Preparation(materials=scene.declared_materials)(scene.raw_frame())
     view, instances = next(iter(scene.views.values())).view, scene.instances
     view = replace(view, width=SIZE, height=SIZE)
     with Renderer(device, frame, instances, view, Settings.model_validate(FEW)) as renderer:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
-from iprt.footage.drift import Drift
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.prepare.exposure import Drift
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.footage.video.source import RawFrame
+from iprt.footage.prepare.reading import RawFrame
+from iprt.footage.prepare.stages import Preparation
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
@@ -253,7 +254,7 @@ def test_objects_without_triangles_are_none(
 def test_all_holes_is_a_distant_world(device: ComputeDevice, method: tuple[str, str]) -> None:
     """No shadows, and objects lit as by the panorama at infinity."""
     color = landscape_frame(256, 128).color
-    frame = RawFrame(color, np.full(color.shape[:2], np.nan, np.float32), None).sanitised()
+    frame = Preparation()(RawFrame(color, np.full(color.shape[:2], np.nan, np.float32), None))
     objects = [ball((0.1, -0.2, -1.5), 0.4, CLAY)]
     many: dict[str, Any] = {"fading": 0.0, "trace": {"rays": 8, "object_rays": 32}}
     picture = render(device, frame, objects, VIEW, chosen(method, **many), frames=4)
@@ -276,10 +277,10 @@ def test_bad_depth_is_filled(device: ComputeDevice, method: tuple[str, str]) -> 
     filled = []
     for value in (np.nan, np.inf, 0.0, -3.0):
         depth = np.where(missing, np.float32(value), frame.depth)
-        filled.append(RawFrame(frame.color, depth, None).sanitised())
+        filled.append(Preparation()(RawFrame(frame.color, depth, None)))
         for part in ("color", "depth", "opening", "normal"):
             np.testing.assert_array_equal(getattr(filled[-1], part), getattr(filled[0], part))
-    clean = RawFrame(frame.color, frame.depth, None).sanitised()
+    clean = Preparation()(RawFrame(frame.color, frame.depth, None))
     whole, picture = (
         render(device, f, still_life(), VIEW, chosen(method), frames=4) for f in (clean, filled[0])
     )

@@ -14,8 +14,8 @@ from iprt import cli
 from iprt.device.budget import PICTURE, REMEDIES, remedy, what_to_lower
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import UnbuiltKernel
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance

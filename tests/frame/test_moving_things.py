@@ -11,7 +11,8 @@ from scipy.ndimage import binary_erosion
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from tests.frame.whole_frame import CLAY, METHODS, chosen, rms

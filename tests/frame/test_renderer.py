@@ -12,8 +12,8 @@ from scipy.ndimage import minimum_filter
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.footage.openings import solid_angles
 from iprt.geometry.camera import View
+from iprt.geometry.equirect import solid_angles
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer

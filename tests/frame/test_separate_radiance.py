@@ -13,8 +13,8 @@ from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.device.plan import PlanDevice
 from iprt.footage.clipped_texels import ClippedTexels
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance

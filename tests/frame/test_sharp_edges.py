@@ -10,7 +10,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings

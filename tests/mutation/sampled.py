@@ -18,14 +18,28 @@ SEED = 20240
 
 # File, how many of its mutants, tests that guard it.
 GUARDED = {
-    "iprt/footage/openings.py": (5, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
-    "iprt/footage/window_environment.py": (4, ("tests/footage/test_window_environment.py",)),
+    "iprt/footage/prepare/openings.py": (
+        5,
+        ("tests/footage/prepare/test_fill.py", "tests/scene/test_scene.py"),
+    ),
+    "iprt/footage/window_environment.py": (2, ("tests/footage/test_window_environment.py",)),
+    "iprt/footage/push_pull.py": (
+        4,
+        ("tests/footage/test_push_pull.py", "tests/footage/test_window_environment.py"),
+    ),
     "iprt/footage/normals.py": (
         8,
         ("tests/footage/test_normals.py", "tests/world/real/test_surfaces.py"),
     ),
-    "iprt/footage/depth.py": (7, ("tests/footage/test_depth.py", "tests/scene/test_scene.py")),
-    "iprt/geometry/camera.py": (6, ("tests/geometry/test_camera.py",)),
+    "iprt/footage/prepare/fill.py": (
+        7,
+        ("tests/footage/prepare/test_fill.py", "tests/scene/test_scene.py"),
+    ),
+    "iprt/geometry/camera.py": (4, ("tests/geometry/test_camera.py",)),
+    "iprt/geometry/equirect.py": (
+        4,
+        ("tests/geometry/test_camera.py", "tests/geometry/test_equirect.py"),
+    ),
     "iprt/bvh/build.py": (3, ("tests/bvh/test_tree.py", "tests/bvh/test_traversal.py")),
     "iprt/bvh/cache.py": (2, ("tests/bvh/test_cache.py",)),
     "iprt/bvh/scene.py": (
@@ -50,29 +64,31 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/footage/normals.py: n += 1.0 -> n += 2.1": (
-        "Inverse depth is summed less the local plane's, of which nothing is left on planes: a "
-        "mean that is a little off bends none."
+    "iprt/footage/normals.py: return np.clip(np.rint(ratio), 1, max(1, width // 8))"
+    ".astype(np.intp) -> return np.clip(np.rint(ratio), 1, max(1, width // 9)).astype(np.intp)": (
+        "How far windows of the rows next to a pole spread at most: they are no squares either way."
     ),
-    "iprt/footage/normals.py: surface = np.fmin(before_bend, after_bend) * step <= "
-    "GAP_TOLERANCE[1] * self._center -> surface = np.fmin(before_bend, after_bend) * step < "
-    "GAP_TOLERANCE[1] * self._center": "A bend that is the limit by chance.",
-    "iprt/footage/depth.py: steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size))) -> "
-    "steps = min(1000, max(40, int(_CG_TEXEL_STEPS * diagonal.size)))": (
-        "More steps of a solver that ends sooner, at the same depths."
+    "iprt/footage/normals.py: if height < 3: -> if height < 4:": (
+        "Panoramas of three rows, of which nothing can be said."
     ),
-    "iprt/footage/depth.py: if _dot(rest, rest) <= enough: -> if _dot(rest, rest) < enough:": (
-        "A residual that is the tolerance by chance."
+    "iprt/footage/normals.py: self._joined = bool((self._same == self._same[0, 0]).all()) -> "
+    "self._joined = bool((self._same != self._same[0, 0]).all())": (
+        "A shortcut where all texels are alike, to the same normals."
     ),
-    "iprt/footage/depth.py: coarse = _blocks_of_four(inverse) / np.maximum(count, "
-    "np.float32(1.0)) -> coarse = _blocks_of_four(inverse) / np.maximum(count, "
-    "np.float32(2.1))": ("Where the solver starts from; it ends at the same depths."),
+    "iprt/footage/prepare/fill.py: filled = fill_inverse_depth(coarse, count > 0, coarse_fill) -> "
+    "filled = fill_inverse_depth(coarse, count > 1, coarse_fill)": (
+        "Where the solver starts from; it ends at the same depths."
+    ),
     "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
         "Node 0 is the root, which no node refers to."
     ),
     "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
     ".astype(np.int32) -> references += np.where(references >= 1, first_node, -first_leaf)"
     ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
+    'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", '
+    '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
+        "Only cells brighter than the mean are in it: it is full where all but one are."
+    ),
     'iprt/world/real/lights.py: f"{prefix}_rows": 1, -> f"{prefix}_rows": 2,': (
         "Never read: there are no cells to be aimed at."
     ),

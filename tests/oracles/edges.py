@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from tests.worlds import Float, keys, panorama_cubic
 
 EAST, WEST, NORTH, SOUTH, NONE = 1, 2, 4, 8, 32

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.camera import equirect_pixel
+from iprt.geometry.equirect import equirect_pixel
 from iprt.settings.trace import TraceSettings
 from iprt.world.real.panorama import Panorama
 

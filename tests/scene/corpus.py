@@ -18,12 +18,12 @@ import numpy as np
 
 from iprt.errors import FormatError, IprtError
 from iprt.files.images import read_color, read_depth, read_header
-from iprt.footage.surroundings import Surroundings
+from iprt.footage.depth_summary import DepthSummary
+from iprt.footage.prepare.metres import StoredDepth
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
 from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.reader import open_streams
-from iprt.footage.video.stored_depth import StoredDepth
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
@@ -72,7 +72,7 @@ def read_depth_plane(path: Path) -> None:
             stored = StoredDepth.of(path, samples, code)
             assert stored.metres(path, samples, code).shape == depth.shape
     if depth.shape[1] == 2 * depth.shape[0]:
-        Surroundings.of(depth)
+        DepthSummary.of(depth)
 
 
 def read_scene(path: Path) -> None:

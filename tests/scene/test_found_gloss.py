@@ -11,7 +11,7 @@ import pytest
 
 from iprt import cli
 from iprt.footage.frame import Frame
-from iprt.footage.gloss import Evidence, Plane, RealMaterial
+from iprt.footage.real_material import Evidence, Plane, RealMaterial
 from iprt.geometry.material import Material
 from iprt.scene import found_gloss
 from iprt.scene.scene import Scene
@@ -132,7 +132,7 @@ def test_what_is_written_is_the_scene_as_it_was_found(
     assert cli.main(["scene", "gloss", str(folder), "--write"]) == 0
     written = Scene.open(folder)
     assert [m.name for m in written.declared_materials] == ["shelf", "floor"]
-    region = written.declared_materials[1].region(written.raw_frame().sanitised())
+    region = written.declared_materials[1].region(written.frame())
     assert found is not None
     np.testing.assert_array_equal(region, found == 1)
 

@@ -11,7 +11,7 @@ from PIL import Image
 from iprt.errors import FormatError
 from iprt.files import untrusted
 from iprt.files.images import read_color
-from iprt.footage.video import source
+from iprt.footage.video.source import FrameSource
 from iprt.geometry import mesh_files, mesh_materials, meshes
 from iprt.geometry.meshes import load_mesh
 from iprt.scene import objects as objects_module
@@ -143,7 +143,7 @@ def test_missing_frames_are_counted_up_to_a_number(
         tmp_path / "room", MANIFEST.replace('"color.exr"', '"c.%d.exr"\nframes = [0, 9]')
     )
     for most, phrase in ((11, "9 more frames"), (5, "at least 4 more frames")):
-        monkeypatch.setattr(source, "MAX_MISSING", most)
+        monkeypatch.setattr(FrameSource, "MAX_MISSING", most)
         with pytest.raises(Exception, match=rf"no file c\.0\.exr \(and {phrase}\)"):
             Scene.open(folder)
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.footage.noisy_depth import smoothed
-from iprt.geometry.camera import View, equirect_texel
+from iprt.footage.prepare.denoise import smoothed
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_texel
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.scene.placement import RealSurfaces, set_down

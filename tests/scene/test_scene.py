@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
+from iprt.footage.prepare.turn import turned_color, turned_geometry
 from iprt.footage.video.sequence import frame_path
-from iprt.footage.video.turning import turned_color, turned_geometry
 from iprt.scene.scene import Scene
 from tests.scene.files import (
     MANIFEST,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from iprt.device.plan import PlanDevice, PlannedBuffer
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer

@@ -12,7 +12,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.view.real_layer import RealLayer
 from tests.oracles.worlds import Box, World
 from tests.view.layers import Layer, loaded, show

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
 from iprt.settings.features import Features

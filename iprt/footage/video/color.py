@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.files.primaries import D65, REC709, to_rec709
-from iprt.footage.video.planes import Layout, Samples, layout, planes
+from iprt.footage.video.pixel_planes import Layout, Samples, layout, planes
 
 if TYPE_CHECKING:
     import av

@@ -11,13 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.footage.openings import UNMEASURED
 from iprt.footage.video.placement import Placement
+from iprt.geometry.equirect import texel_polar_angles
 
 Picture = NDArray[np.float32]
 
 MAX_WHITE = 1.01
 """Floats that go from 0 to 1 are no larger."""
+UNMEASURED = float(np.finfo(np.float32).min)
+"""Depth where a surface is said to be that was not measured; where a file holds it, too."""
+
+
+def usable(depth: Picture) -> NDArray[np.bool_]:
+    """Return where there is a surface; elsewhere depth is 0, negative, NaN or infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray((depth > 0.0) & (depth < np.inf))
 
 
 @dataclass(frozen=True)
@@ -181,7 +189,7 @@ class DepthCode:
 def cube_factor(height: int, width: int) -> Picture:
     """Return the distance (height, width) along each ray where a cube's face measures 1."""
     phi = (np.arange(width) + 0.5) / width * 2.0 * np.pi
-    theta = (np.arange(height) + 0.5)[:, None] / height * np.pi
+    theta = texel_polar_angles(height)[:, None]
     aside = np.maximum(np.abs(np.sin(phi)), np.abs(np.cos(phi))).astype(np.float32)
     sin, cos = np.sin(theta).astype(np.float32), np.abs(np.cos(theta)).astype(np.float32)
     return np.asarray(np.float32(1.0) / np.maximum(sin * aside, cos))

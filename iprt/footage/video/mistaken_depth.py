@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.footage.video.depth_code import MAX_WHITE, DepthCode
-from iprt.footage.video.planes import layout, planes
+from iprt.footage.video.pixel_planes import layout, planes
 
 if TYPE_CHECKING:
     import av

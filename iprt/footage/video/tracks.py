@@ -21,7 +21,7 @@ from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
 from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, unit_problem
 from iprt.footage.video.mistaken_depth import grey_at_first
-from iprt.footage.video.planes import layout
+from iprt.footage.video.pixel_planes import layout
 from iprt.footage.video.reader import Streams
 from iprt.footage.video.sequence import ColorPictures, DepthPictures, PictureTrack
 from iprt.footage.video.table import VideoTable

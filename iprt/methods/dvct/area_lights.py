@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE
-from iprt.geometry.camera import View, equirect_texel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_texel, solid_angles
 
 Float = NDArray[np.float64]
 
@@ -126,8 +127,7 @@ def area_lights(
     """
     rows, columns = distance.shape
     directions = View(columns, rows, projection="equirect").directions().astype(np.float64)
-    edges = np.cos(np.arange(rows + 1) / rows * np.pi)
-    solid_angle = (edges[:-1] - edges[1:])[:, None] * (2.0 * np.pi / columns)
+    solid_angle = solid_angles(columns, rows)[:, None]
     away = np.where(distance > 0.0, distance, SKY * max(farthest, 1.0))
     points = directions * away[..., None]
     flux = radiance * solid_angle[..., None]

@@ -9,6 +9,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.geometry.equirect import solid_angles
 
 LIGHT_ROWS = 256
 """Most rows of the table: cells of 0.7 degrees."""
@@ -117,8 +118,7 @@ def light_table(
     """
     rows, columns = luminance.shape
     mean = luminance.astype(np.float64).ravel()
-    edges = np.cos(np.arange(rows + 1) / rows * np.pi)
-    solid_angle = np.repeat((edges[:-1] - edges[1:]) * (2.0 * np.pi / columns), columns)
+    solid_angle = np.repeat(solid_angles(columns, rows), columns)
     average = float((mean * solid_angle).sum() / (4.0 * np.pi))
     # Rounding errors are not light: an even panorama gives 0.
     excess = np.where(mean > average * (1.0 + 1e-4), mean - average, 0.0)

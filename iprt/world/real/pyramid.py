@@ -9,6 +9,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,7 @@ def equirect_edges(width: int, height: int) -> tuple[NDArray[np.float32], NDArra
 
 def equirect_centres(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return cosine and sine of texel centres' azimuths (width, 2) and polar angles (height, 2)."""
-    phi = ((np.arange(width) + 0.5) / width - 0.5) * 2.0 * np.pi
-    theta = (np.arange(height) + 0.5) / height * np.pi
+    phi, theta = texel_azimuths(width), texel_polar_angles(height)
     azimuth = np.stack([np.cos(phi), np.sin(phi)], axis=-1).astype(np.float32)
     polar = np.stack([np.cos(theta), np.sin(theta)], axis=-1).astype(np.float32)
     return azimuth, polar

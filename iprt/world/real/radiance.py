@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.files.kernel_source import constant
+from iprt.geometry.equirect import texel_polar_angles
 from iprt.world.real.surfaces import band_rows, bands
 
 STRIP = constant("world/real/radiance.cl", "STRIP")
@@ -136,7 +137,7 @@ class PictureLoader:
     def flux(self) -> Flux:
         """Wait for the device, and return the flux of the last loaded picture."""
         sums = self._device.read(self._sums).sum(axis=1, dtype=np.float64)
-        rows = np.sin((np.arange(self._height) + 0.5) / self._height * np.pi)
+        rows = np.sin(texel_polar_angles(self._height))
         apart, larger, total, _ = rows @ sums
         return Flux(
             mean=float(total / (3.0 * self._width * rows.sum())),

@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.cut import SWITCHED, is_cut
+from iprt.footage.cut_detection import SWITCHED, is_cut
 from iprt.footage.frame import Frame
 from iprt.geometry.pose import camera_motion
 from iprt.settings.features import Features

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
-from iprt.footage.video.planes import layout
+from iprt.footage.video.pixel_planes import layout
 from iprt.footage.video.reader import open_streams
 from tests.footage.video.encoding import Track, video_frame, write_video
 

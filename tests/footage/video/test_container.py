@@ -10,6 +10,7 @@ import av
 import numpy as np
 import pytest
 
+from iprt.footage.prepare.remarks import video_notices
 from iprt.footage.video.container import video_streams
 from iprt.footage.video.reader import StreamReader, open_streams
 from tests.footage.video.counting import (
@@ -117,7 +118,7 @@ def test_depth_in_a_second_stream(tmp_path: Path) -> None:
     assert found.size == (64, 32)
     assert found.frame_indices == range(FRAMES)
     assert found.source.fps == 30.0
-    assert found.source.notices() == []
+    assert video_notices(found.source) == []
     assert told(found) == [(i, i) for i in range(FRAMES)]
     assert told(found, [7, 3, 20]) == [(7, 7), (3, 3), (20, 20)]
     assert found.frame(5).depth[3, 4] == pytest.approx(1.05)
@@ -191,7 +192,7 @@ def test_depth_of_half_the_rate_is_the_nearest_in_time(tmp_path: Path) -> None:
     found = scene(tmp_path, 'color = "c.mp4"\ndepth = "d.mkv"\ndepth_scale = 0.001')
     # Halfway between two, the earlier, though Matroska's times are whole milliseconds.
     assert told(found) == [(i, i // 2) for i in range(FRAMES)]
-    (line,) = found.source.notices()
+    (line,) = video_notices(found.source)
     assert line == (
         "video.depth: d.mkv has 15 frames per second, the video 30; the nearest in time are shown"
     )
@@ -202,7 +203,7 @@ def test_depth_that_ends_early_stays(tmp_path: Path) -> None:
     write_video(tmp_path / "d.mkv", grey16(depths(10)))
     found = scene(tmp_path, 'color = "c.mp4"\ndepth = "d.mkv"\ndepth_scale = 0.001')
     assert told(found) == [(i, min(i, 9)) for i in range(FRAMES)]
-    (line,) = found.source.notices()
+    (line,) = video_notices(found.source)
     assert line.startswith("video.depth: d.mkv ends after 0.30 s, the video after 0.77 s")
 
 
@@ -210,10 +211,10 @@ def test_frames_and_rate_of_the_manifest(tmp_path: Path) -> None:
     write_video(tmp_path / "v.mkv", color_track(), grey16(depths()))
     found = scene(tmp_path, 'color = "v.mkv"\ndepth_scale = 0.001\nframes = [2, 6]\nfps = 15')
     assert told(found) == [(2 * i, 2 * i) for i in range(2, 7)]
-    assert len(found.source.notices()) == 2
+    assert len(video_notices(found.source)) == 2
     found = scene(tmp_path, 'color = "v.mkv"\ndepth_scale = 0.001\nframes = [20, 30]')
     assert told(found)[-1] == (23, 23)
-    assert all("its last frame stays" in line for line in found.source.notices())
+    assert all("its last frame stays" in line for line in video_notices(found.source))
 
 
 def test_streams_of_a_file_share_its_clock(tmp_path: Path) -> None:

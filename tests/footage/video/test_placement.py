@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from iprt import cli
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
+from iprt.footage.prepare.reading import RawFrame
+from iprt.footage.prepare.stages import Preparation
 from iprt.footage.video import sequence
-from iprt.footage.video.source import RawFrame
 from iprt.scene.scene import Scene
 from tests.files.writing import XMP, gpano, write_png, write_tiff
 from tests.footage.video.encoding import Track, grey16, plain, write_video
@@ -81,7 +82,7 @@ def test_a_crop_lies_where_gpano_says(folder: Path, capsys: pytest.CaptureFixtur
     assert f"c.tif covers {share:.3g}% of the sphere; the rest is unknown".replace(
         "c.", "color."
     ) in (said)
-    frame = raw.sanitised()
+    frame = Preparation()(raw)
     assert np.isinf(frame.depth[0]).all()
     assert np.allclose(cropped(frame.depth), cropped(distance()))
 
@@ -109,7 +110,7 @@ def test_around_a_crop_is_no_hole_that_is_filled_in(folder: Path) -> None:
     millimetres[hole] = 0
     write_png16_grey(Path("d.png"), millimetres)
     words = ["--color", "c.tif", "--depth", "d.png", "--depth-scale", "0.001", "--invalid", "0"]
-    frame = made(*words).sanitised()
+    frame = Preparation()(made(*words))
     inside = cropped(np.arange(WIDTH * HEIGHT).reshape(HEIGHT, WIDTH))
     outside = np.setdiff1d(np.arange(WIDTH * HEIGHT), inside)
     assert np.isinf(frame.depth.flat[outside]).all()
@@ -357,10 +358,10 @@ def test_a_frame_of_another_size_is_named(folder: Path) -> None:
         'format = 1\nname = "s"\n[video]\ncolor = "c.%d.exr"\ndepth = "depth.exr"\n'
         'fit = "stretch"\nframes = [0, 1]\n'
     )
-    source = Scene.open(Path(".")).source
-    assert source.read(0).color.shape == (HEIGHT, WIDTH, 3)
+    frames = Scene.open(Path(".")).raw_frames
+    assert frames.read(0).color.shape == (HEIGHT, WIDTH, 3)
     with pytest.raises(FormatError, match="192 x 104 pixels, but the first frame has 192 x 108"):
-        source.read(1)
+        frames.read(1)
 
 
 def test_a_header_is_read_once_for_all_frames(
@@ -377,9 +378,9 @@ def test_a_header_is_read_once_for_all_frames(
         'format = 1\nname = "s"\n[video]\ncolor = "c.%d.exr"\ndepth = "depth.exr"\n'
         "frames = [0, 3]\n"
     )
-    source = Scene.open(Path(".")).source
-    with source.reading() as reader:
-        for index in source.indices:
+    frames = Scene.open(Path(".")).raw_frames
+    with frames.reading() as reader:
+        for index in frames.source.indices:
             reader.read(index)
     assert len(read) == 1
 

@@ -18,7 +18,9 @@ import pytest
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.frame import Frame
-from iprt.footage.video import source
+from iprt.footage.prepare import stages
+from iprt.footage.prepare.reading import RawFrame
+from iprt.footage.prepare.stages import Preparation
 from iprt.footage.video.stream import Ahead
 from iprt.scene.scene import Scene
 from tests.scene.files import MANIFEST, write_channels, write_rgb, write_scene
@@ -75,14 +77,14 @@ def test_depth_that_does_not_change_is_sanitised_once(
     light[2, 100] = 50.0
     write_rgb(tmp_path / "c.004.exr", light)
     filled = 0
-    sanitise = source.sanitise_depth
+    sanitise = stages.sanitise_depth
 
     def counted(*given: Any) -> Any:
         nonlocal filled
         filled += 1
         return sanitise(*given)
 
-    monkeypatch.setattr(source, "sanitise_depth", counted)
+    monkeypatch.setattr(stages, "sanitise_depth", counted)
     scene = Scene.open(tmp_path)
     with scene.stream(scene.frame_indices) as stream:
         frames = list(stream)
@@ -118,14 +120,16 @@ def test_few_frames_are_alive_however_long_the_video(tmp_path: Path) -> None:
     references: list[weakref.ref[Frame]] = []
     most = 0
 
-    def counted(frame: Frame) -> Frame:
-        references.append(weakref.ref(frame))
-        return frame
+    class Counted(Preparation):
+        def __call__(self, raw: RawFrame) -> Frame:
+            frame = super().__call__(raw)
+            references.append(weakref.ref(frame))
+            return frame
 
     def alive() -> int:
         return sum(reference() is not None for reference in references)
 
-    scene._stages = lambda drift: [counted]  # type: ignore[method-assign]
+    scene.preparation = lambda *, drift=True: Counted(drift=drift)  # type: ignore[method-assign]
     ahead = 3
     with scene.stream([1, 2, 3, 4] * 75, ahead=ahead) as frames:
         for _ in frames:

@@ -12,7 +12,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import equirect_pixel
+from iprt.geometry.equirect import equirect_pixel
 from iprt.methods.dit.impostor import Impostor
 from iprt.settings.trace import TraceSettings
 from iprt.world.real.panorama import Panorama

@@ -10,7 +10,7 @@ import pytest
 
 from iprt.aovs import read_aov
 from iprt.device.compute import ComputeDevice
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer

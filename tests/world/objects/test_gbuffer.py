@@ -11,7 +11,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.device.fastest import ROUNDS, timed_ways
 from iprt.errors import DeviceError
-from iprt.footage.footage import Footage
+from iprt.footage.properties import Footage
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from iprt.world.objects import objects

@@ -11,8 +11,8 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.footage import Footage
 from iprt.footage.frame import Frame
+from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.settings.features import Features

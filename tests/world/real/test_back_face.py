@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.camera import equirect_pixel
+from iprt.geometry.equirect import equirect_pixel
 from iprt.world.real.panorama import Panorama
 from tests.kernels.tracing import BACK_FACE, SIDE, SURFACE, Hits, RealTracer, panorama_of
 from tests.oracles.worlds import Box, World

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.pyramid import PyramidShape
 from tests.kernels.tracing import (

@@ -12,7 +12,8 @@ from scipy.stats import norm
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer

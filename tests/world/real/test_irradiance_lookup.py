@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from tests.kernels.wrap import evaluate
 from tests.oracles.worlds import World
 from tests.worlds import Float

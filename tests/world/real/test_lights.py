@@ -12,7 +12,8 @@ from scipy.stats import chi2, norm
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import LUMINANCE, Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.material import Material
 from iprt.world.real.lights import Lights, light_table
 from tests.frame.test_windows import sun, windowed

@@ -7,7 +7,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View, equirect_pixel
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_pixel
 from iprt.settings.trace import TraceSettings
 from tests.kernels.tracing import (
     SIDE,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.camera import View, equirect_direction
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_direction
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.pyramid import PyramidShape, equirect_edges
 from tests.kernels.tracing import panorama_of

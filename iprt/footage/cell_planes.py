@@ -1,0 +1,102 @@
+"""The large planes of a room, among the cells of its panorama: floors, walls, table tops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.albedo_segments import well_seen
+from iprt.footage.cells import Cells, Float
+
+MAX_PLANES = 12
+MIN_SHARE = 0.008
+"""Least share of the sphere that a plane covers: a coffee table at two metres covers 0.012."""
+PARALLEL = 0.95
+"""Least cosine between a cell's normal and its plane's."""
+GRAZING = 0.15
+"""Least cosine of view of cells that are looked at."""
+NEAREST = 0.5
+"""Metres: nearer cells are as far from their plane as those at this distance may be."""
+TRIES, REFITS = 60, 3
+
+
+@dataclass(frozen=True)
+class CellPlane:
+    """A plane and the cells that show it.
+
+    Attributes
+    ----------
+    normal : (3,) float64
+        Unit normal, world space, towards the capture centre.
+    offset : float
+        Metres: normal · point.
+    cells : (n,) int
+        Numbers of cells, ascending.
+    """
+
+    normal: Float
+    offset: float
+    cells: NDArray[np.intp]
+
+
+def find_planes(cells: Cells, tolerance: float, usable: NDArray[np.bool_]) -> list[CellPlane]:
+    """The largest planes by solid angle, each of `MIN_SHARE` of the sphere or more.
+
+    Random cells propose their tangent planes, as in RANSAC; the one that most solid angle lies on
+    is fitted to its cells by least squares and taken out, and the next one is looked for.
+
+    Parameters
+    ----------
+    tolerance : float
+        How far a cell may be off its plane, over its depth.
+    usable : (N,) bool
+        Cells that may belong to one.
+    """
+    facing = np.abs((cells.normal * cells.direction).sum(-1))
+    left = usable & well_seen(cells) & (facing > GRAZING)
+    least = MIN_SHARE * 4.0 * np.pi
+    reach = tolerance * np.maximum(cells.depth, NEAREST)
+    rng = np.random.default_rng(0)
+    found: list[CellPlane] = []
+    while len(found) < MAX_PLANES and cells.solid_angle[left].sum() >= least:
+        there = np.flatnonzero(left)
+        weight = cells.solid_angle[there]
+        on: NDArray[np.intp] = there[:0]
+        for seed in rng.choice(there, TRIES, p=weight / weight.sum()):
+            normal = cells.normal[seed]
+            mine = _lying_on(cells, there, normal, float(cells.point[seed] @ normal), reach)
+            if cells.solid_angle[mine].sum() > cells.solid_angle[on].sum():
+                on = mine
+        for _ in range(REFITS):
+            if len(on) < 3:
+                break
+            normal, offset = _fitted(cells, on)
+            on = _lying_on(cells, there, normal, offset, reach)
+        if cells.solid_angle[on].sum() < least:
+            break
+        left[on] = False
+        found.append(CellPlane(normal, offset, on))
+    return found
+
+
+def _lying_on(
+    cells: Cells, among: NDArray[np.intp], normal: Float, offset: float, reach: Float
+) -> NDArray[np.intp]:
+    along = cells.normal[among] @ normal > PARALLEL
+    near = np.abs(cells.point[among] @ normal - offset) < reach[among]
+    return np.asarray(among[along & near], np.intp)
+
+
+def _fitted(cells: Cells, on: NDArray[np.intp]) -> tuple[Float, float]:
+    """Normal and offset of the plane through cells, far ones by less: their depth is less sure."""
+    point, weight = cells.point[on], 1.0 / cells.depth[on] ** 2
+    mean = cells.normal[on].mean(0)
+    spread = point - np.average(point, axis=0, weights=weight)
+    _, axes = np.linalg.eigh(np.einsum("i,ij,ik->jk", weight, spread, spread))
+    normal = axes[:, 0] * np.sign(axes[:, 0] @ mean)
+    # A strip of cells leaves its plane's turn about the strip open; their normals do not.
+    if normal @ mean < PARALLEL * np.linalg.norm(mean):
+        normal = mean / np.linalg.norm(mean)
+    return normal, float(np.median(point @ normal))

@@ -1,0 +1,43 @@
+"""Connected components of the texels of a panorama: 8-neighbours, across the seam and the poles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+Mask = NDArray[np.bool_]
+
+
+def components(chosen: Mask) -> tuple[NDArray[np.intp], int]:
+    """Return 0-based labels (H, W) of components, valid where `chosen`, and how many there are."""
+    texel = np.flatnonzero(chosen)
+    of_texel, count = component_of(chosen, texel)
+    label = np.zeros(chosen.shape, np.intp)
+    label.ravel()[texel] = of_texel
+    return label, count
+
+
+def component_of(chosen: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
+    """Return 0-based labels (N,) of the components of `texel`, and how many components there are.
+
+    `texel` holds the places where `chosen`.
+    """
+    height = chosen.shape[0]
+    label, count = ndimage.label(chosen, structure=np.ones((3, 3)))
+    pairs = [
+        (label[up : height - down, -1], label[down : height - up, 0])
+        for up, down in ((1, 0), (0, 0), (0, 1))
+    ]
+    # The texels of a polar row surround the pole: they all touch there.
+    for row in (0, height - 1):
+        present = label[row][label[row] > 0]
+        pairs.append((present[:1].repeat(present.size), present))
+    a = np.concatenate([first for first, _ in pairs])
+    b = np.concatenate([second for _, second in pairs])
+    both = (a > 0) & (b > 0)
+    links = coo_array((np.ones(both.sum()), (a[both] - 1, b[both] - 1)), shape=(count, count))
+    merged, group = connected_components(links, directed=False)
+    return group.astype(np.intp)[label.ravel()[texel] - 1], int(merged)

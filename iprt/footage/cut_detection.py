@@ -1,0 +1,89 @@
+"""Whether two frames of a video belong together, or the video was cut between them.
+
+Light alone does not show it: a lamp that is switched on changes more of it than many a cut. What
+surfaces there are does, and where their edges and textures are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from iprt.footage.cells import cell_means
+from iprt.footage.frame import LUMINANCE, Frame
+from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_texel, solid_angles
+from iprt.geometry.pose import camera_motion
+
+Float = NDArray[np.float64]
+
+ROWS = 32
+"""The coarse panoramas that are compared have so many."""
+OTHER_DEPTH = 0.15
+"""Relative difference of distances from which on a surface is another one."""
+OTHER_SURFACES = 0.35
+"""Share of the sphere with other surfaces from which on it is another scene."""
+SWITCHED = 0.5
+"""Share of the flux from which on what was accumulated misleads, although the scene is the same."""
+OTHER_LIGHT, OTHER_DETAIL = 0.2, 0.3
+"""Or: so much of the flux is elsewhere, and details correlate less than this."""
+
+
+def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
+    """Whether `after`, the next frame of a video, shows something else than `before`.
+
+    Parameters
+    ----------
+    before, after : Frame
+        Both of the same size. With poses, they are compared where the camera saw the same points.
+    flux_change : float
+        Share of the panorama's flux by which they differ, in [0, 1].
+    """
+    if before is after:
+        return False
+    rows = min(ROWS, after.height, after.width // 2)
+    view = View(2 * rows, rows, projection="equirect")
+    weights = np.broadcast_to(solid_angles(2 * rows, rows)[:, None], (rows, 2 * rows))
+    now = _sampled(after.depth, view.directions())
+    motion = camera_motion(before.pose, after.pose)
+    near = np.where(np.isfinite(now), now, 1e6)[..., None] * view.directions()
+    seen = near @ motion[:, :3].T + motion[:, 3]
+    expected = np.where(np.isfinite(now), np.linalg.norm(seen, axis=-1), np.inf)
+    if _other_surfaces(_sampled(before.depth, seen), expected, weights) > OTHER_SURFACES:
+        return True
+    if flux_change <= OTHER_LIGHT:
+        return False
+    details = [_details(frame.picture, rows) for frame in (before, after)]
+    return _correlation(_sampled(details[0], seen), details[1], weights) < OTHER_DETAIL
+
+
+def _sampled(image: NDArray[np.floating], directions: Float) -> Float:
+    """Nearest texels of an equirect image (H, W) in directions (..., 3)."""
+    return np.asarray(image[equirect_texel(directions, *image.shape[::-1])], np.float64)
+
+
+def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
+    """Share of directions in which the distance is another than expected, up to one factor: the
+    scale of estimated depth wavers.
+    """
+    both = np.isfinite(found) & np.isfinite(expected)
+    step = np.log(np.where(both, found, 1.0) / np.where(both, expected, 1.0))
+    if both.any():
+        step = step - np.median(step[both])
+    other = np.where(both, np.abs(step) > OTHER_DEPTH, np.isfinite(found) != np.isfinite(expected))
+    return float((other * weights).sum() / weights.sum())
+
+
+def _details(color: NDArray[np.float32], rows: int) -> Float:
+    """(rows, 2 rows) logarithm of the luminance, less its mean around."""
+    light = cell_means(color, rows) @ LUMINANCE
+    level = np.log(np.maximum(light, 1e-3 * light.mean() + 1e-30))
+    return np.asarray(level - uniform_filter(level, 3, mode=("nearest", "wrap")))
+
+
+def _correlation(a: Float, b: Float, weights: Float) -> float:
+    """Correlation of two images: single large values do not decide; 1 where one has no details."""
+    a, b = np.clip(a, -0.5, 0.5), np.clip(b, -0.5, 0.5)
+    power = (weights * a * a).sum() * (weights * b * b).sum()
+    return float((weights * a * b).sum() / np.sqrt(power)) if power > 1e-6 else 1.0

@@ -1,0 +1,76 @@
+"""Gaussian means over some of a panorama's cells."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.sparse import csr_array
+
+from iprt.footage.cells import Float
+
+
+class MeansAround:
+    """Takes means over the neighbours that belong to the same n cells.
+
+    Filters run over the rows and columns that these are in, as products with sparse matrices: no
+    time is spent on the rest of the panorama, nor do threads of BLAS get into each other's way.
+
+    Parameters
+    ----------
+    rows : int
+        Of the grid of cells (rows, 2 rows).
+    on : (n,) int
+        Numbers of the cells.
+    """
+
+    def __init__(self, rows: int, on: NDArray[np.intp]) -> None:
+        self._rows = rows
+        row, column = np.divmod(on, 2 * rows)
+        self._down, self._row = np.unique(row, return_inverse=True)
+        self._across, self._column = np.unique(column, return_inverse=True)
+
+    def __call__(self, parts: Float, kept: NDArray[np.bool_], deviation: float) -> Float:
+        """Means of what is kept of K quantities.
+
+        Parameters
+        ----------
+        parts : (K, n, C) float64
+        kept : (n,) bool
+        deviation : float
+            In cells.
+
+        Returns
+        -------
+        (K, n, C) float64
+            0 where no cell near is kept.
+        """
+        means = np.zeros(parts.shape)
+        filled = parts.any(axis=(1, 2))
+        columns = np.moveaxis(parts[filled], 0, 1).reshape(len(kept), -1)
+        sums = np.zeros((len(self._down), len(self._across), columns.shape[1] + 1))
+        at = self._row[kept], self._column[kept]
+        sums[*at, :-1] = columns[kept]
+        sums[*at, -1] = 1.0
+        sums = _filtered(sums, _gaussian(self._rows, deviation, "nearest"), self._down)
+        sums = np.swapaxes(sums, 0, 1)
+        sums = _filtered(sums, _gaussian(2 * self._rows, deviation, "wrap"), self._across)
+        found = sums[self._column, self._row]
+        found = found[:, :-1] / np.maximum(found[:, -1:], 1e-9)
+        means[filled] = np.moveaxis(found.reshape(len(kept), -1, parts.shape[-1]), 1, 0)
+        return means
+
+
+def _filtered(sums: Float, matrix: csr_array, used: NDArray[np.intp]) -> Float:
+    """Sums (k, ...) multiplied by the rows and columns `used` (k,) of a matrix."""
+    matrix = matrix[used][:, used]
+    return np.asarray((matrix @ sums.reshape(len(sums), -1)).reshape(sums.shape))
+
+
+@lru_cache(maxsize=32)
+def _gaussian(size: int, deviation: float, mode: Literal["nearest", "wrap"]) -> csr_array:
+    """(size, size) what a Gaussian filter multiplies `size` cells by."""
+    return csr_array(gaussian_filter1d(np.eye(size), deviation, axis=0, mode=mode))

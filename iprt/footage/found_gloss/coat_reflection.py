@@ -1,0 +1,229 @@
+"""What surfaces of a panorama would reflect towards the capture centre if they were coated.
+
+On the host and in cells, to find out which are (`evidence`): a few thousand points, for several
+roughnesses. What is rendered is traced by `cl/world/real/highlight.cl`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.cell_planes import CellPlane
+from iprt.footage.cells import Cells, Float, Geometry, cell_means
+from iprt.footage.frame import Frame
+from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.geometry.coat import fresnel_dielectric
+from iprt.geometry.equirect import cell_towards
+
+IOR = 1.5
+"""Index of refraction of the coat that is assumed: most varnishes, plastics and glazes."""
+RAYS = 12
+"""Per cell and roughness; neighbours are averaged as far as the lobe is wide."""
+STEPS, HALVINGS = 32, 4
+"""Points of a ray that are looked at, by angle about the capture centre, and bisections."""
+CLEARANCE, THICKNESS = 0.005, 0.3
+"""Over depth: a ray hits what it is farther behind than the one, and passes what it is farther
+behind than the other."""
+LIFT = 0.01
+"""Distance of rays' starts from their surface, over depth."""
+LOWEST = 0.01
+"""Least cosine to the surface of a ray that leaves it."""
+AT_ONCE = 1 << 11
+"""Rays whose points fit a processor's cache."""
+KINDS, RECOVERED = 2, 1
+"""Number of kinds of reflected light, and index of the second one. The picture shows the first as
+it is; the second is recovered from what it shows clipped."""
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class RoomCells:
+    """What rays find.
+
+    Attributes
+    ----------
+    cells : Cells
+        N of them.
+    shown : Geometry
+        What they were made of, or coarser ones can be.
+    color : (N, 3) float64
+        Mean radiance.
+    kinds : (KINDS, N, 3) float64
+        The same by what sends it: all that the picture shows as it is; what it shows clipped.
+    depth : (N,) float32
+        Metres.
+    open : (N,) bool
+        Windows.
+    outside : (KINDS, 2 OUTSIDE_ROWS², 3) float64 or None
+        `outside_radiance` by kinds, where there are windows.
+    """
+
+    cells: Cells
+    shown: Geometry
+    color: Float
+    kinds: Float
+    depth: Floats
+    open: NDArray[np.bool_]
+    outside: Float | None
+
+    @classmethod
+    def of(cls, frame: Frame, rows: int) -> RoomCells:
+        """In cells of `rows` rows, at most the frame's."""
+        shown = Geometry.of(frame, rows)
+        cells = Cells.of(shown, rows)
+        color = cell_means(frame.radiance, rows).reshape(-1, 3)
+        clipped = np.zeros_like(frame.radiance)
+        if frame.clipped is not None:
+            texel = frame.clipped.texel
+            clipped.reshape(-1, 3)[texel] = frame.radiance.reshape(-1, 3)[texel]
+        recovered = cell_means(clipped, rows).reshape(-1, 3)
+        outside = None
+        if frame.opening.any():
+            every, there = (
+                outside_radiance(light[frame.opening], frame.opening).reshape(-1, 3)
+                for light in (frame.radiance, clipped)
+            )
+            outside = np.stack([every - there, there]).astype(np.float64)
+        return cls(
+            cells=cells,
+            shown=shown,
+            color=color,
+            kinds=np.stack([color - recovered, recovered]),
+            depth=cells.depth.astype(np.float32),
+            open=cells.opening > 0.5,
+            outside=outside,
+        )
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A plane's cells, in the axes of a frame's capture centre.
+
+    Attributes
+    ----------
+    start : (n, 3) float64
+        Metres: points a little off them, where reflected rays begin.
+    direction : (n, 3) float64
+        From the capture centre to them; unit.
+    normal : (3,) float64
+        The plane's, towards the capture centre.
+    """
+
+    start: Float
+    direction: Float
+    normal: Float
+
+    @classmethod
+    def of(cls, cells: Cells, plane: CellPlane) -> Patch:
+        """The patch of a plane, in the frame that the plane was found in."""
+        on = plane.cells
+        start = cells.point[on] + LIFT * cells.depth[on, None] * plane.normal
+        return cls(start, cells.direction[on], plane.normal)
+
+
+def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: int = RAYS) -> Float:
+    """(KINDS, n, 3) radiance that a coat reflects towards the capture centre, of a plane's cells.
+
+    The integral of f_s L cos over the GGX lobe, by visible normals (Dupuy and Benyoub, HPG
+    2023), with Smith's masking as in `cl/lib/world/brdf.h`; noisy.
+    """
+    across, along = _tangents(patch.normal)
+    local = np.stack([across, along, patch.normal])
+    out = -patch.direction @ local.T
+    masked = _masking(out[:, 2], alpha)
+    rng = np.random.default_rng(seed)
+    total = np.zeros((KINDS, len(out), 3))
+    for ray in range(rays):
+        u, v = rng.random((2, len(out)))
+        facet = _visible_normal(out, alpha, u, (ray + v) / rays)
+        cosine = np.einsum("ij,ij->i", out, facet)
+        into = 2.0 * cosine[:, None] * facet - out
+        leaves = into[:, 2] > LOWEST
+        weight = fresnel_dielectric(np.clip(cosine, 0.0, 1.0), IOR) * (1.0 + masked)
+        weight /= 1.0 + masked + _masking(into[:, 2], alpha)
+        found = radiance_along(around, patch.start[leaves], into[leaves] @ local)
+        total[:, leaves] += weight[leaves, None] * found
+    return total / rays
+
+
+def radiance_along(around: RoomCells, start: Float, direction: Float) -> Float:
+    """(KINDS, n, 3) radiance that rays from points (n, 3), in metres, find in unit directions."""
+    found = [
+        _found(around, start[at : at + AT_ONCE], direction[at : at + AT_ONCE])
+        for at in range(0, len(start), AT_ONCE)
+    ]
+    return np.concatenate(found, axis=1) if found else np.zeros((KINDS, 0, 3))
+
+
+def _found(around: RoomCells, start: Float, direction: Float) -> Float:
+    """Seen from the capture centre, a ray runs along a great circle from where its start is seen
+    to its direction. By the sine rule, its distance at the angle φ from the start, at the distance
+    r and the angle Φ from the direction, is r sin Φ / sin(Φ - φ).
+    """
+    way = direction.astype(np.float32)
+    distance = np.linalg.norm(start, axis=-1).astype(np.float32)
+    first = (start / distance[:, None]).astype(np.float32)
+    cosine = np.clip(np.einsum("ij,ij->i", first, way), -1.0, 1.0)
+    whole, sine = np.arccos(cosine), np.sqrt(np.maximum(1.0 - cosine * cosine, 1e-12))
+    square = (way - cosine[:, None] * first) / sine[:, None]
+    # By coordinates: three at a time take NumPy several times as long.
+    ahead, aside = (np.ascontiguousarray(part.T)[:, None] for part in (first, square))
+
+    def behind(angle: Floats) -> tuple[Floats, NDArray[np.intp]]:
+        """How far behind what is seen at angles (k, n), over its depth, and its cell."""
+        point = np.cos(angle) * ahead + np.sin(angle) * aside
+        unit = np.ones(angle.shape, np.float32)
+        cell = cell_towards(np.moveaxis(point, 0, -1), unit, around.cells.rows)
+        depth = around.depth[cell]
+        reach = distance * sine / np.maximum(np.sin(whole - angle), np.float32(1e-6))
+        return reach / depth - np.float32(1.0), cell
+
+    step = whole / np.float32(STEPS + 1)
+    deep, _ = behind(np.arange(1, STEPS + 1, dtype=np.float32)[:, None] * step)
+    before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
+    enters = (deep > CLEARANCE) & (deep < THICKNESS) & (before <= CLEARANCE)
+    hits = enters.any(axis=0)
+    far = np.where(hits, (enters.argmax(axis=0) + 1) * step, whole)
+    near = np.where(hits, far - step, far)
+    for _ in range(HALVINGS):
+        middle = np.float32(0.5) * (near + far)
+        inside = behind(middle[None])[0][0] > 0.0
+        near, far = np.where(inside, near, middle), np.where(inside, middle, far)
+    cell = behind(far[None])[1][0]
+    radiance = around.kinds[:, cell]
+    if around.outside is not None:
+        open_ = around.open[cell]
+        sky = cell_towards(way[open_], np.ones(open_.sum(), np.float32), OUTSIDE_ROWS)
+        radiance[:, open_] = around.outside[:, sky]
+    return np.asarray(radiance)
+
+
+def _tangents(normal: Float) -> tuple[Float, Float]:
+    """Two unit vectors (3,) that make a right-handed frame with a unit normal (3,)."""
+    beside = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    across = np.cross(beside, normal)
+    across /= np.linalg.norm(across)
+    return across, np.cross(normal, across)
+
+
+def _masking(cosine: Float, alpha: float) -> Float:
+    """Smith's Λ of GGX."""
+    tan2 = 1.0 / np.maximum(cosine, 1e-4) ** 2 - 1.0
+    return np.asarray(0.5 * (np.sqrt(1.0 + alpha**2 * np.maximum(tan2, 0.0)) - 1.0))
+
+
+def _visible_normal(out: Float, alpha: float, u: Float, v: Float) -> Float:
+    """(n, 3) GGX normals visible from local directions (n, 3), by spherical caps."""
+    stretch = np.array([alpha, alpha, 1.0])
+    seen = out * stretch
+    seen /= np.sqrt(np.einsum("ij,ij->i", seen, seen))[:, None]
+    height = (1.0 - v) * (1.0 + seen[:, 2]) - seen[:, 2]
+    radius = np.sqrt(np.clip(1.0 - height * height, 0.0, 1.0))
+    azimuth = 2.0 * np.pi * u
+    cap = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1)
+    facet = (cap + seen) * stretch
+    return np.asarray(facet / np.sqrt(np.einsum("ij,ij->i", facet, facet))[:, None])

@@ -1,0 +1,370 @@
+"""Whether a surface reflects: how its picture goes with what a coat on it would reflect.
+
+Of a plane's cells the camera saw
+
+    L = ρ E / π + k S(α)
+
+with E their irradiance, S the reflection that a coat of roughness α and index of refraction 1.5
+would show the camera (`coat_reflection`), k its strength, and ρ a reflectance that textures vary in
+ways that have nothing to do with S. L, E and S are taken less their means around, which leaves what
+varies over a few degrees, and over the mean of L around. k and factors on E, of lights and of all
+else apart, then come from a robust regression (Huber) over cells and colours. Cells that nothing of
+this explains, such as the rim of a sunny patch, are left out, also of the means.
+
+Of what the picture shows clipped, S has a k of its own: how bright that is, is an estimate, which
+may be several times too low, and one k would have to suit the window and the walls beside it.
+
+The standard error of k counts blocks of cells as one observation each (cluster-robust sandwich;
+Huber 1967, White 1980), because neighbouring errors are alike. α is where the regression explains
+most, by a parabola through the best of `ALPHAS` and its neighbours; its uncertainty is that of a
+jackknife over the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtr
+
+from iprt.footage.cells import Cells, Float
+from iprt.footage.found_gloss.cell_means import MeansAround
+from iprt.footage.found_gloss.coat_reflection import RECOVERED
+
+ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
+"""GGX roughness that is tried. Beyond, a reflection is as smooth as shading, and cannot be told."""
+AROUND = np.deg2rad(5.6)
+"""Deviation of the Gaussian that means are taken by, in rad."""
+LOBE = 0.3
+"""That of the mean of S over neighbours, which takes off its noise, in α."""
+LEAST = 0.3
+"""The least of these, in cells."""
+SMOOTH = np.deg2rad(2.25)
+"""Deviation of the mean of E over neighbours, which was found for every other cell."""
+SHARPER = 1.2
+"""α over the one that explains most: of a wide reflection, shading and the mean around take a part.
+Measured in rooms whose gloss is known; 1.0 to 1.7 in single ones."""
+BLOCK = np.deg2rad(11.25)
+"""Side of a block of cells."""
+HUBER, ODD = 1.5, 4.0
+"""Residuals beyond the one count linearly, beyond the other not at all, in standard deviations."""
+MODEL = 0.02
+"""Standard deviation of what the model itself leaves, over the radiance around."""
+STEPS, ROUNDS = 8, 3
+
+Grid = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the regression found for one roughness.
+
+    Attributes
+    ----------
+    strength : float
+        k, of the kind of light that has the larger t.
+    error : float
+        Its standard error.
+    explained : float
+        Share of the squares that S explains of what E leaves.
+    beyond : float
+        Share of the cells in which k S is more than was seen.
+    blocks : int
+        Blocks of cells.
+    recovered : bool
+        Whether k is that of light that the picture shows clipped.
+    """
+
+    strength: float
+    error: float
+    explained: float
+    beyond: float
+    blocks: int
+    recovered: bool = False
+
+    @property
+    def t(self) -> float:
+        """Student's t of the strength."""
+        return self.strength / self.error if self.error > 0.0 else 0.0
+
+    def chance(self, tries: int) -> float:
+        """Probability of such a t without any reflection, in the best of so many tries."""
+        return min(1.0, tries * float(stdtr(max(self.blocks - 1, 1), -self.t)))
+
+
+@dataclass(frozen=True)
+class Reflection:
+    """What is known of a plane's reflection: the fit at `ALPHAS`, and α with its spread.
+
+    Attributes
+    ----------
+    alpha : float
+    spread : float
+        Factor of one standard deviation of α, at least 1.
+    fit : Fit
+        Of the one of `ALPHAS` that explains most.
+    """
+
+    alpha: float
+    spread: float
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Later:
+    """What another frame shows of a plane's n cells, over the gain of its exposure.
+
+    Attributes
+    ----------
+    color : (n, 3) float64
+        Radiance.
+    irradiance : (K, n, 3) float64
+        By K kinds of light.
+    seen : (n,) bool
+        Where it shows the plane.
+    """
+
+    color: Float
+    irradiance: Float
+    seen: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """One frame's part of the regressions for all roughnesses, by the m cells that are kept.
+
+    Attributes
+    ----------
+    cells : (m,) int
+    around : (m, 3) float64
+        Means of L around, in the first frame.
+    y : (3 m,) float64
+        L less its mean around, over that; of later frames, of what L differs from the first one's.
+    shading : (3 m, J) float64
+        What shading makes of it.
+    weight, block : (3 m,)
+        Solid angles over their mean; numbers of blocks.
+    """
+
+    cells: NDArray[np.intp]
+    around: Float
+    y: Float
+    shading: Float
+    weight: Float
+    block: NDArray[np.intp]
+
+
+class PlanePicture:
+    """A plane's cells as they were seen and lit, less their means around.
+
+    Parameters
+    ----------
+    cells : Cells
+        Of the first frame.
+    on : (n,) int
+        The plane's cells.
+    color : (N, 3) float64
+        Radiance of all cells.
+    irradiance : (K, n, 3) float64
+        By K kinds of light.
+    later : sequence of Later
+        Other frames.
+    """
+
+    def __init__(
+        self,
+        cells: Cells,
+        on: NDArray[np.intp],
+        color: Float,
+        irradiance: Float,
+        later: Sequence[Later] = (),
+    ) -> None:
+        self._rows, self._means = cells.rows, MeansAround(cells.rows, on)
+        self._color, self._later = color[on], later
+        self._weight = cells.solid_angle[on] / cells.solid_angle[on].mean()
+        side = max(1, round(BLOCK * cells.rows / np.pi))
+        row, column = np.divmod(on, 2 * cells.rows)
+        _, block = np.unique(row // side * 2 * cells.rows + column // side, return_inverse=True)
+        self._block = block.astype(np.intp)
+        self._whole = np.ones(len(on), bool)
+        self._kept = [self._whole.copy(), *(frame.seen.copy() for frame in later)]
+        self._irradiance = self._even(irradiance)
+        self._more_light = [self._even(frame.irradiance) - self._irradiance for frame in later]
+
+    def fit(self, reflected: Float, alpha: float) -> Fit:
+        """By what a coat of one roughness would reflect, (1 + frames, KINDS, n, 3)."""
+        return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
+
+    def reflection(self, reflected: Sequence[Float]) -> Reflection:
+        """By what coats of the roughnesses `ALPHAS` would reflect, (1 + frames, KINDS, n, 3)."""
+        smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
+        for _ in range(ROUNDS):
+            varied = self._varied()
+            fits = [self._fit(varied, part) for part in smooth]
+            _, left = fits[int(np.argmax([fit.explained for fit, _ in fits]))]
+            for kept, rows, rest in zip(self._kept, varied, left, strict=True):
+                kept[rows.cells[np.abs(rest).max(axis=-1) > ODD * _deviation(rest)]] = False
+        return self._reflection(smooth)
+
+    def _smooth(self, reflected: Float, alpha: float) -> list[Float]:
+        deviation = max(LOBE * alpha * self._rows / np.pi, LEAST)
+        return [self._means(part, self._whole, deviation) for part in reflected]
+
+    def _even(self, irradiance: Float) -> Float:
+        return self._means(irradiance, self._whole, SMOOTH * self._rows / np.pi)
+
+    def _around(self, parts: Float, frame: int) -> Float:
+        """Means (K, n, 3) over the cells that are kept in a frame."""
+        return self._means(parts, self._kept[frame], AROUND * self._rows / np.pi)
+
+    def _varying(self, parts: Float, frame: int) -> Float:
+        """Differences (K, m, 3) of the cells that are kept in a frame from their means around."""
+        return np.asarray((parts - self._around(parts, frame))[:, self._kept[frame]])
+
+    def _varied(self) -> list[_Rows]:
+        lights = self._irradiance.sum(0)
+        seen, lit = np.maximum(self._around(np.stack([self._color, lights]), 0), 1e-12)
+        kinds = len(self._irradiance)
+        columns = 2 * kinds + len(self._later) if self._later else kinds
+        rows = []
+        for frame, kept in enumerate(self._kept):
+            around = seen[kept]
+            shading = np.zeros((around.size, columns))
+            if frame == 0:
+                varying, *light = self._varying(
+                    np.concatenate([self._color[None], self._irradiance]), 0
+                )
+                for kind, part in enumerate(light):
+                    shading[:, kind] = (part / lit[kept]).ravel()
+            else:
+                change = self._later[frame - 1].color - self._color
+                painted = self._more_light[frame - 1] / lit * self._color
+                varying, own, *light = self._varying(
+                    np.concatenate([[change, self._color], painted]), frame
+                )
+                for kind, part in enumerate(light):
+                    shading[:, kinds + kind] = (part / around).ravel()
+                shading[:, 2 * kinds + frame - 1] = (own / around).ravel()
+            rows.append(
+                _Rows(
+                    cells=np.flatnonzero(kept),
+                    around=around,
+                    y=(varying / around).ravel(),
+                    shading=shading,
+                    weight=np.repeat(self._weight[kept], 3),
+                    block=np.repeat(self._block[kept], 3),
+                )
+            )
+        return rows
+
+    def _fit(self, varied: Sequence[_Rows], reflected: Sequence[Float]) -> tuple[Fit, list[Float]]:
+        """The fit, and its residuals (m, 3) by frames."""
+        y, own, block = (
+            np.concatenate([getattr(rows, name) for rows in varied])
+            for name in ("y", "weight", "block")
+        )
+        kinds, parts = len(reflected[0]), []
+        for frame, (rows, part) in enumerate(zip(varied, reflected, strict=True)):
+            change = part if frame == 0 else part - reflected[0]
+            varying = self._varying(change, frame) / rows.around
+            parts.append(varying.reshape(kinds, -1).T)
+        shading = np.concatenate([rows.shading for rows in varied])
+        x = np.concatenate([np.concatenate(parts), shading], axis=-1)
+        ends = np.cumsum([len(rows.y) for rows in varied])[:-1]
+        weight, factors, left, normal = own, np.zeros(x.shape[1]), y, np.eye(x.shape[1])
+        for _ in range(STEPS):
+            factors, normal = _least_squares(x, y, weight)
+            left = y - x @ factors
+            weight = own * _robust(np.split(left, ends))
+        score = x * (weight * left)[:, None]
+        sums = np.stack([np.bincount(block, column) for column in score.T], axis=-1)
+        inverse = np.linalg.inv(normal)
+        strength = factors[:kinds]
+        error = np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse)[:kinds])
+        told = int(np.argmax(strength / np.maximum(error, 1e-30)))
+        rest = y
+        if x.shape[1] > kinds:
+            rest = y - x[:, kinds:] @ _least_squares(x[:, kinds:], y, weight)[0]
+        shine = np.tensordot(strength, reflected[0], 1)
+        beyond = np.any(shine > self._color, axis=-1)[self._kept[0]]
+        fit = Fit(
+            strength=float(strength[told]),
+            error=float(error[told]),
+            explained=1.0 - float(weight @ left**2) / max(float(weight @ rest**2), 1e-30),
+            beyond=float(beyond.mean()),
+            blocks=len(np.unique(block)),
+            recovered=told == RECOVERED,
+        )
+        return fit, [part.reshape(-1, 3) for part in np.split(left, ends)]
+
+    def _reflection(self, smooth: Sequence[Sequence[Float]]) -> Reflection:
+        fits, costs = [], []
+        scales: list[float] = []
+        varied = self._varied()
+        for part in smooth:
+            fit, left = self._fit(varied, part)
+            # One scale for all: costs are compared.
+            scales = scales or [_deviation(rest) for rest in left]
+            total = np.zeros(self._block.max() + 1)
+            for rows, rest, scale in zip(varied, left, scales, strict=True):
+                cost = _huber_cost(rest, scale).sum(axis=-1) * self._weight[rows.cells]
+                cost *= (scales[0] / scale) ** 2
+                total += np.bincount(self._block[rows.cells], cost, len(total))
+            costs.append(total)
+            fits.append(fit)
+        cost = np.array(costs)
+        total = cost.sum(axis=1)
+        used = cost.any(axis=0)
+        without = np.array([_lowest(total - part) for part in cost.T[used]])
+        count = len(without)
+        deviation = np.sqrt((count - 1) / count * np.square(without - without.mean()).sum())
+        best = int(np.argmax([fit.explained for fit in fits]))
+        alpha = SHARPER * float(np.exp(_lowest(total)))
+        return Reflection(alpha, float(np.exp(deviation)), fits[best])
+
+
+def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
+    """Weighted factors, and the matrix of the normal equations."""
+    weighted = x * weight[:, None]
+    normal = x.T @ weighted
+    normal += 1e-9 * max(float(np.trace(normal)), 1e-30) * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, weighted.T @ y), np.float64), normal
+
+
+def _deviation(left: Float) -> float:
+    """Standard deviation by the median, of a normal distribution; `MODEL` at least."""
+    return max(1.4826 * float(np.median(np.abs(left))), MODEL)
+
+
+def _robust(left: Sequence[Float]) -> Float:
+    """Weights of residuals, which of each frame have a deviation of their own."""
+    deviation = [_deviation(rest) for rest in left]
+    return np.concatenate(
+        [
+            _huber(rest, scale) * (deviation[0] / scale) ** 2
+            for rest, scale in zip(left, deviation, strict=True)
+        ]
+    )
+
+
+def _huber(left: Float, deviation: float) -> Float:
+    bound = HUBER * deviation
+    return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
+
+
+def _huber_cost(left: Float, scale: float) -> Float:
+    bound, size = HUBER * scale, np.abs(left)
+    return np.asarray(np.where(size < bound, 0.5 * size * size, bound * (size - 0.5 * bound)))
+
+
+def _lowest(cost: Float) -> float:
+    """Logarithm of α at the bottom of a parabola through the lowest cost and its neighbours."""
+    x = np.log(ALPHAS)
+    best = int(np.clip(np.argmin(cost), 1, len(x) - 2))
+    near = slice(best - 1, best + 2)
+    bent, slope, _ = np.polyfit(x[near] - x[best], cost[near], 2)
+    if not bent > 0.0:
+        return float(x[np.argmin(cost)])
+    return float(np.clip(x[best] - 0.5 * slope / bent, x[0], x[-1]))

@@ -1,0 +1,1 @@
+"""Clipped lights: grouped, how they shade surfaces, and how much brighter they must be."""

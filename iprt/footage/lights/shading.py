@@ -1,0 +1,166 @@
+"""Shading of the surfaces of a frame by its clipped lights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from iprt.footage.albedo_segments import (
+    lifted,
+    points_of_segments,
+    segments,
+    spread_cells,
+    well_seen,
+)
+from iprt.footage.cells import Cells, Float, Geometry, cell_means, cell_sums, cell_texels
+from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.frame import Frame
+from iprt.footage.lights.gains import Shading
+from iprt.footage.lights.groups import Clipped, Light, grid_cells
+
+FINE_ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 32
+"""Rows of cells: receivers and what hides; lights; everything else."""
+LIGHT_STEPS, REST_STEPS = 16, 6
+"""Points at which lines of sight are tested."""
+CANDIDATES = 1000
+"""Cells around the sphere that shading is looked at in."""
+MIN_RECEIVERS = 20
+SHINE_POINTS, MOSTLY = 12, 0.75
+"""Points of a clipped surface whose own light is looked at, in cells that are so much clipped."""
+DARK = 1e-3
+"""Radiance over white, below which noise and quantisation spoil a logarithm."""
+
+
+def shading_of(
+    frame: Frame, clipped: Clipped, group: NDArray[np.intp], lights: Sequence[Light], white: float
+) -> Shading | None:
+    """Shading by the lights; None where too few are well seen.
+
+    Parameters
+    ----------
+    group : (N,) int
+        Which group each clipped texel belongs to, 0 for none.
+    """
+    shown = Geometry.of(frame, min(FINE_ROWS, frame.height))
+    fine, middle, coarse = (
+        Cells.of(shown, min(rows, frame.height)) for rows in (FINE_ROWS, LIGHT_ROWS, REST_ROWS)
+    )
+    sums = cell_sums(frame.color, fine.rows)
+    color = (sums / shown.texels[..., None]).reshape(-1, 3)
+    usable = _usable(frame, clipped, fine) & (color.min(-1) > DARK * white)
+    candidates = spread_cells(fine.rows, CANDIDATES)
+    chosen, segment = points_of_segments(
+        segments(fine, color, usable), candidates[usable[candidates]]
+    )
+    if len(chosen) < MIN_RECEIVERS:
+        return None
+    shining, of_light = _shining(frame, clipped, group, lights, fine)
+    at = np.concatenate([chosen, shining])
+    receivers = Receivers(lifted(fine, at), fine.normal[at])
+    radiance = _light_cells(frame, clipped, group, lights, middle.rows)
+    direct, taken = irradiance_of_lights(receivers, middle, fine, radiance, LIGHT_STEPS)
+    share, dim = _rest(frame, clipped, cell_sums(sums, coarse.rows))
+    rest = direct[..., -1] + irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
+    direct, n = direct[..., :-1], len(chosen)
+    return Shading(
+        radiance=color[chosen],
+        segment=segment,
+        rest=rest[:n],
+        lights=direct[:n],
+        shine=np.minimum(color[shining], white),
+        shining=of_light,
+        shine_rest=rest[n:],
+        shine_lights=direct[n:],
+    )
+
+
+def _rest(frame: Frame, clipped: Clipped, sums: Float) -> tuple[Float, Float]:
+    """Shares of cells (N,) that are neither clipped nor open, and their radiance (N, 3), a mean
+    over the cells; `sums` (rows, 2 rows, 3) is that of all texels.
+    """
+    rows, count = sums.shape[0], 2 * sums.shape[0] ** 2
+    left_out = frame.opening.copy()
+    left_out.ravel()[clipped.texel] = True
+    texel = np.flatnonzero(left_out)
+    cell, color = grid_cells(frame, texel, rows), frame.color.reshape(-1, 3)[texel]
+    texels = cell_texels(frame.depth.shape, rows).ravel()
+    rest = sums.reshape(-1, 3).copy()
+    for c in range(3):
+        rest[:, c] -= np.bincount(cell, color[:, c], count)
+    plain = texels - np.bincount(cell, minlength=count)
+    # Where nothing is left, rounding is.
+    rest = np.where(plain[:, None] > 0, np.maximum(rest, 0.0), 0.0)
+    return plain / texels, rest / texels[:, None]
+
+
+def _usable(frame: Frame, clipped: Clipped, cells: Cells) -> NDArray[np.bool_]:
+    """(N,) cells whose surface is well seen, diffuse, and not next to what is clipped."""
+    hot = np.zeros(2 * cells.rows**2, bool)
+    hot[grid_cells(frame, clipped.texel, cells.rows)] = True
+    hot = ndimage.binary_dilation(hot.reshape(cells.rows, -1), np.ones((3, 3))).ravel()
+    usable = well_seen(cells) & ~hot
+    if frame.gloss is not None:
+        usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0
+    return np.asarray(usable)
+
+
+def _light_cells(
+    frame: Frame,
+    clipped: Clipped,
+    group: NDArray[np.intp],
+    lights: Sequence[Light],
+    rows: int,
+) -> Float:
+    """(cells, 3, K + 1) mean radiance of cells due to each light, as it looks; the last one is all
+    else that is seen where something is clipped, and through openings."""
+    cells = 2 * rows * rows
+    texels = cell_texels(frame.depth.shape, rows).ravel()
+    color = frame.color.reshape(-1, 3)
+    lost = color[clipped.texel] * clipped.share
+    cell = grid_cells(frame, clipped.texel, rows)
+
+    def means(values: NDArray[np.floating], where: NDArray[np.intp]) -> Float:
+        sums = [np.bincount(where, values[:, c], cells) for c in range(3)]
+        return np.stack(sums, axis=-1) / texels[:, None]
+
+    result = np.zeros((cells, 3, len(lights) + 1))
+    for index, light in enumerate(lights):
+        own = group == light.group
+        share = light.share(frame.height)[clipped.row[own]]
+        result[..., index] = means(lost[own] * share[:, None], cell[own])
+    seen = np.flatnonzero(frame.opening)
+    result[..., -1] = means(color[seen], grid_cells(frame, seen, rows))
+    near = ~frame.opening.ravel()[clipped.texel]
+    result[..., -1] += means(color[clipped.texel[near]], cell[near])
+    known = group > 0
+    result[..., -1] -= means(lost[known], cell[known])
+    np.maximum(result, 0.0, out=result)
+    return result
+
+
+def _shining(
+    frame: Frame,
+    clipped: Clipped,
+    group: NDArray[np.intp],
+    lights: Sequence[Light],
+    cells: Cells,
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(m,) cells on clipped surfaces, and which light each is."""
+    cell = grid_cells(frame, clipped.texel, cells.rows)
+    texels = frame.width * frame.height / len(cells.depth)
+    chosen, light_of = [], []
+    for index, light in enumerate(lights):
+        if light.far:
+            continue
+        own = (group == light.group) & (clipped.share > 0.0).any(axis=-1)
+        count = np.bincount(cell[own], minlength=len(cells.depth))
+        there = np.flatnonzero((count >= MOSTLY * texels) & well_seen(cells))
+        there = there[:: -(-len(there) // SHINE_POINTS) or 1]
+        chosen.append(there)
+        light_of.append(np.full(len(there), index))
+    if not chosen:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
+    return np.concatenate(chosen), np.concatenate(light_of).astype(np.intp)

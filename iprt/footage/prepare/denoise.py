@@ -1,0 +1,311 @@
+"""Depth with noise, such as estimators give, drawn to the planes that it is scattered about.
+
+Tangent planes fitted to 5 x 5 texels of such depth turn from texel to texel, and with them all that
+surfaces receive. Where noise is found (`Noise.of`), planes are fitted to many more texels
+(`cell_planes`), and each texel goes to those around it that agree with it (`smoothed`). Exact depth
+stays, bit for bit.
+
+With x the points that depth puts surfaces at, a plane is g with g . x = 1, and 1 - g . x is how far
+a point is off it, over its depth. So sums of x and of x x^T over texels are all that a plane is
+fitted by and that texels' distances from another one are known by. They add up, without new axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.cell_planes import find_planes
+from iprt.footage.cells import Cells
+from iprt.footage.normals import GAP_TOLERANCE, window_taps
+from iprt.footage.video.depth_code import usable
+from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
+
+Plane = NDArray[np.float32]
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CLEAN = 1e-4
+"""Noise over depth up to which depth is exact: less than rounding to millimetres makes at 2 m."""
+MIN_ROWS = 128
+"""Panoramas with fewer rows show too little of a surface to tell noise from shape."""
+CELL_ROWS = 128
+"""Rows of the grid of cells to which planes are fitted, at most: 1.4 degrees."""
+REACH = 6.0
+"""Deviations of noise that a texel may be off its plane. Tukey's biweight takes 4.7 of normal
+errors; those of estimators have longer tails."""
+ROUGHEST = 3.0
+"""Noise of a place over that of the panorama, at most: estimators are worse in some places."""
+PASSES = 3
+SHARED_REACH = 12.0
+"""Deviations of shared errors that a texel may be off a large plane."""
+_WINDOWS, _ACROSS = 40, 5
+_BLOCK_ROWS = 64
+_OWN_WEIGHT = 1e-3
+_NEIGHBOURS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Departures from local surfaces, RMS over depth, at a third of the panorama's places.
+
+    Attributes
+    ----------
+    bent : float
+        From quadratic surfaces, which curved walls are, too.
+    flat : float
+        From planes, which errors that many texels share depart from more.
+    """
+
+    bent: float
+    flat: float
+
+    @property
+    def shared(self) -> float:
+        """What many texels share, and smoothing among them does not find."""
+        return float(np.sqrt(max(self.flat**2 - self.bent**2, 0.0)))
+
+    @classmethod
+    def of(cls, depth: Plane, known: Mask) -> Noise:
+        """By windows of 5 x 5 samples away from the poles; 0 where fewer than 30 have depth."""
+        height, width = depth.shape
+        step = max(1, round(height / 256))
+        rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
+        row = np.repeat(rows, 2 * _WINDOWS)[:, None]
+        column = np.tile(np.arange(2 * _WINDOWS) * width // (2 * _WINDOWS), _WINDOWS)[:, None]
+        polar = texel_polar_angles(height)
+        theta = polar[row]
+        offset = (np.arange(_ACROSS) - _ACROSS // 2) * step
+        down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
+        aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
+        at = row + down, (column + aside) % width
+        whole = known[at].all(axis=1)
+        if np.count_nonzero(whole) < 30:
+            return cls(0.0, 0.0)
+        to, phi = polar[at[0]], aside * 2.0 * np.pi / width
+        ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
+        a = np.sin(to) * np.sin(phi) / ahead
+        b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
+        # 1 / z over inverse depth is 1 where the surface is met.
+        scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
+        shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
+        return cls(*(_departure(shapes[whole, :, :terms]) for terms in (6, 3)))
+
+
+def _departure(shapes: Float) -> float:
+    """Third of the least RMS departures from 1 of the best sums of shapes, (windows, n, terms)."""
+    size = np.linalg.norm(shapes, axis=1, keepdims=True)
+    basis, _ = np.linalg.qr(shapes / np.where(size > 0.0, size, 1.0))
+    one = np.ones(basis.shape[:2])
+    rest = one - np.einsum("nij,nj->ni", basis, np.einsum("nij,ni->nj", basis, one))
+    return float(np.quantile(np.sqrt((rest * rest).mean(axis=1)), 1.0 / 3.0))
+
+
+def smoothed(depth: Plane) -> Plane:
+    """Depth within its noise drawn to the planes around; the same array where it has none.
+
+    Steps and creases that stand out from noise stay, and so does what is smaller than a cell.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres; 0, negative, NaN or inf where there is no surface, which stay.
+    """
+    height, width = depth.shape
+    if height < MIN_ROWS or width != 2 * height:
+        return depth
+    known = usable(depth)
+    noise = Noise.of(depth, known)
+    if noise.bent <= CLEAN:
+        return depth
+    exact = np.where(known, depth, np.float32(0.0))
+    planes = cell_planes(exact, known, noise.flat)
+    # Again from where it has gone, so that a texel's own noise hardly decides which planes count.
+    drawn = _drawn(exact, _drawn(exact, exact, planes), planes)
+    drawn = _flattened(drawn, planes, SHARED_REACH * noise.shared)
+    return np.where(known, drawn, depth)
+
+
+def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
+    """(rows, columns, 4) planes g of cells, 0 where none fits; and how far off texels may be.
+
+    A cell begins with the plane of that window of 3 x 3 cells around it that fits best (as
+    Kuwahara chooses), which keeps off edges, and takes in what lies on it in 5 x 5 cells.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Metres; 0 where not `known`.
+    noise : float
+        `Noise.flat`.
+    """
+    sums = _cell_sums(depth, known)
+    rows, columns = sums.shape[1:]
+    taps = [
+        (tap.row[:, None], (np.arange(columns) + tap.columns[:, None]) % columns)
+        for tap in window_taps(columns, rows)
+    ]
+    near = [taps[5 * (down + 2) + aside + 2] for down, aside in _NEIGHBOURS]
+    least = 0.25 * depth.size / (rows * columns)
+    plane = np.zeros((rows, columns, 3))
+    off = np.full((rows, columns), np.inf)
+    window = np.sum([sums[:, *at] for at in near], axis=0)
+    own = _fitted(window)
+    own_off = np.where(window[0] >= 4.0 * least, _squared_distance(window, own), np.inf)
+    for at in near:
+        nearer = own_off[at] < off
+        off = np.where(nearer, own_off[at], off)
+        plane = np.where(nearer[..., None], own[at], plane)
+    reach = REACH * np.clip(np.sqrt(off), noise, ROUGHEST * noise)
+    reach = np.minimum(reach, GAP_TOLERANCE[1])
+    for _ in range(PASSES):
+        joined = np.zeros_like(sums)
+        for at in taps:
+            cells = sums[:, *at]
+            joined += cells * _agreement(_squared_distance(cells, plane) / reach**2)
+        plane = np.where((joined[0] >= least)[..., None], _fitted(joined), 0.0)
+    return np.concatenate([plane, reach[..., None]], axis=-1)
+
+
+def _cell_sums(depth: Plane, known: Mask) -> Float:
+    """(10, rows, columns) sums of 1, x, y, z, xx, xy, xz, yy, yz and zz over texels of cells."""
+    height, width = depth.shape
+    rows = min(CELL_ROWS, height // 2)
+    down, across = (
+        np.searchsorted(_splines(texels, cells)[0], np.arange(cells))
+        for texels, cells in ((height, rows), (width, 2 * rows))
+    )
+    narrow = np.empty((10, height, 2 * rows))
+    for first in range(0, height, _BLOCK_ROWS):
+        block = slice(first, min(first + _BLOCK_ROWS, height))
+        x, y, z = (part * depth[block] for part in texel_directions(width, height, block))
+        for number, values in enumerate(
+            (known[block], x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)
+        ):
+            narrow[number, block] = np.add.reduceat(values.astype(np.float64), across, axis=1)
+    return np.asarray(np.add.reduceat(narrow, down, axis=1))
+
+
+def _fitted(sums: Float) -> Float:
+    """(..., 3) g with the least sum of (1 - g . x)^2, of (10, ...) sums."""
+    _, x, y, z, xx, xy, xz, yy, yz, zz = sums
+    matrix = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1)
+    matrix = matrix.reshape(*x.shape, 3, 3)
+    # The points of a strip leave a turn about it open. The ridge chooses the shortest g.
+    ridge = 1e-9 * (xx + yy + zz) + 1e-30
+    matrix += ridge[..., None, None] * np.eye(3)
+    return np.asarray(np.linalg.solve(matrix, np.stack([x, y, z], axis=-1)[..., None])[..., 0])
+
+
+def _squared_distance(sums: Float, plane: Float) -> Float:
+    """Mean of (1 - g . x)^2 of (10, ...) sums, by planes (..., 3)."""
+    n, x, y, z, xx, xy, xz, yy, yz, zz = sums
+    a, b, c = np.moveaxis(plane, -1, 0)
+    total = n - 2.0 * (a * x + b * y + c * z) + a * a * xx + b * b * yy + c * c * zz
+    total += 2.0 * (a * b * xy + a * c * xz + b * c * yz)
+    return np.asarray(np.maximum(total, 0.0) / np.maximum(n, 1.0))
+
+
+def _agreement(squared: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Tukey's biweight of squared distances over the farthest one."""
+    return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2, squared.dtype)
+
+
+def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
+    """(H, W) `depth` drawn to the planes of the 3 x 3 cells around that pass near `place`.
+
+    Cells count by a quadratic B-spline, so that their planes go over into each other smoothly.
+    """
+    height, width = depth.shape
+    rows, columns = planes.shape[:2]
+    drawn = np.empty_like(depth)
+    planes = planes.astype(np.float32)
+    cell, weight_across = _splines(width, columns)
+    cell_row, weight_down = _splines(height, rows)
+    for first in range(0, height, _BLOCK_ROWS):
+        block = slice(first, min(first + _BLOCK_ROWS, height))
+        x, y, z = (part.astype(np.float32) for part in texel_directions(width, height, block))
+        at = place[block]
+        total, shift = np.zeros_like(at), np.zeros_like(at)
+        for down, aside in _NEIGHBOURS:
+            row = np.clip(cell_row[block] + down, 0, rows - 1)
+            there = planes[row][:, (cell + aside) % columns]
+            inverse = there[..., 0] * x + there[..., 1] * y + there[..., 2] * z
+            off = (inverse * at - 1.0) / there[..., 3]
+            weight = np.maximum(1.0 - off * off, 0.0) ** 2
+            weight *= weight_down[down + 1, block, None] * weight_across[aside + 1]
+            total += weight
+            shift += weight * (inverse * depth[block] - 1.0)
+        drawn[block] = depth[block] / (1.0 + shift / (total + np.float32(_OWN_WEIGHT)))
+    return drawn
+
+
+def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
+    """(H, W) `depth` drawn to the large planes (`find_planes`) of which its cells are pieces.
+
+    Errors that floors or walls share in large parts stay within `reach` times the depth.
+    """
+    height, width = depth.shape
+    rows, columns = planes.shape[:2]
+    cells = _as_cells(planes[..., :3])
+    large = find_planes(cells, reach, cells.sky == 0.0)
+    members = np.zeros((len(large), rows * columns), np.float32)
+    for member, plane in zip(members, large, strict=True):
+        member[plane.cells] = 1.0
+    member_of = members.reshape(-1, rows, columns)
+    cell, across = _splines(width, columns)
+    cell_row, down = _splines(height, rows)
+    wide = sum(member_of[:, :, (cell + step) % columns] * across[step + 1] for step in (-1, 0, 1))
+    flattened = np.empty_like(depth)
+    for first in range(0, height, _BLOCK_ROWS):
+        block = slice(first, min(first + _BLOCK_ROWS, height))
+        direction = np.stack(np.broadcast_arrays(*texel_directions(width, height, block)), axis=-1)
+        shift = np.zeros_like(depth[block])
+        for number, plane in enumerate(large):
+            off = (direction @ (plane.normal / plane.offset)).astype(np.float32) * depth[block]
+            off -= 1.0
+            weight = sum(
+                wide[number, np.clip(cell_row[block] + step, 0, rows - 1)]
+                * down[step + 1, block, None]
+                for step in (-1, 0, 1)
+            )
+            shift += weight * _agreement((off / reach) ** 2) * off
+        flattened[block] = depth[block] / (1.0 + shift)
+    return flattened
+
+
+def _as_cells(planes: Float) -> Cells:
+    """Cells of tangent planes (rows, columns, 3); sky where there is none."""
+    rows, columns = planes.shape[:2]
+    x, y, z = np.broadcast_arrays(*texel_directions(columns, rows))
+    direction = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    g = planes.reshape(-1, 3)
+    inverse = (g * direction).sum(axis=-1)
+    there = inverse > 0.0
+    depth = 1.0 / np.where(there, inverse, 1.0)
+    length = np.linalg.norm(g, axis=-1)
+    solid_angle = np.repeat(solid_angles(columns, rows), columns)
+    none = np.zeros(len(g))
+    return Cells(
+        rows=rows,
+        direction=direction,
+        point=direction * depth[:, None],
+        normal=np.where(there[:, None], -g / np.where(there, length, 1.0)[:, None], -direction),
+        depth=depth,
+        area=solid_angle * depth * depth,
+        solid_angle=solid_angle,
+        opening=none,
+        sky=np.where(there, 0.0, 1.0),
+        rough=none,
+    )
+
+
+def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Plane]:
+    """The cell (texels,) of each texel; weights (3, texels) of the one before, it and the next."""
+    place = (np.arange(texels) + 0.5) * cells / texels
+    cell = np.floor(place).astype(np.intp)
+    past = place - cell
+    weights = np.stack([0.5 * (1.0 - past) ** 2, 0.75 - (past - 0.5) ** 2, 0.5 * past**2])
+    return cell, weights.astype(np.float32)

@@ -1,0 +1,367 @@
+"""Depth that has fewer texels than its colour: stored so, or enlarged by repeating texels.
+
+Depth estimators give, say, 1024 x 512 texels for a picture of 4096 x 2048. Texels that are merely
+repeated make stairs of every slanted surface. `Grid` finds out about repeated texels, and
+`enlarged` interpolates along surfaces instead: every coarse texel is a plane, as `estimate_normals`
+fits it, and planes are exact in inverse depth, `1 / r = g . w` in the direction w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.normals import estimate_normals, over_poles
+from iprt.footage.video.depth_code import UNMEASURED, usable
+from iprt.geometry.equirect import texel_azimuths, texel_directions, texel_polar_angles
+
+Plane = NDArray[np.float32]
+Index = slice | NDArray[np.intp]
+
+MIN_FACTOR = 1.15
+"""Repetition below this does no harm worth mending."""
+MIN_ROWS = 16
+"""Fewer rows of coarse texels could be any pattern."""
+MIN_CHANGES = 0.3
+"""Share of the borders between coarse texels at which some depth must change. It is small because
+quantised depth changes at few of them."""
+MAX_CHANCE = 1e-6
+"""Probability of changes to lie at such borders all, had they been scattered at random."""
+SAME_SURFACE = 0.03
+"""Largest difference of two coarse texels on one surface, where both planes meet, over depth."""
+_FARTHEST = np.float32(2.0)
+"""Most by which depth changes within a coarse texel; planes seen edge-on would have no end."""
+SAME_PLANE = 0.005
+"""Largest distance from a plane of what fits it, over depth."""
+_FEW, _REACH = 5, 2
+"""Number of texels, among a texel and the eight around it, that must fit a plane; and distance in
+texels up to which planes of other texels are tried."""
+_BAND_ROWS = 8
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The coarse texels that a picture of depth repeats.
+
+    Attributes
+    ----------
+    rows, columns : (h,), (w,) int
+        Where each row and each column of coarse texels begins.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the coarse picture."""
+        return self.columns.size, self.rows.size
+
+    @classmethod
+    def of(cls, depth: Plane) -> Grid | None:
+        """The grid of a picture (H, W); None where it has a resolution of its own.
+
+        Between texels of one coarse texel depth never changes, over the whole picture, and the
+        borders between coarse texels are as regular as one factor makes them. Constant depth and
+        quantised depth have no such pattern.
+        """
+        bits = np.where(usable(depth), depth, np.float32(0.0))
+        down, across = _changes(bits), _changes(bits.T)
+        height, width = depth.shape
+        fewest = max(int(down.sum()) + 1, MIN_ROWS)
+        most = min(int(fewest / MIN_CHANGES), int(height / MIN_FACTOR))
+        for count in range(fewest, most + 1):
+            rows = _starts(down, count)
+            if rows is None or count * width % height:
+                continue
+            columns = _starts(across, count * width // height)
+            if columns is not None:
+                return cls(rows, columns)
+        return None
+
+    def coarse(self, depth: Plane) -> Plane:
+        """(h, w) depth of the coarse texels; 0 where they have none."""
+        known = np.where(usable(depth), depth, np.float32(0.0))
+        # A hole may have been cut out of them afterwards.
+        rows = np.maximum.reduceat(known, self.rows, axis=0)
+        return np.asarray(np.maximum.reduceat(rows, self.columns, axis=1), np.float32)
+
+    def repeated(self, coarse: Plane, height: int, width: int) -> Plane:
+        """(height, width) of coarse texels (h, w), each where it lies."""
+        down = np.diff(self.rows, append=height)
+        across = np.diff(self.columns, append=width)
+        return coarse.repeat(down, axis=0).repeat(across, axis=1)
+
+    def has_finer_holes(self, depth: Plane) -> bool:
+        """Whether holes were cut out of coarse texels, as by a mask of the size of colour."""
+        there = usable(depth)
+        some = np.logical_or.reduceat(there, self.rows, axis=0)
+        every = np.logical_and.reduceat(there, self.rows, axis=0)
+        some = np.logical_or.reduceat(some, self.columns, axis=1)
+        every = np.logical_and.reduceat(every, self.columns, axis=1)
+        return bool((some & ~every).any())
+
+
+def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Plane:
+    """Depth (height, width) of a picture of that size or smaller; as it is, if it needs no help.
+
+    Parameters
+    ----------
+    depth : (H, W) float32
+        Stored depth; 0, negative, NaN or inf where there is no surface.
+    grid : Grid or None
+        The coarse texels that it repeats.
+    width, height : int
+        Size of the colour picture.
+    """
+    coarse = depth if grid is None else grid.coarse(depth)
+    if coarse.shape == (height, width):
+        return depth
+    if grid is None or depth.shape != (height, width) or not grid.has_finer_holes(depth):
+        full = enlarged(coarse, width, height)
+    else:
+        full = enlarged(coarse, width, height, holes=False)
+        full = np.where(usable(depth), full, np.float32(0.0))
+    return _with_unmeasured(full, depth)
+
+
+def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
+    """`full` (H, W), with `UNMEASURED` where `depth` has it."""
+    unmeasured = depth == UNMEASURED
+    if not unmeasured.any():
+        return full
+    (height, width), (rows, columns) = full.shape, depth.shape
+    row, column = np.arange(height) * rows // height, np.arange(width) * columns // width
+    said = unmeasured[row[:, None], column]
+    return np.where(said & ~(full > 0.0), np.float32(UNMEASURED), full)
+
+
+def _changes(known: Plane) -> NDArray[np.bool_]:
+    """(H,): whether some depth differs from that of the row above. Holes do not count."""
+    above, below = known[:-1], known[1:]
+    changed = np.zeros(known.shape[0], np.bool_)
+    changed[1:] = ((above != below) & (above > 0.0) & (below > 0.0)).any(axis=1)
+    return changed
+
+
+def _starts(changed: NDArray[np.bool_], count: int) -> NDArray[np.intp] | None:
+    """(count,) where runs begin, if runs of one factor explain the changes; else None."""
+    size = changed.size
+    for centre in (0.5, 0.0):  # the two ways in which programs choose the nearest texel
+        texel = np.floor((np.arange(size) + centre) * count / size).astype(np.intp)
+        borders = np.diff(texel, prepend=-1) > 0
+        if (changed & ~borders).any():
+            continue
+        found = int(changed.sum())
+        if found >= MIN_CHANGES * count and (count / size) ** found < MAX_CHANCE:
+            return np.nonzero(borders)[0]
+    return None
+
+
+def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> Plane:
+    """Depth at other directions than it was stored for, interpolated along surfaces.
+
+    Every texel sees four coarse texels around it, weighted bilinearly. Those that agree make a
+    surface; no surface, too, is something to agree on. What has most of the weight is what is
+    there, and nothing is mixed with it.
+
+    Parameters
+    ----------
+    coarse : (h, w) float32
+        Depth; 0, negative, NaN or inf where there is no surface.
+    holes : bool
+        Whether coarse texels without a surface are seen. If not, surfaces go on over them as far
+        as a coarse texel with a depth is next to it.
+
+    Returns
+    -------
+    (height, width) float32
+        0 where there is no surface.
+    """
+    left, right = _sides(coarse, width)
+    above, below, share = _neighbours(height, coarse.shape[0])
+    theta = texel_polar_angles(height)
+    sin, cos = (f(theta).astype(np.float32)[:, None] for f in (np.sin, np.cos))
+    result = np.empty((height, width), np.float32)
+    for first in range(0, height, _BAND_ROWS):
+        band = slice(first, min(first + _BAND_ROWS, height))
+        inverse = np.empty((4, band.stop - first, width), np.float32)
+        weight = np.empty_like(inverse)
+        part = share[band, None]
+        corners = (
+            (row[band] + 1, down, side)
+            for row, down in ((above, 1.0 - part), (below, part))
+            for side in (left, right)
+        )
+        for corner, (row, down, side) in enumerate(corners):
+            own = side.inverse[row]
+            plane = sin[band] * side.outward[row] + cos[band] * side.up[row]
+            inverse[corner] = np.clip(plane, own / _FARTHEST, own * _FARTHEST)
+            weight[corner] = down * side.weight * (own > 0.0 if not holes else 1.0)
+        result[band] = _inverse(_agreed(inverse, weight))
+    return result
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The coarse texels to the left, or to the right, of each of `width` columns.
+
+    Attributes
+    ----------
+    inverse : (h + 2, width) float32
+        Their inverse depth, 0 where they have no surface; continued over the poles, as all.
+    outward, up : (h + 2, width) float32
+        `g` along the horizontal direction of each column, and along +Y.
+    weight : (width,) float32
+    """
+
+    inverse: Plane
+    outward: Plane
+    up: Plane
+    weight: Plane
+
+
+def _sides(coarse: Plane, width: int) -> tuple[_Side, _Side]:
+    """Coarse texels to the left and to the right of the columns."""
+    phi = texel_azimuths(width)
+    sin, cos = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
+    inverse = over_poles(_inverse(coarse), 1)
+    x, y, z = np.moveaxis(over_poles(_planes(coarse), 1), -1, 0)
+    left, right, share = _neighbours(width, coarse.shape[1])
+
+    def side(column: NDArray[np.intp], weight: Plane) -> _Side:
+        at = column % coarse.shape[1]
+        return _Side(inverse[:, at], x[:, at] * sin - z[:, at] * cos, y[:, at], weight)
+
+    return side(left, 1.0 - share), side(right, share)
+
+
+def _inverse(plane: Plane) -> Plane:
+    """1 / plane where it is a positive number, else 0."""
+    there = usable(plane)
+    return np.divide(np.float32(1.0), plane, out=np.zeros_like(plane), where=there)
+
+
+def _neighbours(size: int, coarse_size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Plane]:
+    """(size,) coarse texels before and after each texel, from -1 on; the share of the latter."""
+    at = (np.arange(size) + 0.5) * coarse_size / size - 0.5
+    before = np.floor(at).astype(np.intp)
+    return before, before + 1, (at - before).astype(np.float32)
+
+
+def _planes(coarse: Plane) -> Plane:
+    """(h, w, 3): `g` of each texel's plane in 1/m, through its own depth; 0 where there is none."""
+    h, w = coarse.shape
+    there = usable(coarse)
+    depth = np.where(there, coarse, np.float32(np.inf))
+    normal = estimate_normals(depth, np.zeros(coarse.shape, np.uint8))
+    x, y, z = np.broadcast_arrays(*texel_directions(w, h))
+    direction = np.stack([x, y, z], axis=-1).astype(np.float32)
+    facing = np.einsum("...i,...i", normal, direction)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        planes = normal / (depth * facing)[..., None]
+    planes = np.where((there & (facing < 0.0))[..., None], planes, np.float32(0.0))
+    return _with_borrowed(planes, _Points(direction, _inverse(coarse)))
+
+
+def _around(plane: Plane) -> Plane:
+    """Continued by `_REACH` texels over the poles and across the seam."""
+    over = over_poles(plane, _REACH)
+    return np.concatenate([over[:, -_REACH:], over, over[:, :_REACH]], axis=1)
+
+
+class _Points:
+    """The points that planes go through: all coarse texels, continued as `_around` does.
+
+    Parameters
+    ----------
+    direction : (h, w, 3) float32
+    inverse : (h, w) float32
+        Inverse depth; 0 where there is no surface.
+    """
+
+    def __init__(self, direction: Plane, inverse: Plane) -> None:
+        self._direction, self._inverse = _around(direction), _around(inverse)
+
+    def depths(self, planes: Plane, row: Index, column: Index) -> tuple[Plane, Plane]:
+        """Inverse depth of planes (..., 3) in the directions of texels; that of the texels."""
+        on_plane = np.einsum("...i,...i", planes, self._direction[row, column])
+        return np.asarray(on_plane), self._inverse[row, column]
+
+    def fit(self, planes: Plane, row: Index, column: Index) -> NDArray[np.bool_]:
+        """Whether texels lie on planes."""
+        on_plane, own = self.depths(planes, row, column)
+        return np.asarray((np.abs(on_plane - own) <= np.float32(SAME_PLANE) * own) & (own > 0.0))
+
+    def ill_fitted(self, planes: Plane) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of texels whose plane in (h, w, 3) few around them lie on."""
+        (height, width), count = planes.shape[:2], np.zeros(planes.shape[:2], np.int8)
+        for down, aside in _steps(1):
+            top, left = _REACH + down, _REACH + aside
+            count += self.fit(planes, slice(top, top + height), slice(left, left + width))
+        there = self._inverse[_REACH:-_REACH, _REACH:-_REACH] > 0.0
+        row, column = np.nonzero((count < _FEW) & there)
+        return row + _REACH, column + _REACH
+
+    def score(
+        self, planes: Plane, row: NDArray[np.intp], column: NDArray[np.intp]
+    ) -> NDArray[np.int8]:
+        """(N,) how many texels around N texels lie on their planes (N, 3)."""
+        count = np.zeros(row.size, np.int8)
+        for down, aside in _steps(_REACH):
+            count += self.fit(planes, row + down, column + aside)
+        return count
+
+
+def _steps(reach: int) -> list[tuple[int, int]]:
+    """Steps down and aside to all texels of a square window."""
+    steps = range(-reach, reach + 1)
+    return [(down, aside) for down in steps for aside in steps]
+
+
+def _with_borrowed(planes: Plane, points: _Points) -> Plane:
+    """Planes (h, w, 3); where texels fit theirs badly, that of a neighbour which they fit better.
+
+    A strip of a single texel, as a table's far edge, has too little to fit a plane of its own to.
+    """
+    padded = _around(planes)
+    row, column = points.ill_fitted(planes)
+    best = padded[row, column]
+    most = points.score(best, row, column)
+    for down, aside in _steps(1):
+        other = padded[row + down, column + aside]
+        on_plane, own = points.depths(other, row, column)
+        on_it = points.fit(other, row, column)
+        through = (other * (own / np.where(on_it, on_plane, 1.0))[:, None]).astype(np.float32)
+        count = np.where(on_it, points.score(through, row, column), 0)
+        better = count > most
+        most = np.where(better, count, most)
+        best = np.where(better[:, None], through, best)
+    borrowed = planes.copy()
+    borrowed[row - _REACH, column - _REACH] = best
+    return borrowed
+
+
+def _agreed(inverse: Plane, weight: Plane) -> Plane:
+    """(...) inverse depth by those of four corners (4, ...) that agree and weigh most.
+
+    0 where these have no surface.
+    """
+    mixed = np.einsum("i...,i...", inverse, weight)
+    low, high = inverse.min(axis=0), inverse.max(axis=0)
+    differ = high - low > np.float32(SAME_SURFACE) * low
+    mixed[differ] = _majority(inverse[:, differ], weight[:, differ])
+    return np.asarray(mixed, np.float32)
+
+
+def _majority(inverse: Plane, weight: Plane) -> Plane:
+    """(N,) as `_agreed`, of (4, N) that do not all agree."""
+    limit = np.float32(SAME_SURFACE) * np.minimum(inverse[:, None], inverse[None])
+    agree = np.abs(inverse[:, None] - inverse[None]) <= limit
+    share = np.where(agree, weight[None], np.float32(0.0))
+    total = share.sum(axis=1)
+    best = total.argmax(axis=0), np.arange(inverse.shape[1])
+    mean = np.einsum("ijn,jn->in", share, inverse)
+    return np.asarray(mean[best] / np.maximum(total[best], np.float32(1e-12)), np.float32)

@@ -1,0 +1,36 @@
+"""Glossy texels of frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import Frame
+from iprt.footage.real_material import Mask, RealMaterial
+
+
+class Glossy:
+    """A stage of a video's stream: fills in `gloss` and `real_materials` of frames.
+
+    Where regions overlap, the last one holds. While depth stays, so do the places of surfaces.
+    """
+
+    def __init__(self, materials: tuple[RealMaterial, ...]) -> None:
+        self._materials = materials
+        self._depth: NDArray[np.float32] | None = None
+        self._opening: Mask | None = None
+        self._places: list[Mask] = []
+
+    def __call__(self, frame: Frame) -> Frame:
+        if not self._materials:
+            return frame
+        if frame.depth is not self._depth or frame.opening is not self._opening:
+            self._places = [material.place(frame) for material in self._materials]
+            self._depth, self._opening = frame.depth, frame.opening
+        gloss = np.zeros(frame.depth.shape, np.uint8)
+        for index, (material, place) in enumerate(zip(self._materials, self._places, strict=True)):
+            gloss[material.colored(frame, place)] = index + 1
+        materials = tuple(material.material for material in self._materials)
+        return replace(frame, gloss=gloss, real_materials=materials)

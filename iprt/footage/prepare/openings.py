@@ -1,0 +1,123 @@
+"""Which texels without depth a surface closes, and which of those are windows.
+
+A *hole* is a connected set of texels without depth (8-neighbours, across the seam and over the
+poles). Three cases:
+
+- **Open sky**: no rim closes the hole. It covers more than 2 sr, or it holds the zenith and
+  reaches down to 30° above the horizon (a street's sky; a skylight ends higher). Stays at infinity.
+- **Opening**: any other hole, a window mostly. Filled from its rim, and flagged.
+- **Dropout**: a hole that a sensor left in a surface: smaller than 1e-4 sr and not twice as bright
+  as its rim, or around the nadir, where the tripod stands, or said to be one. Filled from its rim,
+  not flagged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.components import component_of
+from iprt.footage.frame import LUMINANCE
+from iprt.footage.video.depth_code import UNMEASURED, usable
+from iprt.geometry.equirect import solid_angles
+
+OPEN_SKY_SR = 2.0
+"""Solid angle above which a hole is open. Below 2 pi, so that the fill has a unique solution."""
+OPEN_SKY_ELEVATION_DEG = 30.0
+DROPOUT_SR = 1e-4
+DROPOUT_BRIGHTNESS = 2.0
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Kinds of texels without depth; all (H, W) bool and disjoint."""
+
+    open_sky: Mask
+    opening: Mask
+    dropout: Mask
+
+
+def find_openings(stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
+    """Return the openings (H, W) of depth in metres, by its colour (H, W, 3)."""
+    measured = usable(stored)
+    if measured.all():
+        return np.zeros_like(measured)
+    return holes_of(stored, measured, color).opening
+
+
+def holes_of(stored: NDArray[np.float32], measured: Mask, color: NDArray[np.float32]) -> Holes:
+    """Return texels that are not `measured` by kind; see `classify_holes`."""
+    unmeasured = stored == UNMEASURED
+    return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
+
+
+def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | None = None) -> Holes:
+    """Sort holes into open sky, openings and dropouts, by the rules above.
+
+    Parameters
+    ----------
+    hole : (H, W) bool
+        Texels without depth.
+    color : (H, W, 3) float32
+        Linear radiance, finite.
+    unmeasured : (H, W) bool or None
+        Those of them where a surface is said to be; they decide where they are the most of a hole.
+    """
+    height, width = hole.shape
+    texel = np.flatnonzero(hole)
+    of_texel, count = component_of(hole, texel)
+    rows = texel // width
+    sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
+    lowest_row = np.zeros(count)
+    # In the order of their rows, so that the last one stays.
+    lowest_row[of_texel] = rows
+    elevation_deg = 90.0 - 180.0 * (lowest_row + 1.0) / height
+    at_zenith, at_nadir = (
+        np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
+    )
+    is_surface = np.zeros(count, np.bool_)
+    if unmeasured is not None:
+        said = np.bincount(of_texel, unmeasured.ravel()[texel], minlength=count)
+        is_surface = said > 0.5 * np.bincount(of_texel, minlength=count)
+    reaches_down = at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG)
+    is_open = (sr > OPEN_SKY_SR) | (reaches_down & ~is_surface)
+    brightness = _brightness_over_rim(hole, color, texel, of_texel, count)
+    small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
+    is_dropout = ~is_open & (small | at_nadir | is_surface)
+
+    def texels(chosen: Mask) -> Mask:
+        mask = np.zeros_like(hole)
+        mask.ravel()[texel] = chosen[of_texel]
+        return mask
+
+    return Holes(texels(is_open), texels(~is_open & ~is_dropout), texels(is_dropout))
+
+
+def _brightness_over_rim(
+    hole: Mask,
+    color: NDArray[np.float32],
+    texel: NDArray[np.intp],
+    of_texel: NDArray[np.intp],
+    count: int,
+) -> NDArray[np.float64]:
+    """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
+    height, width = hole.shape
+    colors, holes = color.reshape(-1, 3), hole.ravel()
+    rows, columns = np.divmod(texel, width)
+    total = np.bincount(of_texel, colors[texel] @ LUMINANCE, minlength=count)
+    inside = total / np.maximum(np.bincount(of_texel, minlength=count), 1)
+    rim_sum, rim_count = np.zeros(count), np.zeros(count)
+    for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        row, column = rows + down, (columns + right) % width
+        there = (row >= 0) & (row < height)
+        other, own = (row * width + column)[there], of_texel[there]
+        outside = ~holes[other]
+        other, own = other[outside], own[outside]
+        rim_sum += np.bincount(own, colors[other] @ LUMINANCE, minlength=count)
+        rim_count += np.bincount(own, minlength=count)
+    rim = rim_sum / np.maximum(rim_count, 1)
+    return np.where(rim_count > 0, inside / np.maximum(rim, 1e-12), 0.0)

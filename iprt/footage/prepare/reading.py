@@ -1,0 +1,185 @@
+"""Frames in metres, at one size and turned to the scene: the stages from decoding to turning."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import FormatError
+from iprt.files.wording import extent
+from iprt.footage.prepare.enlarge import at_full_size
+from iprt.footage.prepare.metres import StoredDepth
+from iprt.footage.prepare.turn import turned_color, turned_geometry
+from iprt.footage.video.depth_code import DepthSamples, usable
+from iprt.footage.video.mistaken_depth import require_no_picture
+from iprt.footage.video.placement import shape_problem
+from iprt.footage.video.source import Decoder, FrameSource
+
+Picture = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class RawFrame:
+    """A frame as its files have it, in metres and turned to the scene's convention.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+        Linear radiance; possibly negative or not finite.
+    depth : (H, W) float32
+        Metres; 0, negative, NaN or inf where there is no surface.
+    normal : (H, W, 3) float32 or None
+    index, pose
+        As in `Frame`.
+    """
+
+    color: Picture
+    depth: Picture
+    normal: Picture | None
+    index: int = 0
+    pose: NDArray[np.float64] | None = None
+
+
+class RawFrames:
+    """The frames of a source, and how their depth is stored, which the first one tells."""
+
+    def __init__(self, source: FrameSource) -> None:
+        self.source = source
+
+    @cached_property
+    def stored_depth(self) -> StoredDepth | None:
+        """How depth is stored, by the first frame wherever reading begins; None: it has none."""
+        try:
+            with self.source.decoding() as decoder:
+                return self._stored(decoder.depth(self.source.indices[0]))
+        except FormatError:
+            return None
+
+    def first_depth(self, samples: DepthSamples) -> None:
+        """Take the depth of the first frame, which need not be read for `stored_depth`."""
+        if "stored_depth" not in vars(self):
+            self.stored_depth = self._stored(samples)
+
+    def _stored(self, samples: DepthSamples) -> StoredDepth:
+        path = self.source.files(self.source.indices[0])["depth"]
+        return StoredDepth.of(path, samples, self.source.code)
+
+    @contextmanager
+    def reading(self) -> Iterator[FrameReader]:
+        """A reader of frames, quickest in order. Not for several threads at a time."""
+        with self.source.decoding() as decoder:
+            yield FrameReader(self, decoder)
+
+    def read(self, index: int) -> RawFrame:
+        """Read one frame; see `FrameReader`."""
+        with self.reading() as reader:
+            return reader.read(index)
+
+
+class FrameReader:
+    """Reads frames, whose files it holds open."""
+
+    def __init__(self, frames: RawFrames, decoder: Decoder) -> None:
+        self._frames, self._source, self._decoder = frames, frames.source, decoder
+
+    def read(self, index: int) -> RawFrame:
+        """Read a frame; raises as `color` and `completed` do."""
+        return self.completed(index, self.color(index))
+
+    def color(self, index: int) -> Picture:
+        """Read linear radiance (H, W, 3) as in `RawFrame`.
+
+        Raises
+        ------
+        FormatError
+            A damaged or missing file, not 2:1 or of another size than the first frame, or without
+            a single usable value.
+        """
+        color = self._decoder.color(index)
+        path = self._source.files(index)["color"]
+        height, width = color.shape[:2]
+        if width != 2 * height:
+            raise FormatError(f"{path}: {shape_problem(color)}")
+        self._require_size(path, color, "the first frame")
+        _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
+        return turned_color(color, self._source.yaw_offset_deg)
+
+    def completed(self, index: int, color: Picture) -> RawFrame:
+        """Read the rest of a frame of which colour is read.
+
+        Raises
+        ------
+        FormatError
+            A damaged or missing file, depth that is larger than colour or not 2:1, normals of
+            another size than colour, integer depth without a scale, depth without a single
+            usable value, or, of the first frame, depth that is a picture.
+        """
+        path, code = self._source.files(index)["depth"], self._source.code
+        samples = self._decoder.depth(index)
+        if index == self._source.indices[0]:
+            self._frames.first_depth(samples)
+        stored = self._frames.stored_depth or StoredDepth.of(path, samples, code)
+        depth = stored.metres(path, samples, code)
+        full = self._full_depth(path, depth, stored)
+        _require_any(path, usable(depth), "no depth: all values are 0, negative, NaN or infinite")
+        turned = turned_geometry(full, self._normal(index), self._source.yaw_offset_deg)
+        if index == self._source.indices[0]:
+            require_no_picture(path, turned[0], color, code)
+        return RawFrame(color, *turned, index, self.pose(index))
+
+    def pose(self, index: int) -> NDArray[np.float64] | None:
+        """Return the pose as `FrameSource.pose`."""
+        return self._source.pose(index)
+
+    def _normal(self, index: int) -> Picture | None:
+        normal = self._decoder.normal(index)
+        if normal is not None:
+            path = self._source.files(index)["normal"]
+            self._require_size(path, normal, "colour")
+            require_unit(path, normal)
+        return normal
+
+    def _full_depth(self, path: Path, depth: Picture, stored: StoredDepth) -> Picture:
+        """Depth at the size of colour."""
+        size = self._source.size
+        columns, rows = own = depth.shape[1], depth.shape[0]
+        if columns != 2 * rows or rows > size[1]:
+            raise FormatError(
+                f"{path}: {extent(own)} pixels, but colour has {extent(size)}; depth needs the "
+                "same size, or a smaller one twice as wide as high"
+            )
+        if own != stored.size:
+            raise FormatError(
+                f"{path}: {extent(own)} pixels, but the first frame has {extent(stored.size)}"
+            )
+        return at_full_size(depth, stored.grid, *size)
+
+    def _require_size(self, path: Path, picture: Picture, other: str) -> None:
+        size, own = self._source.size, (picture.shape[1], picture.shape[0])
+        if own != size:
+            raise FormatError(f"{path}: {extent(own)} pixels, but {other} has {extent(size)}")
+
+
+def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
+    if not usable.any():
+        raise FormatError(f"{path}: {problem}; export it again")
+
+
+def require_unit(path: Path, normal: Picture) -> None:
+    """Raise FormatError for what can be no normals: most vectors are not of length 1."""
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(normal, axis=-1)
+    given = length[np.isfinite(length) & (length > 0.0)]
+    unit = float((np.abs(given - 1.0) < 0.2).mean()) if given.size else 1.0
+    if unit < 0.5:
+        raise FormatError(
+            f"{path}: holds no normals: {1.0 - unit:.0%} of its values are not of length 1; "
+            "expected x, y, z from -1 to 1 in world space; without this file, normals are fitted "
+            "to depth"
+        )

@@ -1,0 +1,78 @@
+"""What is not known of a panorama, from what is around, by push and pull.
+
+After Marroquim et al. (2007), as *Natural Environment Illumination* fills its pictures: means over
+ever larger cells fill what the smaller ones do not know.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.float64]
+
+
+def push_pull(sums: Image, weight: Image, *, wide_levels: int = 0, blended: bool = False) -> Image:
+    """Return means (H, W, C), where little is known those of larger cells, over the seam too.
+
+    Parameters
+    ----------
+    sums : (H, W, C) float64
+        Values times their weights; 0 where nothing is known.
+    weight : (H, W) float64
+    wide_levels : int
+        Number of levels in which cells grow in width only.
+    blended : bool
+        Whether means count by their weights, which are in [0, 1], and larger cells by the rest. If
+        not, any weight is enough.
+
+    Returns
+    -------
+    (H, W, C) float64
+        0 where nothing is known.
+    """
+    return _filled(sums, weight[..., None], wide_levels, 1.0 if blended else 0.0)
+
+
+def _filled(sums: Image, weight: Image, wide_levels: int, full: float) -> Image:
+    """`full` is the weight that counts wholly."""
+    mean = sums / np.maximum(weight, 1e-300)
+    if weight.size == 1:
+        return mean
+    axes = [axis for axis in (0, 1) if weight.shape[axis] > 1 and (axis or wide_levels <= 0)]
+    larger_sums, larger_weight = sums, weight
+    for axis in axes:
+        larger_sums, larger_weight = _halved(larger_sums, axis), _halved(larger_weight, axis)
+    filled = _filled(larger_sums, larger_weight, wide_levels - 1, full * 2 ** len(axes))
+    for axis in axes:
+        filled = _doubled(filled, axis, weight.shape[axis])
+    if not full:
+        return np.where(weight > 0.0, mean, filled)
+    share = np.minimum(weight / full, 1.0)
+    return np.asarray(share * mean + (1.0 - share) * filled)
+
+
+def _halved(image: Image, axis: int) -> Image:
+    """Return sums over pairs of cells along an axis.
+
+    An odd number is extended by what follows: around, or the last row again.
+    """
+    cells = np.moveaxis(image, axis, 0)
+    if len(cells) % 2:
+        cells = np.concatenate([cells, cells[:1] if axis else cells[-1:]])
+    return np.moveaxis(cells[0::2] + cells[1::2], 0, axis)
+
+
+def _doubled(image: Image, axis: int, size: int) -> Image:
+    """Return `size` cells along an axis, linear between the centres of the old ones.
+
+    Along axis 1 around the seam.
+    """
+    cells = np.moveaxis(image, axis, 0)
+    before, after = np.roll(cells, 1, 0), np.roll(cells, -1, 0)
+    if axis == 0:
+        before[0], after[-1] = cells[0], cells[-1]
+    doubled = np.empty((2 * len(cells), *cells.shape[1:]))
+    doubled[0::2] = 0.25 * before + 0.75 * cells
+    doubled[1::2] = 0.75 * cells + 0.25 * after
+    return np.moveaxis(doubled[:size], 0, axis)

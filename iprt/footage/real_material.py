@@ -1,0 +1,152 @@
+"""Glossy real surfaces, and which texels of a panorama show them: `[[real_materials]]`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.frame import Frame
+from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
+from iprt.geometry.material import Material
+
+Mask = NDArray[np.bool_]
+Triple = tuple[float, float, float]
+
+MAX_REAL_MATERIALS = 255
+"""`Frame.gloss` counts them in a byte, whose 0 means diffuse."""
+PARALLEL = 0.9
+"""Least cosine between a texel's normal and the plane's: up to 26 degrees apart."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane in the world: a point of it in metres, its unit normal, and how far from it counts
+    as on it, in metres.
+    """
+
+    point: Triple
+    normal: Triple
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Evidence that a surface reflects.
+
+    Attributes
+    ----------
+    t : float
+        Student's t of the reflection's strength.
+    strength : float
+        Over that of a coat with an index of refraction of 1.5.
+    error : float
+        Standard error of `strength`.
+    low, high : float
+        Roughness less and plus a standard deviation.
+    """
+
+    t: float
+    strength: float
+    error: float
+    low: float
+    high: float
+
+    def line(self) -> str:
+        """Return the evidence as text."""
+        return (
+            f"found: alpha {self.low:.2g} to {self.high:.2g}, strength {self.strength:.2f} "
+            f"± {self.error:.2f}, t = {self.t:.0f}"
+        )
+
+
+@dataclass(frozen=True)
+class RealMaterial:
+    """A glossy real surface: which texels of the panorama show it, and how it reflects.
+
+    All the selections that are given must hold; openings and open sky never belong to one.
+
+    Attributes
+    ----------
+    material : Material
+        "plastic" or "conductor". Of plastic, only the coat matters: the base is what the camera
+        saw without the coat's reflection.
+    mask : (h, w) bool or None
+        Equirect picture, turned as the world is; texels read the nearest pixel.
+    color : (r, g, b) or None
+        Linear colour of the surface, in any unit: chromaticities are compared.
+    color_tolerance : float
+        Largest distance of chromaticities, see `chromaticity`.
+    plane : Plane or None
+        The surface lies on it and is parallel to it (`PARALLEL`).
+    evidence : Evidence or None
+        Of a surface that nobody declared (`iprt.footage.found_gloss`).
+    """
+
+    name: str
+    material: Material
+    mask: Mask | None = None
+    color: Triple | None = None
+    color_tolerance: float = 0.05
+    plane: Plane | None = None
+    evidence: Evidence | None = None
+
+    def place(self, frame: Frame) -> Mask:
+        """(H, W) bool: the texels that may show this surface, by all but their colour."""
+        inside = np.isfinite(frame.depth) & ~frame.opening
+        if self.mask is not None:
+            inside &= _nearest(self.mask, frame.width, frame.height)
+        if self.plane is not None:
+            inside &= _on_plane(frame, self.plane)
+        return inside
+
+    def region(self, frame: Frame) -> Mask:
+        """(H, W) bool: the texels that show this surface."""
+        return self.colored(frame, self.place(frame))
+
+    def colored(self, frame: Frame, place: Mask) -> Mask:
+        """The texels of `place` that have the surface's colour."""
+        if self.color is None:
+            return place
+        return place & _alike(frame.radiance, self.color, self.color_tolerance)
+
+
+def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(..., 3) linear colours over the sum of their channels; NaN for black, which has no hue.
+
+    Independent of how strongly a surface of one colour is lit. Two colours are at most √2 apart;
+    a grey and a wood's brown about 0.2.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(color / color.sum(axis=-1, keepdims=True, dtype=np.float64))
+
+
+def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask:
+    apart = chromaticity(color) - chromaticity(np.asarray(wanted))
+    # NaN, of black texels, is not within any tolerance.
+    return np.asarray(np.linalg.norm(apart, axis=-1) <= tolerance)
+
+
+def _on_plane(frame: Frame, plane: Plane) -> Mask:
+    x, y, z = plane.normal
+    theta, phi = texel_polar_angles(frame.height)[:, None], texel_azimuths(frame.width)
+    across = x * np.sin(phi) - z * np.cos(phi)
+    distance = np.dot(plane.point, plane.normal)
+    on = np.zeros(frame.depth.shape, bool)
+    for row, (sine, cosine) in enumerate(zip(np.sin(theta), np.cos(theta), strict=True)):
+        reach = np.where(np.isfinite(frame.depth[row]), frame.depth[row], 0.0)
+        offset = reach * (sine * across + y * cosine) - distance
+        on[row] = np.abs(offset) <= plane.tolerance
+    rows = np.flatnonzero(on.any(axis=1))
+    if len(rows):
+        near = slice(rows[0], rows[-1] + 1)
+        normal = frame.fitted_normal_in(near)[on[near]]
+        on[on] = np.abs(normal @ np.asarray(plane.normal)) >= PARALLEL
+    return on
+
+
+def _nearest(mask: Mask, width: int, height: int) -> Mask:
+    rows = (2 * np.arange(height) + 1) * mask.shape[0] // (2 * height)
+    columns = (2 * np.arange(width) + 1) * mask.shape[1] // (2 * width)
+    return mask[np.ix_(rows, columns)]
