@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iprt.commands.bench import bench
+from iprt.commands.bench_video import bench_video
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
 from iprt.footage.frame import Frame
@@ -59,12 +59,12 @@ def test_frames_that_differ_come_in(
 
 @pytest.mark.thorough
 def test_the_command_prints_both_ways(capsys: pytest.CaptureFixture[str]) -> None:
-    given = {"video": True, "frames": 2, "size": (64, 32), "device": "cpu"}
-    assert bench(SCENES / "train", **given) == 0
+    given = {"repeat": 2, "size": (64, 32), "device": "cpu"}
+    assert bench_video(SCENES / "train", **given) == 0
     assert "frames a second without decoding, over 2 frames" in " ".join(
         capsys.readouterr().out.split()
     )
-    assert bench(SCENES / "train", json=True, **given) == 0
+    assert bench_video(SCENES / "train", json=True, **given) == 0
     assert json.loads(capsys.readouterr().out)["size"] == [64, 32]
 
 
@@ -72,10 +72,9 @@ def test_the_command_prints_both_ways(capsys: pytest.CaptureFixture[str]) -> Non
     ("given", "told"),
     [
         ({"size": (64, 64)}, "--size 64 64: a panorama is twice as wide as high"),
-        ({"view": ("cab",)}, "--video: renders nothing; leave out --view"),
-        ({"sweep": ("trace.rays=1",)}, "--video: renders nothing; leave out --view"),
+        ({"repeat": 0}, "--repeat 0"),
     ],
 )
-def test_what_does_not_belong_together_is_refused(given: dict[str, object], told: str) -> None:
+def test_bad_flags_are_named(given: dict[str, object], told: str) -> None:
     with pytest.raises(IprtError, match=told):
-        bench(SCENES / "train", video=True, **given)
+        bench_video(SCENES / "train", **given)

@@ -76,7 +76,7 @@ def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -
         device,
         ["trace/prefiltered.h"],
         """
-        const DepthSummary around = SURROUNDINGS;
+        const Surroundings around = SURROUNDINGS;
         const Cone cone = {(float3)(0.0f), normalize(d), 0.5f, 0.0f, 0.0f};
         const ConeLight light = {room, shares.x, shares.y, 1.0f, 1.0f};
         arriving = all_arriving(around, cone, light);
