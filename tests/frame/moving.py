@@ -54,13 +54,19 @@ keyframes = [
 """
 
 
-def write_moving(folder: Path) -> Scene:
-    """A room with a lamp in which a real box slides past, and objects and the view move."""
+def write_moving(folder: Path, *, window: bool = False) -> Scene:
+    """Write a room with a lamp in which a real box slides past, and objects and the view move.
+
+    With a `window`, which has no depth, a part of the room receives no light of objects.
+    """
     folder.mkdir(exist_ok=True)
     frames = []
     for index in range(FRAMES):
         solid = Box((-1.0 + 0.2 * index, -0.9, -1.7), (0.2, 0.3, 0.2))
-        frames.append(room_frame(World(solids=(solid,)), 64, 32, ceiling_lamp))
+        frame = room_frame(World(solids=(solid,)), 64, 32, ceiling_lamp)
+        if window:
+            frame.depth[12:20, 24:36] = 0.0
+        frames.append(frame)
     write_color(folder / "color.mkv", (frame.color for frame in frames), fps=12.0, crf=4)
     write_depth(folder / "depth.mkv", (frame.depth for frame in frames), fps=12.0, scale=1e-4)
     write_ply(folder / "ball.ply", sphere(0.3, segments=24))

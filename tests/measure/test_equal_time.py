@@ -112,7 +112,7 @@ def test_results_hold_all_pictures(tmp_path: Path, capsys: pytest.CaptureFixture
     for result in found:
         first, second, last = result["pictures"]
         assert [picture["budget"] for picture in (first, second, last)] == [0.01, 0.5, None]
-        assert second["seconds"] <= 0.5
+        assert second["frames"] == 1 or second["seconds"] <= 0.5
         assert (first["frames"], last["frames"]) == (1, 3) or first["seconds"] <= 0.01
         assert len(last["scores"]["ssim_cuts"]) == 2
         assert result["costs"]["bytes"] > 0

@@ -256,7 +256,7 @@ def test_flags_for_videos_are_refused_for_pictures() -> None:
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A clip in which a real box, two objects and the view move; its truth is grey."""
     folder = tmp_path_factory.mktemp("clip")
-    write_moving(folder)
+    write_moving(folder, window=True)
     text = (folder / "scene.toml").read_text()
     lines = 'size = [128, 64]\ntruth = "truth.%d.exr"\ncuts = [[30, 10, 90, 60]]'
     (folder / "scene.toml").write_text(text.replace("size = [128, 64]", lines))
