@@ -1,0 +1,1 @@
+"""Footage: decoding of 360° RGBD videos, and preparation of their frames."""

@@ -1,1 +1,1 @@
-"""From a video's files to frames; `stages` lists the stages in order."""
+"""Preparation of a video's frames; `stages` lists the stages in order."""

@@ -1,9 +1,9 @@
-"""Light that a camera clipped, found in the shading of the surfaces that it falls on.
+"""Recovery of clipped light from the shading of the surfaces that it falls on.
 
 A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
-to know how bright they are. `ClippedLights` joins what is clipped to lights, and finds by what
-factor each is brighter from how it shades the surfaces around (`iprt.footage.lights`). Frames then
-hold this light, and what the picture shows of it (`ClippedTexels`).
+their true radiance. `ClippedLights` groups clipped texels into lights and estimates each light's
+gain from the shading of the surfaces around it (`iprt.footage.lights`). Frames then hold the
+recovered radiance, and the picture's own colours of these texels (`ClippedTexels`).
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ from iprt.footage.lights.shading import shading_of
 from iprt.geometry.equirect import solid_angles
 
 CHANGED = 0.3
-"""Share of the clipped area that comes or goes, from which on lights are estimated anew."""
+"""Relative change of the clipped area from which on gains are estimated again."""
 OTHER = 0.8
-"""Share from which on they are other lights: nothing of the old gains holds."""
+"""Relative change from which on the old gains are dropped at once, as lights are different ones."""
 MIN_CLIPPED = 0.25
-"""A channel has lost nothing if less is clipped, over the flux of the light's strongest channel."""
+"""Least clipped flux of a clipped channel, relative to the light's strongest channel."""
 EVIDENCE = 25.0
-"""Twice the log-likelihood ratio from which on tones are taken to be mapped."""
+"""Least twice the log-likelihood ratio at which tone mapping is assumed."""
 MOST_BRIGHT = 0.05
-"""Share of the sphere that is nearly clipped, from which on it shows white walls, not lights."""
+"""Largest nearly clipped share of the sphere; beyond it, it shows walls, not lights."""
 BLEND = 12
-"""Frames over which gains go over to those of a new estimate."""
+"""Number of frames over which a new estimate of the gains replaces the old one."""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Factors by which clipped texels are brighter than they look.
+    """Factors between the true and the stored radiance of clipped texels.
 
     Attributes
     ----------
     group : (2, cells) int
-        Groups of the grid's cells, for texels that are near and that are far; 0: none.
+        Groups of the grid's cells, for near and for far texels; 0: none.
     factor : (groups + 1, rows, 3) float32
-        By group and row of the picture; 1 for group 0.
+        Factor by group and row of the picture; 1 for group 0.
     channels : (groups + 1, 3) bool
-        Which channels of a group are clipped.
+        Clipped channels of each group.
     covered : (cells,) float64
         Share of the sphere that clipped texels cover in each cell.
     exposed : (3,) float64
-        What `exposure_of` the frame was.
+        `exposure_of` the frame.
     shoulder : bool
-        Tones are mapped: `factor` holds for what is clipped, and in part for what is nearly so.
+        Whether tones are mapped. `factor` then also holds in part for nearly clipped texels.
     """
 
     group: NDArray[np.intp]
@@ -63,9 +63,9 @@ class Gains:
     shoulder: bool = False
 
     def of(self, frame: Frame, clipped: Clipped) -> NDArray[np.float32]:
-        """(N, 3) by what a frame's clipped texels are brighter than they look.
+        """Return the factors (N, 3) of a frame's clipped texels, corrected for its exposure.
 
-        A camera that opens clips more of a light.
+        A camera with a longer exposure clips more of a light.
         """
         clipped = clipped if self.shoulder else clipped.without_shoulder()
         group = self.group[clipped.far.astype(np.intp), clipped.cell]
@@ -77,12 +77,12 @@ class Gains:
 
 
 def exposure_of(frame: Frame) -> Float:
-    """(3,) how much brighter the video's reference frame shows what is grey."""
+    """Return the brightness (3,) of grey in the video's reference frame relative to this frame."""
     return np.ones(3) if frame.color_map is None else frame.color_map.sum(axis=1)
 
 
 def covered(frame: Frame, clipped: Clipped) -> Float:
-    """`Gains.covered`."""
+    """Return `Gains.covered` of a frame."""
     rows = min(GROUP_ROWS, frame.height)
     weight = solid_angles(frame.width, frame.height)[clipped.row] / (4.0 * np.pi)
     area = weight * clipped.share.max(-1)
@@ -90,16 +90,16 @@ def covered(frame: Frame, clipped: Clipped) -> Float:
 
 
 def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
-    """Estimate the gains of a frame's lights; all 1 where its surfaces show nothing.
+    """Estimate the gains of a frame's lights; all 1 where its surfaces hold no evidence.
 
-    Tones are taken to be mapped where that explains surfaces better.
+    Tone mapping is assumed where it explains the surfaces better.
     """
     plain, _ = _recovered(frame, clipped, white, shoulder=False)
     bright = clipped.with_shoulder(frame, white)
     area = covered(frame, bright).sum() - covered(frame, clipped).sum()
     if not 0.0 < area < MOST_BRIGHT:
         return plain
-    # Costs are compared at the same points, none of which is bright.
+    # Costs are compared at the same points, none of them nearly clipped.
     _, cost = _recovered(frame, bright.without_shoulder(), white, shoulder=False)
     mapped, cost_mapped = _recovered(frame, bright, white, shoulder=True)
     return mapped if cost_mapped < cost - EVIDENCE else plain
@@ -108,7 +108,7 @@ def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
 def _recovered(
     frame: Frame, clipped: Clipped, white: float, *, shoulder: bool
 ) -> tuple[Gains, float]:
-    """Gains, and the cost of the fit (`ClipGains.cost`)."""
+    """Return gains, and the cost of the fit (`ClipGains.cost`)."""
     cell_groups = groups_of(frame, clipped)
     count = int(cell_groups.max()) + 1
     factor = np.ones((count, frame.height, 3), np.float32)
@@ -132,31 +132,32 @@ def _recovered(
 
 
 def white_share(clipped: Clipped, channels: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(N, 3) how far texels count as lights: as far as all `channels` (N, 3) of theirs are clipped.
+    """Return (N, 3) the clipped share of texels: the least over all clipped `channels` (N, 3).
 
-    Where one of them is not, the others have lost little; more would paint the rim of a light.
+    Where one of these is not clipped, the others have lost little. A larger share would brighten
+    the rims of lights.
     """
     lowest = np.where(channels, clipped.share, np.float32(1.0)).min(axis=-1, keepdims=True)
     return np.where(channels, lowest, np.float32(0.0))
 
 
 def _flux(frame: Frame, clipped: Clipped, chosen: NDArray[np.bool_]) -> Float:
-    """(3,) clipped flux at the capture centre of some of the clipped texels, as they look."""
+    """Return the clipped flux (3,) at the capture centre of chosen texels, as stored."""
     weight = solid_angles(frame.width, frame.height)[clipped.row[chosen], None]
     color = frame.color.reshape(-1, 3)[clipped.texel[chosen]]
     return np.asarray((weight * color * clipped.share[chosen]).sum(0), np.float64)
 
 
 class ClippedLights:
-    """A stage of a video's stream: gives frames the light of what is clipped in them.
+    """A stage that recovers the radiance of clipped texels.
 
-    Gains are found in the first such frame, and stay while what is clipped does. Where much of it
-    comes or goes, they are found anew, and go over to the new ones gradually.
+    Gains are estimated in the first frame with clipped texels, and hold while the clipped area
+    stays. Where much of it appears or disappears, they are estimated again and blended in.
 
     Parameters
     ----------
     white : float
-        Linear radiance at which the camera's channels are clipped; infinite: never.
+        Linear radiance at which the camera's channels clip; infinite: never.
     """
 
     def __init__(self, white: float) -> None:
@@ -166,6 +167,7 @@ class ClippedLights:
         self._blended = 0
 
     def __call__(self, frame: Frame) -> Frame:
+        """Return the frame with recovered radiance, or itself if nothing is clipped."""
         clipped = Clipped.of(frame, self._white) if np.isfinite(self._white) else None
         if clipped is None:
             return frame
@@ -184,7 +186,7 @@ class ClippedLights:
         return replace(frame, color=light, clipped=ClippedTexels(texel.astype(np.int32), seen))
 
     def _at(self, frame: Frame, clipped: Clipped) -> list[tuple[Gains, np.float32]]:
-        """Gains that hold now, and by what shares."""
+        """Return the gains in effect, each with its weight."""
         if self._gains is None:
             self._gains = recover(frame, clipped, self._white)
         elif self._before is None:
@@ -204,6 +206,6 @@ class ClippedLights:
 
 
 def _change(before: Float, after: Float) -> float:
-    """Share by which two areas differ, in [0, 1]."""
+    """Return the relative difference of two areas, in [0, 1]."""
     both = np.maximum(before, after).sum()
     return float(np.abs(after - before).sum() / both) if both > 0.0 else 0.0

@@ -1,13 +1,14 @@
-"""Depth with noise, such as estimators give, drawn to the planes that it is scattered about.
+"""Denoising of estimated depth by projection onto locally fitted planes.
 
-Tangent planes fitted to 5 x 5 texels of such depth turn from texel to texel, and with them all that
-surfaces receive. Where noise is found (`Noise.of`), planes are fitted to many more texels
-(`cell_planes`), and each texel goes to those around it that agree with it (`smoothed`). Exact depth
-stays, bit for bit.
+With noisy depth, tangent planes fitted to 5 x 5 texels vary from texel to texel, and so does the
+shading of surfaces. Where `Noise.of` finds noise, planes are fitted to many more texels
+(`cell_planes`), and each texel moves to the planes around it that it agrees with (`smoothed`).
+Exact depth stays unchanged, bit for bit.
 
-With x the points that depth puts surfaces at, a plane is g with g . x = 1, and 1 - g . x is how far
-a point is off it, over its depth. So sums of x and of x x^T over texels are all that a plane is
-fitted by and that texels' distances from another one are known by. They add up, without new axes.
+A plane is a vector g with g . x = 1 for its points x, and 1 - g . x is the distance of a point from
+the plane relative to its depth. The sums of x and of x x^T over texels therefore suffice both to
+fit a plane and to measure the texels' squared distance from another one. Sums of several cells add
+up without a change of basis.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CLEAN = 1e-4
-"""Noise over depth up to which depth is exact: less than rounding to millimetres makes at 2 m."""
+"""Relative noise up to which depth counts as exact, below the rounding to millimetres at 2 m."""
 MIN_ROWS = 128
-"""Panoramas with fewer rows show too little of a surface to tell noise from shape."""
+"""Least number of rows: smaller panoramas do not resolve noise from shape."""
 CELL_ROWS = 128
-"""Rows of the grid of cells to which planes are fitted, at most: 1.4 degrees."""
+"""Largest number of rows of the grid of cells to which planes are fitted: 1.4 degrees each."""
 REACH = 6.0
-"""Deviations of noise that a texel may be off its plane. Tukey's biweight takes 4.7 of normal
-errors; those of estimators have longer tails."""
+"""Cut-off of the distance from a plane, in standard deviations of the noise. Tukey's biweight uses
+4.7 for normal errors; those from estimators have longer tails."""
 ROUGHEST = 3.0
-"""Noise of a place over that of the panorama, at most: estimators are worse in some places."""
+"""Largest ratio of local noise to the panorama's: estimators are worse in some places."""
 PASSES = 3
 SHARED_REACH = 12.0
-"""Deviations of shared errors that a texel may be off a large plane."""
+"""Cut-off of the distance from a large plane, in standard deviations of shared errors."""
 _WINDOWS, _ACROSS = 40, 5
 _BLOCK_ROWS = 64
 _OWN_WEIGHT = 1e-3
@@ -49,14 +50,14 @@ _NEIGHBOURS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
 
 @dataclass(frozen=True)
 class Noise:
-    """Departures from local surfaces, RMS over depth, at a third of the panorama's places.
+    """Relative RMS deviations of depth from local surfaces: first tercile over the panorama.
 
     Attributes
     ----------
     bent : float
-        From quadratic surfaces, which curved walls are, too.
+        Deviation from quadratic surfaces, which also fit curved walls.
     flat : float
-        From planes, which errors that many texels share depart from more.
+        Deviation from planes, larger where errors are shared by many texels.
     """
 
     bent: float
@@ -64,12 +65,15 @@ class Noise:
 
     @property
     def shared(self) -> float:
-        """What many texels share, and smoothing among them does not find."""
+        """Part of the noise that many texels share, which local smoothing does not remove."""
         return float(np.sqrt(max(self.flat**2 - self.bent**2, 0.0)))
 
     @classmethod
     def of(cls, depth: Plane, known: Mask) -> Noise:
-        """By windows of 5 x 5 samples away from the poles; 0 where fewer than 30 have depth."""
+        """Estimate noise from windows of 5 x 5 samples; 0 if fewer than 30 have depth.
+
+        The windows keep away from the poles.
+        """
         height, width = depth.shape
         step = max(1, round(height / 256))
         rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
@@ -88,14 +92,17 @@ class Noise:
         ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
         a = np.sin(to) * np.sin(phi) / ahead
         b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
-        # 1 / z over inverse depth is 1 where the surface is met.
+        # 1 / z over inverse depth is 1 on the surface.
         scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
         shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
         return cls(*(_departure(shapes[whole, :, :terms]) for terms in (6, 3)))
 
 
 def _departure(shapes: Float) -> float:
-    """Third of the least RMS departures from 1 of the best sums of shapes, (windows, n, terms)."""
+    """Return the first tercile of the RMS residuals of least-squares fits of 1.
+
+    Each window fits 1 by a linear combination of its shapes (windows, n, terms).
+    """
     size = np.linalg.norm(shapes, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(shapes / np.where(size > 0.0, size, 1.0))
     one = np.ones(basis.shape[:2])
@@ -104,14 +111,18 @@ def _departure(shapes: Float) -> float:
 
 
 def smoothed(depth: Plane) -> Plane:
-    """Depth within its noise drawn to the planes around; the same array where it has none.
+    """Move noisy depth to the planes around it; return the same array if it has no noise.
 
-    Steps and creases that stand out from noise stay, and so does what is smaller than a cell.
+    Steps and creases that stand out from the noise stay, and so do details smaller than a cell.
 
     Parameters
     ----------
     depth : (H, W) float32
-        Metres; 0, negative, NaN or inf where there is no surface, which stay.
+        Metres; 0, negative, NaN or inf where there is no surface. Such values stay.
+
+    Returns
+    -------
+    (H, W) float32
     """
     height, width = depth.shape
     if height < MIN_ROWS or width != 2 * height:
@@ -122,17 +133,18 @@ def smoothed(depth: Plane) -> Plane:
         return depth
     exact = np.where(known, depth, np.float32(0.0))
     planes = cell_planes(exact, known, noise.flat)
-    # Again from where it has gone, so that a texel's own noise hardly decides which planes count.
+    # Draw a second time with weights at the new place, so that a texel's own noise hardly matters.
     drawn = _drawn(exact, _drawn(exact, exact, planes), planes)
     drawn = _flattened(drawn, planes, SHARED_REACH * noise.shared)
     return np.where(known, drawn, depth)
 
 
 def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
-    """(rows, columns, 4) planes g of cells, 0 where none fits; and how far off texels may be.
+    """Fit planes to cells.
 
-    A cell begins with the plane of that window of 3 x 3 cells around it that fits best (as
-    Kuwahara chooses), which keeps off edges, and takes in what lies on it in 5 x 5 cells.
+    A cell starts from the plane of the best-fitting window of 3 x 3 cells that contains it, as in
+    Kuwahara's filter, which avoids edges. It then gathers the texels near this plane in 5 x 5
+    cells.
 
     Parameters
     ----------
@@ -140,6 +152,11 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
         Metres; 0 where not `known`.
     noise : float
         `Noise.flat`.
+
+    Returns
+    -------
+    (rows, columns, 4) float64
+        Plane g of each cell, 0 where none fits, and the largest relative distance of its texels.
     """
     sums = _cell_sums(depth, known)
     rows, columns = sums.shape[1:]
@@ -170,7 +187,7 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
 
 
 def _cell_sums(depth: Plane, known: Mask) -> Float:
-    """(10, rows, columns) sums of 1, x, y, z, xx, xy, xz, yy, yz and zz over texels of cells."""
+    """Return (10, rows, columns) sums of 1, x, y, z, xx, xy, xz, yy, yz and zz over cells."""
     height, width = depth.shape
     rows = min(CELL_ROWS, height // 2)
     down, across = (
@@ -189,18 +206,18 @@ def _cell_sums(depth: Plane, known: Mask) -> Float:
 
 
 def _fitted(sums: Float) -> Float:
-    """(..., 3) g with the least sum of (1 - g . x)^2, of (10, ...) sums."""
+    """Return g (..., 3) with the least sum of (1 - g . x)^2, from sums (10, ...)."""
     _, x, y, z, xx, xy, xz, yy, yz, zz = sums
     matrix = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1)
     matrix = matrix.reshape(*x.shape, 3, 3)
-    # The points of a strip leave a turn about it open. The ridge chooses the shortest g.
+    # Points on a line leave the rotation about it free. The ridge chooses the shortest g.
     ridge = 1e-9 * (xx + yy + zz) + 1e-30
     matrix += ridge[..., None, None] * np.eye(3)
     return np.asarray(np.linalg.solve(matrix, np.stack([x, y, z], axis=-1)[..., None])[..., 0])
 
 
 def _squared_distance(sums: Float, plane: Float) -> Float:
-    """Mean of (1 - g . x)^2 of (10, ...) sums, by planes (..., 3)."""
+    """Return the mean of (1 - g . x)^2 for sums (10, ...) and planes g (..., 3)."""
     n, x, y, z, xx, xy, xz, yy, yz, zz = sums
     a, b, c = np.moveaxis(plane, -1, 0)
     total = n - 2.0 * (a * x + b * y + c * z) + a * a * xx + b * b * yy + c * c * zz
@@ -209,14 +226,14 @@ def _squared_distance(sums: Float, plane: Float) -> Float:
 
 
 def _agreement(squared: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Tukey's biweight of squared distances over the farthest one."""
+    """Return Tukey's biweight of squared distances, given relative to the cut-off."""
     return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2, squared.dtype)
 
 
 def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
-    """(H, W) `depth` drawn to the planes of the 3 x 3 cells around that pass near `place`.
+    """Move `depth` (H, W) to the planes of the 3 x 3 cells around that pass near `place`.
 
-    Cells count by a quadratic B-spline, so that their planes go over into each other smoothly.
+    Quadratic B-splines weight the cells, so that one plane blends smoothly into the next.
     """
     height, width = depth.shape
     rows, columns = planes.shape[:2]
@@ -243,9 +260,9 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
 
 
 def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
-    """(H, W) `depth` drawn to the large planes (`find_planes`) of which its cells are pieces.
+    """Move `depth` (H, W) to the large planes (`find_planes`) that its cells belong to.
 
-    Errors that floors or walls share in large parts stay within `reach` times the depth.
+    This removes errors shared by large parts of floors or walls, up to `reach` times the depth.
     """
     height, width = depth.shape
     rows, columns = planes.shape[:2]
@@ -277,7 +294,7 @@ def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
 
 
 def _as_cells(planes: Float) -> Cells:
-    """Cells of tangent planes (rows, columns, 3); sky where there is none."""
+    """Return cells of tangent planes (rows, columns, 3); sky where there is none."""
     rows, columns = planes.shape[:2]
     x, y, z = np.broadcast_arrays(*texel_directions(columns, rows))
     direction = np.stack([x, y, z], axis=-1).reshape(-1, 3)
@@ -303,7 +320,10 @@ def _as_cells(planes: Float) -> Cells:
 
 
 def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Plane]:
-    """The cell (texels,) of each texel; weights (3, texels) of the one before, it and the next."""
+    """Return the cell (texels,) of each texel, and B-spline weights (3, texels).
+
+    The weights belong to the previous cell, the cell itself and the next one.
+    """
     place = (np.arange(texels) + 0.5) * cells / texels
     cell = np.floor(place).astype(np.intp)
     past = place - cell

@@ -1,9 +1,9 @@
-"""Depth that has fewer texels than its colour: stored so, or enlarged by repeating texels.
+"""Depth with fewer texels than its colour: stored at low resolution, or enlarged by repetition.
 
-Depth estimators give, say, 1024 x 512 texels for a picture of 4096 x 2048. Texels that are merely
-repeated make stairs of every slanted surface. `Grid` finds out about repeated texels, and
-`enlarged` interpolates along surfaces instead: every coarse texel is a plane, as `estimate_normals`
-fits it, and planes are exact in inverse depth, `1 / r = g . w` in the direction w.
+Depth estimators give, for example, 1024 x 512 texels for a picture of 4096 x 2048. Repeated texels
+turn every slanted surface into a staircase. `Grid` detects repeated texels, and `enlarged`
+interpolates along surfaces instead. Every coarse texel becomes a plane, as `estimate_normals` fits
+it. Planes are exact in inverse depth: `1 / r = g . w` in the direction w.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ Plane = NDArray[np.float32]
 Index = slice | NDArray[np.intp]
 
 MIN_FACTOR = 1.15
-"""Repetition below this does no harm worth mending."""
+"""Least factor of repetition that is corrected; a smaller one does no visible harm."""
 MIN_ROWS = 16
-"""Fewer rows of coarse texels could be any pattern."""
+"""Least number of rows of coarse texels; fewer could be any pattern."""
 MIN_CHANGES = 0.3
-"""Share of the borders between coarse texels at which some depth must change. It is small because
+"""Least share of the borders between coarse texels at which some depth changes. It is small because
 quantised depth changes at few of them."""
 MAX_CHANCE = 1e-6
-"""Probability of changes to lie at such borders all, had they been scattered at random."""
+"""Largest probability that randomly scattered changes would all lie at such borders."""
 SAME_SURFACE = 0.03
-"""Largest difference of two coarse texels on one surface, where both planes meet, over depth."""
+"""Largest relative difference in depth of two coarse texels on one surface, where planes meet."""
 _FARTHEST = np.float32(2.0)
-"""Most by which depth changes within a coarse texel; planes seen edge-on would have no end."""
+"""Largest factor by which depth changes within a coarse texel; it bounds planes seen edge-on."""
 SAME_PLANE = 0.005
-"""Largest distance from a plane of what fits it, over depth."""
+"""Largest distance of a texel from a plane that it fits, relative to depth."""
 _FEW, _REACH = 5, 2
-"""Number of texels, among a texel and the eight around it, that must fit a plane; and distance in
-texels up to which planes of other texels are tried."""
+"""Least number of texels, of a texel and its eight neighbours, that must fit a plane; and reach,
+in texels, of the window in which the candidates for a better plane are compared."""
 _BAND_ROWS = 8
 
 
 @dataclass(frozen=True)
 class Grid:
-    """The coarse texels that a picture of depth repeats.
+    """Grid of coarse texels that a depth picture repeats.
 
     Attributes
     ----------
     rows, columns : (h,), (w,) int
-        Where each row and each column of coarse texels begins.
+        First row and first column of each coarse texel.
     """
 
     rows: NDArray[np.intp]
@@ -61,11 +61,11 @@ class Grid:
 
     @classmethod
     def of(cls, depth: Plane) -> Grid | None:
-        """The grid of a picture (H, W); None where it has a resolution of its own.
+        """Detect the grid of a picture (H, W); return None if no texels are repeated.
 
-        Between texels of one coarse texel depth never changes, over the whole picture, and the
-        borders between coarse texels are as regular as one factor makes them. Constant depth and
-        quantised depth have no such pattern.
+        Depth never changes within a coarse texel, over the whole picture, and the borders between
+        coarse texels are as regular as a single factor makes them. Constant depth and quantised
+        depth have no such pattern.
         """
         bits = np.where(usable(depth), depth, np.float32(0.0))
         down, across = _changes(bits), _changes(bits.T)
@@ -82,20 +82,20 @@ class Grid:
         return None
 
     def coarse(self, depth: Plane) -> Plane:
-        """(h, w) depth of the coarse texels; 0 where they have none."""
+        """Return the depth (h, w) of the coarse texels; 0 where they have none."""
         known = np.where(usable(depth), depth, np.float32(0.0))
-        # A hole may have been cut out of them afterwards.
+        # A mask of finer resolution may have cut holes out of them.
         rows = np.maximum.reduceat(known, self.rows, axis=0)
         return np.asarray(np.maximum.reduceat(rows, self.columns, axis=1), np.float32)
 
     def repeated(self, coarse: Plane, height: int, width: int) -> Plane:
-        """(height, width) of coarse texels (h, w), each where it lies."""
+        """Repeat coarse texels (h, w) over the grid, to (height, width)."""
         down = np.diff(self.rows, append=height)
         across = np.diff(self.columns, append=width)
         return coarse.repeat(down, axis=0).repeat(across, axis=1)
 
     def has_finer_holes(self, depth: Plane) -> bool:
-        """Whether holes were cut out of coarse texels, as by a mask of the size of colour."""
+        """Return whether holes cut through coarse texels, such as a mask of the size of colour."""
         there = usable(depth)
         some = np.logical_or.reduceat(there, self.rows, axis=0)
         every = np.logical_and.reduceat(there, self.rows, axis=0)
@@ -105,14 +105,16 @@ class Grid:
 
 
 def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Plane:
-    """Depth (height, width) of a picture of that size or smaller; as it is, if it needs no help.
+    """Return depth (height, width), enlarged along surfaces where its resolution is lower.
+
+    Depth that needs no enlarging is returned as it is.
 
     Parameters
     ----------
     depth : (H, W) float32
         Stored depth; 0, negative, NaN or inf where there is no surface.
     grid : Grid or None
-        The coarse texels that it repeats.
+        The coarse texels that the depth repeats.
     width, height : int
         Size of the colour picture.
     """
@@ -128,7 +130,7 @@ def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Pl
 
 
 def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
-    """`full` (H, W), with `UNMEASURED` where `depth` has it."""
+    """Return `full` (H, W) with the `UNMEASURED` texels of `depth`."""
     unmeasured = depth == UNMEASURED
     if not unmeasured.any():
         return full
@@ -139,7 +141,7 @@ def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
 
 
 def _changes(known: Plane) -> NDArray[np.bool_]:
-    """(H,): whether some depth differs from that of the row above. Holes do not count."""
+    """Return (H,) whether some depth differs from the row above. Holes do not count."""
     above, below = known[:-1], known[1:]
     changed = np.zeros(known.shape[0], np.bool_)
     changed[1:] = ((above != below) & (above > 0.0) & (below > 0.0)).any(axis=1)
@@ -147,9 +149,9 @@ def _changes(known: Plane) -> NDArray[np.bool_]:
 
 
 def _starts(changed: NDArray[np.bool_], count: int) -> NDArray[np.intp] | None:
-    """(count,) where runs begin, if runs of one factor explain the changes; else None."""
+    """Return the first texels (count,) of runs of one factor, or None if they miss some changes."""
     size = changed.size
-    for centre in (0.5, 0.0):  # the two ways in which programs choose the nearest texel
+    for centre in (0.5, 0.0):  # the two usual conventions of nearest-neighbour resampling
         texel = np.floor((np.arange(size) + centre) * count / size).astype(np.intp)
         borders = np.diff(texel, prepend=-1) > 0
         if (changed & ~borders).any():
@@ -161,19 +163,19 @@ def _starts(changed: NDArray[np.bool_], count: int) -> NDArray[np.intp] | None:
 
 
 def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> Plane:
-    """Depth at other directions than it was stored for, interpolated along surfaces.
+    """Interpolate depth along surfaces to a higher resolution.
 
-    Every texel sees four coarse texels around it, weighted bilinearly. Those that agree make a
-    surface; no surface, too, is something to agree on. What has most of the weight is what is
-    there, and nothing is mixed with it.
+    Each texel blends the four coarse texels around it, weighted bilinearly. Coarse texels that
+    agree form a surface, and so do those without a surface. The group with the largest weight
+    alone determines the result.
 
     Parameters
     ----------
     coarse : (h, w) float32
         Depth; 0, negative, NaN or inf where there is no surface.
     holes : bool
-        Whether coarse texels without a surface are seen. If not, surfaces go on over them as far
-        as a coarse texel with a depth is next to it.
+        Whether coarse texels without a surface take part. If not, surfaces extend over them as far
+        as a neighbouring coarse texel has a depth.
 
     Returns
     -------
@@ -206,15 +208,18 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
 
 @dataclass(frozen=True)
 class _Side:
-    """The coarse texels to the left, or to the right, of each of `width` columns.
+    """Coarse texels to the left, or to the right, of each of `width` columns.
+
+    All planes continue by one row over both poles.
 
     Attributes
     ----------
     inverse : (h + 2, width) float32
-        Their inverse depth, 0 where they have no surface; continued over the poles, as all.
+        Inverse depth, 0 where there is no surface.
     outward, up : (h + 2, width) float32
-        `g` along the horizontal direction of each column, and along +Y.
+        Components of `g` along the horizontal direction of each column, and along +Y.
     weight : (width,) float32
+        Bilinear weight.
     """
 
     inverse: Plane
@@ -224,7 +229,7 @@ class _Side:
 
 
 def _sides(coarse: Plane, width: int) -> tuple[_Side, _Side]:
-    """Coarse texels to the left and to the right of the columns."""
+    """Return the coarse texels to the left and to the right of the columns."""
     phi = texel_azimuths(width)
     sin, cos = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
     inverse = over_poles(_inverse(coarse), 1)
@@ -239,20 +244,20 @@ def _sides(coarse: Plane, width: int) -> tuple[_Side, _Side]:
 
 
 def _inverse(plane: Plane) -> Plane:
-    """1 / plane where it is a positive number, else 0."""
+    """Return 1 / plane where it is a positive number, else 0."""
     there = usable(plane)
     return np.divide(np.float32(1.0), plane, out=np.zeros_like(plane), where=there)
 
 
 def _neighbours(size: int, coarse_size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Plane]:
-    """(size,) coarse texels before and after each texel, from -1 on; the share of the latter."""
+    """Return (size,) coarse texels before (from -1) and after each texel; weight of the latter."""
     at = (np.arange(size) + 0.5) * coarse_size / size - 0.5
     before = np.floor(at).astype(np.intp)
     return before, before + 1, (at - before).astype(np.float32)
 
 
 def _planes(coarse: Plane) -> Plane:
-    """(h, w, 3): `g` of each texel's plane in 1/m, through its own depth; 0 where there is none."""
+    """Return `g` (h, w, 3), 1/m, of the plane through each texel's depth; 0 if it has none."""
     h, w = coarse.shape
     there = usable(coarse)
     depth = np.where(there, coarse, np.float32(np.inf))
@@ -267,13 +272,13 @@ def _planes(coarse: Plane) -> Plane:
 
 
 def _around(plane: Plane) -> Plane:
-    """Continued by `_REACH` texels over the poles and across the seam."""
+    """Pad by `_REACH` texels over the poles and across the seam."""
     over = over_poles(plane, _REACH)
     return np.concatenate([over[:, -_REACH:], over, over[:, :_REACH]], axis=1)
 
 
 class _Points:
-    """The points that planes go through: all coarse texels, continued as `_around` does.
+    """Points of all coarse texels, padded by `_around`, to compare planes with.
 
     Parameters
     ----------
@@ -286,17 +291,17 @@ class _Points:
         self._direction, self._inverse = _around(direction), _around(inverse)
 
     def depths(self, planes: Plane, row: Index, column: Index) -> tuple[Plane, Plane]:
-        """Inverse depth of planes (..., 3) in the directions of texels; that of the texels."""
+        """Return the inverse depth of planes (..., 3) and of texels, in the texels' directions."""
         on_plane = np.einsum("...i,...i", planes, self._direction[row, column])
         return np.asarray(on_plane), self._inverse[row, column]
 
     def fit(self, planes: Plane, row: Index, column: Index) -> NDArray[np.bool_]:
-        """Whether texels lie on planes."""
+        """Return whether texels lie on planes."""
         on_plane, own = self.depths(planes, row, column)
         return np.asarray((np.abs(on_plane - own) <= np.float32(SAME_PLANE) * own) & (own > 0.0))
 
     def ill_fitted(self, planes: Plane) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of texels whose plane in (h, w, 3) few around them lie on."""
+        """Return rows and columns of texels whose plane in (h, w, 3) fits few neighbours."""
         (height, width), count = planes.shape[:2], np.zeros(planes.shape[:2], np.int8)
         for down, aside in _steps(1):
             top, left = _REACH + down, _REACH + aside
@@ -308,7 +313,7 @@ class _Points:
     def score(
         self, planes: Plane, row: NDArray[np.intp], column: NDArray[np.intp]
     ) -> NDArray[np.int8]:
-        """(N,) how many texels around N texels lie on their planes (N, 3)."""
+        """Return (N,) the number of texels around N texels that lie on their planes (N, 3)."""
         count = np.zeros(row.size, np.int8)
         for down, aside in _steps(_REACH):
             count += self.fit(planes, row + down, column + aside)
@@ -316,15 +321,15 @@ class _Points:
 
 
 def _steps(reach: int) -> list[tuple[int, int]]:
-    """Steps down and aside to all texels of a square window."""
+    """Return the offsets (down, aside) of all texels of a square window."""
     steps = range(-reach, reach + 1)
     return [(down, aside) for down in steps for aside in steps]
 
 
 def _with_borrowed(planes: Plane, points: _Points) -> Plane:
-    """Planes (h, w, 3); where texels fit theirs badly, that of a neighbour which they fit better.
+    """Replace badly fitting planes (h, w, 3) by a neighbour's where that fits better.
 
-    A strip of a single texel, as a table's far edge, has too little to fit a plane of its own to.
+    A strip one texel wide, such as the far edge of a table, is too small to fit its own plane to.
     """
     padded = _around(planes)
     row, column = points.ill_fitted(planes)
@@ -345,9 +350,9 @@ def _with_borrowed(planes: Plane, points: _Points) -> Plane:
 
 
 def _agreed(inverse: Plane, weight: Plane) -> Plane:
-    """(...) inverse depth by those of four corners (4, ...) that agree and weigh most.
+    """Return the inverse depth (...) of the largest group of corners (4, ...) that agree.
 
-    0 where these have no surface.
+    It is 0 where this group has no surface.
     """
     mixed = np.einsum("i...,i...", inverse, weight)
     low, high = inverse.min(axis=0), inverse.max(axis=0)
@@ -357,7 +362,7 @@ def _agreed(inverse: Plane, weight: Plane) -> Plane:
 
 
 def _majority(inverse: Plane, weight: Plane) -> Plane:
-    """(N,) as `_agreed`, of (4, N) that do not all agree."""
+    """Return (N,) the result of `_agreed` for corners (4, N) that do not all agree."""
     limit = np.float32(SAME_SURFACE) * np.minimum(inverse[:, None], inverse[None])
     agree = np.abs(inverse[:, None] - inverse[None]) <= limit
     share = np.where(agree, weight[None], np.float32(0.0))

@@ -1,10 +1,10 @@
-"""Drift of a video's exposure and white balance, taken off what rays find.
+"""Compensation of drift of a video's exposure and white balance.
 
-A camera that sets its exposure and white balance itself multiplies all colours by the same linear
-map (*Natural Environment Illumination*, section 4), which is not a change of light: light that
-comes or goes changes each surface otherwise. The map of each frame to a reference frame is found
-from the surfaces that both show; what rays find is mapped by it (`Frame.radiance`), so that
-histories hold, and what is displayed is mapped back.
+Automatic exposure and white balance multiply all colours by the same linear map (*Natural
+Environment Illumination*, section 4). A change of light differs: it changes each surface by another
+factor. The map of each frame to a reference frame is estimated from the surfaces that both show.
+Radiance for rays is mapped by it (`Frame.radiance`), so that temporal histories stay valid. It is
+mapped back for display.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ Picture = NDArray[np.float32]
 Matrix = NDArray[np.float64]
 
 ROWS = 256
-"""Rows of the pictures that are compared, about: every n-th texel of a frame."""
+"""Approximate number of rows of the compared pictures: every n-th texel of a frame."""
 CELL_ROWS = 32
-"""Rows of cells, whose means are compared."""
+"""Number of rows of cells, whose means are compared."""
 NEARLY_WHITE = 0.95
-"""Share of the radiance at which a picture's range ends from where on colours may be clipped."""
+"""Share of the clipping radiance from which on colours may be clipped."""
 DARK_OF_WHITE, DARK_OF_MEDIAN = 0.005, 0.02
-"""Radiance below which a colour is uncertain: of white where the range is limited, which eight
-bits resolve coarsely, and of the picture's median."""
+"""Radiance below which a colour is uncertain: relative to white where the range is limited, because
+eight bits resolve it coarsely, and relative to the picture's median."""
 SAME_DEPTH = 0.1
-"""Relative difference up to which a texel shows the same surface."""
+"""Largest relative difference in depth of texels that show the same surface."""
 SAME_PLACE = 0.5
-"""Share of the sphere that shows the same surfaces in two frames of one place."""
+"""Least share of the sphere with the same surfaces in two frames of one place."""
 WHOLE = 0.75
-"""Share of a cell's texels that must show the same surfaces."""
+"""Least share of a cell's texels with the same surfaces."""
 MIN_SHARE = 0.05
-"""Colours are compared on no less of the sphere."""
+"""Least share of the sphere on which colours are compared."""
 REGION = 8
-"""Cells a side of the regions over which drift must be the same."""
+"""Width, in cells, of the regions over which drift must be the same."""
 MIN_DRIFT = 0.002
-"""Relative change of colours below which a map stays as it is."""
+"""Least relative change of colours that changes the map."""
 UNEXPLAINED = 0.2
-"""Share of that change that a map may leave; else it is noise, or light."""
+"""Largest share of that change left unexplained by a map; beyond it, it is noise or light."""
 BEYOND_NOISE = 4.0
-"""Standard errors from which on what a map leaves is light."""
+"""Residual of a map, in standard errors, from which on it is a change of light."""
 
 
 MEAN = np.full(3, 1.0 / 3.0, np.float32)
@@ -56,7 +56,7 @@ MEAN = np.full(3, 1.0 / 3.0, np.float32)
 
 @dataclass(frozen=True)
 class Sample:
-    """Texels of a frame.
+    """Texels sampled from a frame.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Sample:
     depth : (h, w) float32
         Metres, +inf in open sky.
     usable : (h, w) bool
-        Not clipped.
+        Whether the colour is not clipped.
     dark : float
         Radiance below which colours are uncertain.
     pose : (4, 4) float64 or None
@@ -80,7 +80,7 @@ class Sample:
 
     @classmethod
     def of(cls, frame: Frame, white: float) -> Sample:
-        """`white`: `FrameSource.white`."""
+        """Sample a frame; `white` is `FrameSource.white`."""
         step = max(1, frame.height // ROWS)
         start = step // 2
         color = frame.color[start::step, start::step]
@@ -96,20 +96,21 @@ class Sample:
 
     @property
     def legible(self) -> bool:
-        """Enough of it is neither clipped nor dark."""
+        """Return whether enough texels are neither clipped nor dark."""
         seen = self.usable & (self.color @ MEAN > self.dark)
         return bool(seen.mean() >= MIN_SHARE)
 
     def mapped(self, color_map: Matrix | None) -> Sample:
-        """The same in other colours."""
+        """Return the sample in other colours."""
         if color_map is None:
             return self
         color = np.maximum(self.color @ color_map.T.astype(np.float32), np.float32(0.0))
         return replace(self, color=color, dark=self.dark * float(np.trace(color_map)) / 3.0)
 
     def seen_from(self, other: Sample) -> tuple[Sample, Picture]:
-        """The nearest texels to those of `other`, and the depth at which each would show the
-        same surface.
+        """Look up the texels nearest to those in `other`.
+
+        Returns the texels, and the depth at which each would show the same surface.
         """
         motion = camera_motion(self.pose, other.pose)
         if np.array_equal(motion, np.eye(4)[:3]):
@@ -128,17 +129,17 @@ Verdict = Literal["same", "drift", "light", "noise"]
 
 
 class Drift:
-    """A stage of a video's stream: gives frames their `color_map`.
+    """A stage that sets the `color_map` of frames.
 
-    The first frame is the reference, and the first after a cut. A map stays as it is until another
-    one is clearly better, so that a steady video has none at all. Where the light has changed, the
-    frame becomes the reference, in the colours of the first; where the camera has moved too far,
-    the frame before does.
+    The reference is the first frame of the video, and the first one after a cut. A map stays until
+    another one is clearly better, so a steady video has no maps. Where the light has changed, the
+    current frame becomes the reference, in the colours of the first one. Where the camera has moved
+    too far, the previous frame does.
 
     Parameters
     ----------
     white : float
-        Radiance from which on colours are clipped; infinite where they never are.
+        Radiance at which colours clip; infinite if they never do.
     """
 
     def __init__(self, white: float = np.inf) -> None:
@@ -148,6 +149,7 @@ class Drift:
         self._map: Matrix | None = None
 
     def __call__(self, frame: Frame) -> Frame:
+        """Return the frame with its `color_map`, or itself if colours have not drifted."""
         sample = Sample.of(frame, self._white)
         if sample.legible:
             self._follow(sample)
@@ -155,7 +157,7 @@ class Drift:
         return frame if self._map is None else replace(frame, color_map=self._map)
 
     def _follow(self, sample: Sample) -> None:
-        """Find the frame's map, and renew the reference where it no longer serves."""
+        """Estimate the frame's map, and replace the reference where it no longer serves."""
         if self._reference is None or self._before is None:
             self._reference = sample
             return
@@ -166,7 +168,7 @@ class Drift:
                 continue
             self._reference = reference
             verdict = judged(pairs, self._map, found)
-            # Since the reference, light may have changed by more than colours since the last frame.
+            # Light may have changed since the reference, but only colours since the last frame.
             if verdict == "drift" or (verdict != "same" and self._drifts_from(sample, reference)):
                 self._map = simplest(pairs, found)
             elif verdict == "light":
@@ -177,7 +179,7 @@ class Drift:
         self._reference = sample.mapped(self._map)
 
     def _drifts_from(self, sample: Sample, reference: Sample) -> bool:
-        """Colours have drifted since the frame before, which is not the reference."""
+        """Return whether colours drifted since the previous frame, if that is not the reference."""
         if self._before is None or self._before is reference:
             return False
         pairs, _ = compare(sample, self._before)
@@ -188,9 +190,10 @@ class Drift:
 
 
 def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
-    """Colours of what both show, and the share of the sphere that shows the same surfaces in both.
+    """Pair the colours of surfaces that both show.
 
-    None: another place, or too little to compare.
+    Returns the pairs, and the share of the sphere that shows the same surfaces in both. The pairs
+    are None for another place, or if there is too little to compare.
     """
     there, expected = reference.seen_from(sample)
     same = _same_depth(there.depth, expected)
@@ -202,8 +205,8 @@ def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
     clipped = _cells(~(sample.usable & there.usable), side)
     some = np.maximum(count, 1.0)[..., None]
     seen, wanted = (_cells(s.color * same[..., None], side) / some for s in (sample, there))
-    # Cells at an edge would mix what is the same with what is not. Those that lose their brightest
-    # texels would be too dark in the one that is exposed more.
+    # Cells at an edge would mix different surfaces. Cells with clipped texels would lose their
+    # brightest texels in one picture, and be too dark there.
     used = (count > WHOLE * side * side) & (clipped == 0.0)
     used &= (seen.mean(-1) > sample.dark) & (wanted.mean(-1) > there.dark)
     weight = np.broadcast_to(solid_angles(*used.shape[::-1])[:, None], used.shape)
@@ -216,7 +219,7 @@ def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
 
 
 def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
-    """The kind of change since the map `before`; `found` is the best known map."""
+    """Classify the change since the map `before`, given the best map `found`."""
     change, _ = pairs.left(np.eye(3) if before is None else before)
     if change < MIN_DRIFT:
         return "same"
@@ -227,15 +230,15 @@ def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
 
 
 def simplest(pairs: Pairs, found: Matrix) -> Matrix | None:
-    """The map that was found, or none where none is as good."""
+    """Return `found`, or None if the identity fits as well."""
     return None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
 
 
 def _cells(picture: NDArray[Any], side: int) -> Matrix:
-    """Sums over squares of texels of (h, w, ...); what is left over at the edges is not counted."""
+    """Sum (h, w, ...) over squares of texels; incomplete squares at the edges are left out."""
     rows, columns = picture.shape[0] // side, picture.shape[1] // side
     whole = picture[: rows * side, : columns * side].astype(np.float32)
-    # Along rows first: twice as quick as both at once.
+    # Rows first is twice as quick as both axes at once.
     lines = whole.reshape(rows, side, -1).sum(axis=1)
     return np.asarray(
         lines.reshape(rows, columns, side, *picture.shape[2:]).sum(axis=2), np.float64
@@ -243,7 +246,7 @@ def _cells(picture: NDArray[Any], side: int) -> Matrix:
 
 
 def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:
-    """Where depths agree up to one factor: the scale of estimated depth wavers."""
+    """Return where depths agree up to one factor, as the scale of estimated depth wavers."""
     with np.errstate(invalid="ignore"):
         ratio = found / expected
     both = np.isfinite(ratio)

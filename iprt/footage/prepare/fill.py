@@ -1,4 +1,4 @@
-"""Sanitised depth: every texel positive, holes filled or infinite, openings flagged."""
+"""Cleaning of colour and depth: holes are filled or set to infinity, and openings flagged."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Plane = NDArray[np.float32]
 
 _CG_TOLERANCE = 1e-5
 _CG_TEXEL_STEPS = 3e7
-"""Unknowns times iterations spent per level: small levels converge, which leaves the large ones
-only fine detail."""
+"""Unknowns times iterations per level. Small levels converge, which leaves only fine detail to the
+large ones."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class CleanDepth:
 
 
 def sanitise_color(color: Plane) -> Plane:
-    """Linear radiance with everything negative or not finite set to 0; (H, W, 3) float32.
+    """Set negative and non-finite radiance (H, W, 3) to 0.
 
-    The same array where there is no such thing.
+    Returns the same array if there is none.
     """
     with np.errstate(invalid="ignore"):
-        # Both are NaN where anything is.
+        # Both are NaN if any value is.
         if color.min() >= 0.0 and color.max() < np.inf:
             return color
         usable = np.isfinite(color) & (color > 0.0)
@@ -43,13 +43,13 @@ def sanitise_color(color: Plane) -> Plane:
 
 
 def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
-    """Fill the holes that a rim closes and set the others to infinity.
+    """Fill the holes that a rim closes, and set the others to infinity.
 
     Parameters
     ----------
     stored : (H, W) float32
-        Metres from the capture centre; 0, negative, NaN or inf where there is no surface, and
-        `UNMEASURED` where one is that was not measured.
+        Metres from the capture centre; 0, negative, NaN or inf where there is no surface,
+        `UNMEASURED` where there is a surface without a measurement.
     color : (H, W, 3) float32
         Linear radiance, finite.
     """
@@ -75,21 +75,21 @@ def fill_inverse_depth(
 
     Solves `laplace(f) + 2 f = 0` on the sphere with f given on the rim. The inverse depth of a
     plane `n . p = 1` seen along the unit vector w is f = n . w, a spherical harmonic of degree 1,
-    whose Laplacian is -2 f: a hole in a plane is filled with that plane (a plain Laplacian bulges
-    towards the viewer). Holes below 2 pi sr have a unique, positive solution (their lowest
-    eigenvalue is above the hemisphere's, which is 2).
+    whose Laplacian is -2 f. A hole in a plane is therefore filled with that plane, where a plain
+    Laplacian bulges towards the viewer. Holes below 2 pi sr have a unique, positive solution, as
+    their lowest eigenvalue is above the hemisphere's, which is 2.
 
     Parameters
     ----------
     inverse : (H, W) float
         1/m where `known`, else 0.
     known, fill : (H, W) bool
-        Disjoint. Texels that are neither are open sky and must not touch `fill`.
+        Disjoint. Texels in neither are open sky and must not touch `fill`.
 
     Returns
     -------
     (N,) float64
-        The interpolation where `fill`, row by row.
+        Interpolated inverse depth where `fill`, row by row.
     """
     texel = np.flatnonzero(fill)
     if not texel.size:
@@ -98,7 +98,7 @@ def fill_inverse_depth(
     matrix, right, diagonal = _helmholtz(inverse, known, fill, texel)
     steps = min(1000, max(40, int(_CG_TEXEL_STEPS / diagonal.size)))
     solution = _conjugate_gradients(matrix, right, diagonal, guess, steps)
-    # Roughly solved corners of a ragged hole must not leave the range of depths around them.
+    # Poorly converged corners of a ragged hole must stay near the depths around them.
     return np.clip(solution, 0.25 * guess, 4.0 * guess)
 
 
@@ -111,8 +111,8 @@ def _conjugate_gradients(
 ) -> NDArray[np.float64]:
     """Solve a positive definite system, preconditioned by its diagonal (Jacobi).
 
-    SciPy's own takes scalar products by BLAS, whose threads cost more than they save on vectors
-    this short: ten times as long, where other threads are at work.
+    SciPy's solver uses BLAS for scalar products. Its threads cost more than they save on such short
+    vectors: ten times the time, while other threads are at work.
     """
     x, rest = start.copy(), right - matrix @ start
     enough = (_CG_TOLERANCE**2) * _dot(right, right)
@@ -139,15 +139,15 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 def _helmholtz(
     inverse: NDArray[np.floating], known: Mask, fill: Mask, texel: NDArray[np.intp]
 ) -> tuple[csr_array, NDArray[np.float64], NDArray[np.float64]]:
-    """Matrix, right-hand side and diagonal of -(laplace + 2), by finite volumes on the texels.
+    """Return matrix, right-hand side and diagonal of -(laplace + 2), by finite volumes on texels.
 
-    A texel's edges towards the pole have length 0 in the polar rows, so that the poles need no
-    case of their own. `texel` holds the places where `fill`.
+    Edges towards the pole have length 0 in the polar rows, so the poles need no special case.
+    `texel` holds the flat indices where `fill`.
     """
     height, width = fill.shape
     step_theta, step_phi = np.pi / height, 2.0 * np.pi / width
     index = np.arange(texel.size, dtype=np.int32)
-    number = np.empty(fill.size, np.int32)  # read where `fill` alone
+    number = np.empty(fill.size, np.int32)  # only read where `fill`
     number[texel] = index
     rows, columns = np.divmod(texel, width)
     sin_edge = np.sin(np.arange(height + 1) * step_theta)
@@ -184,10 +184,10 @@ def _helmholtz(
 def _coarse_guess(
     inverse: NDArray[np.floating], known: Mask, fill: Mask, texel: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """First guess (N,) where `fill`: the same problem on texels of twice the size.
+    """Return the first guess (N,) where `fill`: the solution on texels of twice the size.
 
-    A coarse texel is known where any of its four is, with their mean, so that known texels keep
-    separating holes on every level.
+    A coarse texel is known, with their mean, if any of its four texels is. Known texels thus keep
+    holes separate on every level.
     """
     height, width = inverse.shape
     if min(height, width) == 1:
@@ -202,7 +202,7 @@ def _coarse_guess(
 
 
 def _blocks_of_four(plane: NDArray[Any]) -> NDArray[Any]:
-    """(ceil(H / 2), ceil(W / 2)) sums over blocks of 2 x 2, beyond the edge of 0."""
+    """Return (ceil(H / 2), ceil(W / 2)) sums over blocks of 2 x 2, padded with 0."""
     height, width = plane.shape
     if height % 2 or width % 2:
         plane = np.pad(plane, [(0, height % 2), (0, width % 2)])

@@ -1,4 +1,4 @@
-"""Glossy texels of frames."""
+"""Marking of the texels of glossy surfaces."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from iprt.footage.real_material import Mask, RealMaterial
 
 
 class Glossy:
-    """A stage of a video's stream: fills in `gloss` and `real_materials` of frames.
+    """A stage that sets `gloss` and `real_materials` of frames.
 
-    Where regions overlap, the last one holds. While depth stays, so do the places of surfaces.
+    Where regions overlap, the last one wins. The places of surfaces are kept while depth stays.
     """
 
     def __init__(self, materials: tuple[RealMaterial, ...]) -> None:
@@ -24,6 +24,7 @@ class Glossy:
         self._places: list[Mask] = []
 
     def __call__(self, frame: Frame) -> Frame:
+        """Return the frame with its glossy texels marked."""
         if not self._materials:
             return frame
         if frame.depth is not self._depth or frame.opening is not self._opening:

@@ -1,8 +1,8 @@
-"""Storage of depth, by the first frame of a video, and its values that are no depth.
+"""Conversion of stored depth to metres, and detection of values that mark missing depth.
 
-Programs mark missing depth by a value of their own: the largest of a type (65535), or one that is
-larger than any place (1e10). Such a *mark* is a single exact value that many pixels hold, and that
-lies far beyond all others. A far wall is neither: its distances differ from pixel to pixel.
+Programs mark missing depth by a special value: the largest of a type (65535), or one far outside
+any scene (1e10). Such a *mark* is a single exact value that many pixels hold, far above all others.
+A far wall is no mark: its distances differ from pixel to pixel.
 """
 
 from __future__ import annotations
@@ -20,33 +20,33 @@ from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, c
 Picture = NDArray[np.float32]
 
 BEYOND = 10.0
-"""Least factor of a mark over all other values."""
+"""Least ratio of a mark to all other values."""
 BEYOND_WHITE, BEYOND_NEAREST = 1.05, 1.5
-"""Least gap below the largest value of a type, where it is the farthest and where the nearest:
-surfaces that come too near may all be stored as the nearest."""
+"""Least ratio if the mark is the largest value of a type, and that is the farthest or the nearest
+depth. Surfaces that come too near may all be stored as the nearest one."""
 LEAST_SHARE, LEAST = 1e-4, 16
-"""Least share and number of the pixels that hold a mark."""
+"""Least share and least number of the pixels that hold a mark."""
 FEW_VALUES = 256
-"""Depth with no more values has steps, and many pixels hold each of them."""
+"""Largest number of values of quantised depth, each of which many pixels hold."""
 MOST_MARKS = 3
 _SAMPLES = 256
-"""Rows and columns in which values are counted."""
+"""Number of rows and columns in which values are counted."""
 
 
 @dataclass(frozen=True)
 class StoredDepth:
-    """Properties of the pictures of depth.
+    """Storage format of the depth pictures of a video.
 
     Attributes
     ----------
     size : (int, int)
         Width and height.
     grid : Grid or None
-        The coarse texels that they repeat.
+        The coarse texels that the pictures repeat.
     marks : DepthMarks
-        Values that are no depth, given or found.
+        Values that mark missing depth, given or found.
     doubts : tuple of str
-        Guesses and doubts about them, a phrase each.
+        Guesses and doubts, a phrase each.
     """
 
     size: tuple[int, int]
@@ -56,7 +56,7 @@ class StoredDepth:
 
     @classmethod
     def of(cls, path: Path, samples: DepthSamples, code: DepthCode) -> StoredDepth:
-        """Return the properties of a picture of depth; `path` names it.
+        """Find the storage format of a depth picture; `path` names it in messages.
 
         Raises
         ------
@@ -87,21 +87,21 @@ class StoredDepth:
             return depth
         if self.grid is None:
             return depth * cube_factor(*depth.shape)
-        # Repeated texels must stay equal, to be recognised.
+        # Repeated texels must stay equal, so that they are recognised.
         width, height = self.grid.size
         return depth * self.grid.repeated(cube_factor(height, width), *depth.shape)
 
 
 @dataclass(frozen=True)
 class FoundMark:
-    """Value that is taken for a mark.
+    """A value taken for a mark of missing depth.
 
     Attributes
     ----------
     share : float
         Share of the pixels that hold it.
     below : float
-        The largest of all other values.
+        Largest of all other values.
     """
 
     value: float
@@ -109,7 +109,7 @@ class FoundMark:
     below: float
 
     def line(self, name: str) -> str:
-        """Return a line about the mark; `name` is the file's."""
+        """Return a line about the mark; `name` is the file's name."""
         value = f"{self.value:.9g}"
         return (
             f"depth: {value} stands in {self.share:.2%} of the pixels of {name}, far beyond all "
@@ -152,13 +152,13 @@ def find_marks(samples: DepthSamples, code: DepthCode) -> list[FoundMark]:
 
 
 def _has_few_values(values: NDArray[np.generic]) -> bool:
-    """Return whether depth (H, W) was quantised to 8 bits once."""
+    """Return whether depth (H, W) has once been quantised to 8 bits."""
     rows, columns = (slice(None, None, max(1, side // _SAMPLES)) for side in values.shape)
     return np.unique(values[rows, columns]).size <= FEW_VALUES
 
 
 def _coarse_steps(name: str, samples: DepthSamples, code: DepthCode, depth: Picture) -> list[str]:
-    """Return a phrase about the step between two stored values at the median depth (H, W)."""
+    """Return a phrase about the quantisation step at the median depth (H, W)."""
     there = usable(depth)
     if not there.any():
         return []

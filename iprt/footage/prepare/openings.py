@@ -1,14 +1,14 @@
-"""Which texels without depth a surface closes, and which of those are windows.
+"""Classification of texels without depth: windows, open sky, or gaps in a surface.
 
 A *hole* is a connected set of texels without depth (8-neighbours, across the seam and over the
-poles). Three cases:
+poles). There are three kinds:
 
-- **Open sky**: no rim closes the hole. It covers more than 2 sr, or it holds the zenith and
-  reaches down to 30° above the horizon (a street's sky; a skylight ends higher). Stays at infinity.
-- **Opening**: any other hole, a window mostly. Filled from its rim, and flagged.
-- **Dropout**: a hole that a sensor left in a surface: smaller than 1e-4 sr and not twice as bright
-  as its rim, or around the nadir, where the tripod stands, or said to be one. Filled from its rim,
-  not flagged.
+- **Open sky**: a hole that no rim closes. It covers more than 2 sr, or it holds the zenith and
+  reaches down to 30° above the horizon (a street's sky; a skylight ends higher). It stays infinite.
+- **Opening**: any other hole, usually a window. It is filled from its rim, and flagged.
+- **Dropout**: a gap that a sensor left in a surface. It is smaller than 1e-4 sr and less than twice
+  as bright as its rim, or holds the nadir, where the tripod stands, or is marked as a surface. It
+  is filled from its rim, and not flagged.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import solid_angles
 
 OPEN_SKY_SR = 2.0
-"""Solid angle above which a hole is open. Below 2 pi, so that the fill has a unique solution."""
+"""Solid angle from which on a hole is open. It is below 2 pi, so that the fill is unique."""
 OPEN_SKY_ELEVATION_DEG = 30.0
 DROPOUT_SR = 1e-4
 DROPOUT_BRIGHTNESS = 2.0
@@ -34,7 +34,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Holes:
-    """Kinds of texels without depth; all (H, W) bool and disjoint."""
+    """Texels without depth by kind; all (H, W) bool and disjoint."""
 
     open_sky: Mask
     opening: Mask
@@ -42,7 +42,7 @@ class Holes:
 
 
 def find_openings(stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
-    """Return the openings (H, W) of depth in metres, by its colour (H, W, 3)."""
+    """Find the openings (H, W) of depth in metres, with its colour (H, W, 3)."""
     measured = usable(stored)
     if measured.all():
         return np.zeros_like(measured)
@@ -50,13 +50,13 @@ def find_openings(stored: NDArray[np.float32], color: NDArray[np.float32]) -> Ma
 
 
 def holes_of(stored: NDArray[np.float32], measured: Mask, color: NDArray[np.float32]) -> Holes:
-    """Return texels that are not `measured` by kind; see `classify_holes`."""
+    """Classify the texels that are not `measured`; see `classify_holes`."""
     unmeasured = stored == UNMEASURED
     return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
 
 
 def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | None = None) -> Holes:
-    """Sort holes into open sky, openings and dropouts, by the rules above.
+    """Sort holes into open sky, openings and dropouts, by the rules of this module.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | No
     color : (H, W, 3) float32
         Linear radiance, finite.
     unmeasured : (H, W) bool or None
-        Those of them where a surface is said to be; they decide where they are the most of a hole.
+        Texels marked as surfaces. Holes mostly marked count as surfaces.
     """
     height, width = hole.shape
     texel = np.flatnonzero(hole)
@@ -73,7 +73,7 @@ def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | No
     rows = texel // width
     sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
     lowest_row = np.zeros(count)
-    # In the order of their rows, so that the last one stays.
+    # Texels are in the order of their rows, so the last assignment stays.
     lowest_row[of_texel] = rows
     elevation_deg = 90.0 - 180.0 * (lowest_row + 1.0) / height
     at_zenith, at_nadir = (
@@ -104,7 +104,7 @@ def _brightness_over_rim(
     of_texel: NDArray[np.intp],
     count: int,
 ) -> NDArray[np.float64]:
-    """(count,) mean luminance of each hole over that of the texels around it; 0 without a rim."""
+    """Return (count,) mean luminance of holes relative to the texels around; 0 without a rim."""
     height, width = hole.shape
     colors, holes = color.reshape(-1, 3), hole.ravel()
     rows, columns = np.divmod(texel, width)

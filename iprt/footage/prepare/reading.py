@@ -1,4 +1,4 @@
-"""Frames in metres, at one size and turned to the scene: the stages from decoding to turning."""
+"""Raw frames in metres, at one size and in the scene's orientation: stages 1 to 4."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Picture = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class RawFrame:
-    """A frame as its files have it, in metres and turned to the scene's convention.
+    """Decoded frame, in metres and in the scene's orientation.
 
     Attributes
     ----------
@@ -35,6 +35,7 @@ class RawFrame:
     depth : (H, W) float32
         Metres; 0, negative, NaN or inf where there is no surface.
     normal : (H, W, 3) float32 or None
+        Unit vectors in world space.
     index, pose
         As in `Frame`.
     """
@@ -47,14 +48,14 @@ class RawFrame:
 
 
 class RawFrames:
-    """The frames of a source, and how their depth is stored, which the first one tells."""
+    """Raw frames of a source, with the storage format of their depth, found in the first frame."""
 
     def __init__(self, source: FrameSource) -> None:
         self.source = source
 
     @cached_property
     def stored_depth(self) -> StoredDepth | None:
-        """How depth is stored, by the first frame wherever reading begins; None: it has none."""
+        """Storage of depth, from the first frame of the video; None if that cannot be read."""
         try:
             with self.source.decoding() as decoder:
                 return self._stored(decoder.depth(self.source.indices[0]))
@@ -62,7 +63,7 @@ class RawFrames:
             return None
 
     def first_depth(self, samples: DepthSamples) -> None:
-        """Take the depth of the first frame, which need not be read for `stored_depth`."""
+        """Set `stored_depth` from samples of the first frame, to avoid decoding them again."""
         if "stored_depth" not in vars(self):
             self.stored_depth = self._stored(samples)
 
@@ -72,7 +73,7 @@ class RawFrames:
 
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
-        """A reader of frames, quickest in order. Not for several threads at a time."""
+        """Open a reader of frames, quickest in order. Not for several threads at a time."""
         with self.source.decoding() as decoder:
             yield FrameReader(self, decoder)
 
@@ -83,13 +84,13 @@ class RawFrames:
 
 
 class FrameReader:
-    """Reads frames, whose files it holds open."""
+    """A reader of frames that holds their files open."""
 
     def __init__(self, frames: RawFrames, decoder: Decoder) -> None:
         self._frames, self._source, self._decoder = frames, frames.source, decoder
 
     def read(self, index: int) -> RawFrame:
-        """Read a frame; raises as `color` and `completed` do."""
+        """Read a frame; errors are those from `color` and `completed`."""
         return self.completed(index, self.color(index))
 
     def color(self, index: int) -> Picture:
@@ -98,8 +99,8 @@ class FrameReader:
         Raises
         ------
         FormatError
-            A damaged or missing file, not 2:1 or of another size than the first frame, or without
-            a single usable value.
+            If a file is damaged, missing, not 2:1, of another size than the first frame, or
+            without a single finite value.
         """
         color = self._decoder.color(index)
         path = self._source.files(index)["color"]
@@ -111,14 +112,14 @@ class FrameReader:
         return turned_color(color, self._source.yaw_offset_deg)
 
     def completed(self, index: int, color: Picture) -> RawFrame:
-        """Read the rest of a frame of which colour is read.
+        """Read depth, normals and pose of a frame whose colour is read.
 
         Raises
         ------
         FormatError
-            A damaged or missing file, depth that is larger than colour or not 2:1, normals of
-            another size than colour, integer depth without a scale, depth without a single
-            usable value, or, of the first frame, depth that is a picture.
+            If a file is damaged or missing, depth is larger than colour or not 2:1, normals have
+            another size than colour, integer depth has no scale, depth has no usable value, or
+            the depth of the first frame is a picture.
         """
         path, code = self._source.files(index)["depth"], self._source.code
         samples = self._decoder.depth(index)
@@ -134,7 +135,7 @@ class FrameReader:
         return RawFrame(color, *turned, index, self.pose(index))
 
     def pose(self, index: int) -> NDArray[np.float64] | None:
-        """Return the pose as `FrameSource.pose`."""
+        """Return the pose of a frame; see `FrameSource.pose`."""
         return self._source.pose(index)
 
     def _normal(self, index: int) -> Picture | None:
@@ -146,7 +147,7 @@ class FrameReader:
         return normal
 
     def _full_depth(self, path: Path, depth: Picture, stored: StoredDepth) -> Picture:
-        """Depth at the size of colour."""
+        """Return depth at the size of colour."""
         size = self._source.size
         columns, rows = own = depth.shape[1], depth.shape[0]
         if columns != 2 * rows or rows > size[1]:
@@ -172,7 +173,7 @@ def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:
 
 
 def require_unit(path: Path, normal: Picture) -> None:
-    """Raise FormatError for what can be no normals: most vectors are not of length 1."""
+    """Raise FormatError if most vectors are not of length 1, and therefore no normals."""
     with np.errstate(all="ignore"):
         length = np.linalg.norm(normal, axis=-1)
     given = length[np.isfinite(length) & (length > 0.0)]

@@ -1,4 +1,4 @@
-"""Remarks on a video: why it cannot be read, gaps that are bridged, and guesses; one line each."""
+"""Remarks on a video, one line each: reasons why it is unreadable, bridged gaps, and guesses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from iprt.footage.video.source import FrameSource
 def video_problems(source: FrameSource, *, strict: bool = False) -> list[str]:
     """Return reasons why a video cannot be read.
 
-    The first frame without a file, links elsewhere, and depth without a unit. If `strict`, any
-    frame without a file.
+    These are a missing file of the first frame, links that leave the folder, and depth without a
+    unit. If `strict`, any missing file is one.
     """
     try:
         tracks = source.tracks.by_key
@@ -33,13 +33,13 @@ def video_problems(source: FrameSource, *, strict: bool = False) -> list[str]:
 
 
 def video_notices(source: FrameSource) -> list[str]:
-    """Return gaps that the reader of a video fills, and disagreements of its streams."""
+    """Return gaps that the reader of a video fills, and disagreements between its streams."""
     gaps = [f"video.{key}: {line}; the one before it stays" for key, line in _gaps(source).items()]
     return gaps + source.tracks.disagreements
 
 
 def _gaps(source: FrameSource) -> dict[str, str]:
-    """Return by key which frames have no file."""
+    """Return a line about missing files by key."""
     lines = {}
     for key, files in source.missing.items():
         least = "at least " if len(files) == source.MAX_MISSING else ""
@@ -49,7 +49,7 @@ def _gaps(source: FrameSource) -> dict[str, str]:
 
 
 def video_remarks(frames: RawFrames) -> list[str]:
-    """Return remarks on unread parts of colour, on its share of the sphere, and on depth."""
+    """Return remarks on unread parts of colour, its coverage of the sphere, and depth."""
     source = frames.source
     path, placement = source.files(source.indices[0])["color"], source.placement
     lines = []
@@ -64,7 +64,7 @@ def video_remarks(frames: RawFrames) -> list[str]:
 
 
 def interpolation(frames: RawFrames) -> list[str]:
-    """Return at most one line: that depth has fewer values than colour, and is interpolated."""
+    """Return at most one line: depth has a lower resolution than colour, and is interpolated."""
     source, stored = frames.source, frames.stored_depth
     if stored is None or (stored.grid is None and stored.size == source.size):
         return []
@@ -78,5 +78,5 @@ def interpolation(frames: RawFrames) -> list[str]:
 
 
 def depth_doubts(frames: RawFrames) -> list[str]:
-    """Return guesses about stored depth, and doubts."""
+    """Return guesses and doubts about stored depth."""
     return [] if frames.stored_depth is None else list(frames.stored_depth.doubts)

@@ -1,19 +1,19 @@
-"""The stages that make a `Frame` of a video's files, in order. They are composed here alone.
+"""Stages that turn the files of a video into `Frame` objects, in order.
 
-1. Decode (`iprt.footage.video`): pictures as they lie in the sphere, colour as linear radiance.
-2. Metres (`metres`): stored depth as metres along rays.
-3. Enlarge (`enlarge`): depth at the size of colour, interpolated along surfaces.
-4. Turn (`turn`): about the vertical, by `yaw_offset_deg`.
+1. Decode (`iprt.footage.video`): place pictures on the sphere, convert colour to linear radiance.
+2. Metres (`metres`): convert stored depth to metres along rays.
+3. Enlarge (`enlarge`): resample depth to the size of colour, along surfaces.
+4. Turn (`turn`): rotate about the vertical by `yaw_offset_deg`.
 
-These are for each frame by itself (`reading`). In a video that must go on, good frames stand in for
-what cannot be read (`steady`). `Preparation` does the rest, frame by frame:
+`reading` runs stages 1 to 4 on each frame separately. `steady` replaces unreadable frames by good
+ones. `Preparation` runs the other stages, frame by frame:
 
-5. Denoise (`denoise`): depth within its noise goes to the planes around.
-6. Openings (`openings`): which texels without depth are windows, open sky or gaps of a surface.
-7. Fill (`fill`): windows and gaps get the depth of their rim, open sky is infinitely far.
-8. Exposure (`exposure`): the map of colours to those of the video's reference frame.
-9. Gloss (`gloss`): the texels of glossy surfaces.
-10. Clipped lights (`clipped_lights`): the light that the camera clipped.
+5. Denoise (`denoise`): project noisy depth onto the planes fitted around it.
+6. Openings (`openings`): sort texels without depth into windows, open sky and gaps in surfaces.
+7. Fill (`fill`): interpolate depth over windows and gaps from their rim; open sky is infinite.
+8. Exposure (`exposure`): estimate the map of colours to the video's reference frame.
+9. Gloss (`gloss`): mark the texels of glossy surfaces.
+10. Clipped lights (`clipped_lights`): recover the radiance that the camera clipped.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from iprt.footage.real_material import RealMaterial
 class Preparation:
     """Stages 5 to 10 for the frames of one video, in the order in which they are given.
 
-    Stages know what they were given before, so that each pass over a video needs a preparation of
-    its own. A frame by itself is the first of its own.
+    The stages keep state from frame to frame, so each pass over a video needs its own preparation.
+    A single frame is the first one of its own preparation.
 
     Parameters
     ----------
     white : float
-        Radiance from which on colour is clipped; infinite where it never is.
+        Radiance at which colour clips; infinite if it never does.
     materials : tuple of RealMaterial
         The glossy real surfaces.
     drift : bool
-        Whether frames get a `color_map`.
+        Whether to estimate the `color_map` of frames.
     """
 
     def __init__(
@@ -68,23 +68,23 @@ class Preparation:
         frame = self._cleaned(raw)
         if self._exposure is not None:
             frame = self._exposure(frame)
-        # Materials are known by their hue, in the colours of the reference frame.
+        # Materials are recognised by their hue, in the colours of the reference frame.
         frame = self._gloss(frame)
         return self._lights(frame).measured()
 
     def frames(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
-        """Prepare frames one by one, when they are asked for."""
+        """Prepare frames lazily, one by one."""
         for raw in raws:
             frame = self(raw)
-            del raw  # neither may live on while the next one is made
+            del raw  # neither may stay alive while the next one is made
             yield frame
             del frame
 
     def _cleaned(self, raw: RawFrame) -> Frame:
         """Return a frame after denoising, openings and filling.
 
-        Depth that is that of the frame before is not filled anew: a static scene may have one
-        picture of depth, a video half the rate of colour, or depth may stand in for a bad frame's.
+        Depth equal to the previous frame's is not filled again. A static scene may have a single
+        depth picture, depth may have half the rate of colour, or replace an unreadable one.
         """
         color = sanitise_color(raw.color)
         if self._clean is None or not self._stays(raw, color):
@@ -95,7 +95,7 @@ class Preparation:
         return Frame(color, depth, opening, self._stored[1], index=raw.index, pose=raw.pose)
 
     def _stays(self, raw: RawFrame, color: Picture) -> bool:
-        """Return whether a frame has the depth, normals and openings of the one before."""
+        """Return whether a frame has the depth, normals and openings of the previous one."""
         assert self._clean is not None
         assert self._stored is not None
         same = all(map(_same, (raw.depth, raw.normal), self._stored))

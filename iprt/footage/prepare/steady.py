@@ -1,4 +1,4 @@
-"""Frames that cannot be read, in the middle of a video that must go on."""
+"""Continuous reading of videos with unreadable frames."""
 
 from __future__ import annotations
 
@@ -14,50 +14,49 @@ from iprt.footage.prepare.remarks import depth_doubts, video_remarks
 
 LOG = logging.getLogger("iprt.video")
 LOOK_BACK = 300
-"""Frames before the first one asked for that are searched for a good one."""
+"""Largest number of frames before the first requested one that are searched for a good one."""
 
 
 class Incident:
-    """A run of bad frames: reported when it begins, and when it is over."""
+    """A run of bad frames, reported at its beginning and at its end."""
 
     def __init__(self, report: Callable[[str], None]) -> None:
         self._report = report
         self._bad = 0
 
     def bad(self, problem: str) -> None:
-        """A frame is bad; `problem` says how, and what is done."""
+        """Count a bad frame; `problem` describes it and its replacement."""
         if not self._bad:
             self._report(problem)
         self._bad += 1
 
     def good(self, index: int) -> None:
-        """A frame is good."""
+        """End the run of bad frames before a good one."""
         if self._bad:
             self._report(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
         self._bad = 0
 
     def end(self) -> None:
-        """There is no further frame."""
+        """End the run of bad frames at the last frame."""
         if self._bad:
             self._report(f"bad up to the last frame: {counted(self._bad, 'frame')}")
         self._bad = 0
 
 
 class SteadyReader:
-    """Reads frames; what of them cannot be read is that of the last good frame.
+    """A reader that replaces unreadable parts by those from the last good frame.
 
-    Where depth (or a normal) cannot be read, the last good depth and normals stay, and colour goes
-    on. Where colour cannot be read, all of the last good frame stays: new depth would not fit to
-    old colour.
+    Without depth or normals, the last good depth and normals stay, and colour goes on. Without
+    colour, the whole last good frame stays: new depth would not fit old colour.
 
     Parameters
     ----------
     first : int
-        The video's first frame: what comes before the frames asked for is searched down to it.
+        First frame of the video, down to which frames before the requested ones are searched.
     strict : bool
         Whether a bad frame is an error.
     report : callable
-        Takes a line at the beginning and at the end of each run of bad frames.
+        Receives a line at the beginning and at the end of each run of bad frames.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class SteadyReader:
         self._reader, self._first, self._strict = reader, first, strict
         self._incident = Incident(report)
         self._last: RawFrame | None = None
-        self._color_of = self._depth_of = first  # the frames that `_last` is made of
+        self._color_of = self._depth_of = first  # the frames from which `_last` is composed
 
     def read(self, index: int) -> RawFrame:
         """Read a frame.
@@ -79,7 +78,7 @@ class SteadyReader:
         Raises
         ------
         FormatError
-            It cannot be read, and `strict`, or no frame before it can.
+            If the frame cannot be read, and `strict` is set or no frame before it can be read.
         """
         try:
             color = self._reader.color(index)
@@ -97,7 +96,7 @@ class SteadyReader:
         return self._keep(raw)
 
     def end(self) -> None:
-        """Tell of a run of bad frames that goes on up to here."""
+        """Report a run of bad frames that is still going on."""
         self._incident.end()
 
     def _keep(self, raw: RawFrame) -> RawFrame:
@@ -106,15 +105,15 @@ class SteadyReader:
         return raw
 
     def _recolored(self, last: RawFrame, index: int, color: Picture) -> RawFrame:
-        """Return the last frame with the colour of another, and from where that was seen."""
+        """Return the last frame with the colour and pose of another."""
         self._last = replace(last, color=color, index=index, pose=self._reader.pose(index))
         self._color_of = index
         return self._last
 
     def _before(self, index: int, error: FormatError) -> RawFrame:
-        """Return the last frame: of those read here, or else of those before the first asked for.
+        """Return the last good frame, if need be from before the first requested one.
 
-        So what stands in for a bad frame does not depend on where a film was resumed.
+        The replacement of a bad frame thus does not depend on where rendering was resumed.
         """
         if self._strict:
             raise error
@@ -125,7 +124,7 @@ class SteadyReader:
         return self._last
 
     def _look_back(self, index: int) -> None:
-        """Find the last good colour and the last good frame before one."""
+        """Find the last good colour and the last good frame before `index`."""
         newest: tuple[int, Picture] | None = None
         for earlier in range(index - 1, max(self._first, index - LOOK_BACK) - 1, -1):
             with suppress(FormatError):
@@ -140,7 +139,7 @@ class SteadyReader:
 def steady_frames(
     frames: RawFrames, indices: Iterable[int], *, strict: bool = False
 ) -> Iterator[RawFrame]:
-    """Read frames as `SteadyReader` does, one by one; the log tells of guesses about the video."""
+    """Read frames with `SteadyReader`, one by one; log guesses about the video first."""
     for line in frames.source.tracks.disagreements + depth_doubts(frames):
         LOG.warning(line)
     for line in video_remarks(frames):
@@ -153,7 +152,7 @@ def steady_frames(
 
 
 def bad_frames(frames: RawFrames) -> list[str]:
-    """Read all frames, and return a line for each run of bad ones, with the first one's error."""
+    """Read all frames, and return a line for each run of bad ones, with its first error."""
     runs: list[tuple[int, int, str]] = []
     with frames.reading() as reader:
         for index in frames.source.indices:

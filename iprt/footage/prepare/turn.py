@@ -1,4 +1,4 @@
-"""Panoramas turned about the vertical by `yaw_offset_deg`."""
+"""Rotation of panoramas about the vertical by `yaw_offset_deg`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ Picture = NDArray[np.float32]
 
 
 def turned_color(color: Picture, yaw_deg: float) -> Picture:
-    """Turn the world to the right, towards +X: azimuth a moves to a + yaw.
+    """Rotate colour to the right, towards +X: azimuth a moves to a + yaw.
 
-    Colour is interpolated between columns.
+    Colour is interpolated linearly between columns.
     """
     columns = yaw_deg / 360.0 * color.shape[1]
     whole = int(np.floor(columns))
@@ -26,9 +26,9 @@ def turned_color(color: Picture, yaw_deg: float) -> Picture:
 def turned_geometry(
     depth: Picture, normal: Picture | None, yaw_deg: float
 ) -> tuple[Picture, Picture | None]:
-    """Turn depth and normals like `turned_color`, but from the nearest column: they jump at edges.
+    """Rotate depth and normals like `turned_color`, by the nearest whole number of columns.
 
-    Normals turn with the world.
+    Interpolation would blur depth edges. The vectors of normals rotate, too.
     """
     nearest = int(np.floor(yaw_deg / 360.0 * depth.shape[1] + 0.5))
     if yaw_deg == 0.0:
