@@ -1,4 +1,4 @@
-"""Texels of a picture in which lights were clipped, as the picture shows them."""
+"""Texels with clipped lights, in the picture's own colours."""
 
 from __future__ import annotations
 
@@ -9,32 +9,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 WORD = 32
-"""Texels whose bits share a word."""
+"""Number of texels per bit mask."""
 
 
 @dataclass(frozen=True)
 class ClippedTexels:
-    """The colours of N texels of a panorama that shows them darker than they are.
+    """The stored colours of N texels of a panorama whose recovered radiance is higher.
 
     Attributes
     ----------
     texel : (N,) int32
         Row * width + column, ascending.
     color : (N, 3) float32
-        Linear radiance as the picture shows it.
+        Linear radiance as stored in the picture.
     """
 
     texel: NDArray[np.int32]
     color: NDArray[np.float32]
 
     def shown(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The picture (H, W, 3) of which `light` is what surfaces send."""
+        """Return the picture (H, W, 3) as stored, from the recovered radiance `light`."""
         picture = light.copy()
         picture.reshape(-1, 3)[self.texel] = self.color
         return picture
 
     def repeated(self, factor: int, width: int) -> Self:
-        """The same of a panorama, once `width` wide, whose texels are `factor` x `factor` now."""
+        """Return the texels of a panorama enlarged by repeating each `factor` x `factor` times.
+
+        `width` is the width before.
+        """
         row, column = np.divmod(self.texel, width)
         steps = np.arange(factor)
         rows, columns = factor * row[:, None] + steps, factor * column[:, None] + steps
@@ -45,9 +48,9 @@ class ClippedTexels:
         )
 
     def words(self, count: int) -> NDArray[np.uint32]:
-        """(words, 2): which of `WORD` texels are among these, bit by bit, and how many are before.
+        """Return bit masks (words, 2) of `WORD` texels, each with the number of members before it.
 
-        `count`: texels of the panorama.
+        `count` is the number of texels of the panorama.
         """
         words = -(-count // WORD)
         inside = np.zeros(words * WORD, bool)

@@ -1,4 +1,4 @@
-"""Connected components of the texels of a panorama: 8-neighbours, across the seam and the poles."""
+"""Connected components of a panorama's texels: 8-neighbours, across the seam and the poles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Mask = NDArray[np.bool_]
 
 
 def components(chosen: Mask) -> tuple[NDArray[np.intp], int]:
-    """Return 0-based labels (H, W) of components, valid where `chosen`, and how many there are."""
+    """Label components: 0-based labels (H, W), valid where `chosen`, and their number."""
     texel = np.flatnonzero(chosen)
     of_texel, count = component_of(chosen, texel)
     label = np.zeros(chosen.shape, np.intp)
@@ -21,9 +21,9 @@ def components(chosen: Mask) -> tuple[NDArray[np.intp], int]:
 
 
 def component_of(chosen: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
-    """Return 0-based labels (N,) of the components of `texel`, and how many components there are.
+    """Return 0-based labels (N,) of the components of `texel`, and the number of components.
 
-    `texel` holds the places where `chosen`.
+    `texel` holds the flat indices where `chosen`.
     """
     height = chosen.shape[0]
     label, count = ndimage.label(chosen, structure=np.ones((3, 3)))
@@ -31,7 +31,7 @@ def component_of(chosen: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp
         (label[up : height - down, -1], label[down : height - up, 0])
         for up, down in ((1, 0), (0, 0), (0, 1))
     ]
-    # The texels of a polar row surround the pole: they all touch there.
+    # All texels of a polar row touch at the pole.
     for row in (0, height - 1):
         present = label[row][label[row] > 0]
         pairs.append((present[:1].repeat(present.size), present))

@@ -6,22 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 SMALL = 1 << 16
-"""Fewer values are sorted right away."""
+"""Number of values up to which they are partitioned directly."""
 SAMPLES = 1 << 13
-"""Values that are sorted to find out about where the median lies."""
+"""Number of values in the sample that brackets the median."""
 MARGIN = 0.02
-"""It is expected between quantiles that are this far from it, of a sample."""
+"""Half width of the bracket, in quantiles of the sample."""
 
 
 def median_of_smallest(values: NDArray[np.float32], count: int) -> float:
-    """The median of the `count` smallest of some values, as `np.median` has it.
+    """Return the median of the `count` smallest values, equal to that from `np.median`.
 
     Parameters
     ----------
     values : float32, of any shape
         None of them is NaN.
     count : int
-        From 1 on.
+        At least 1.
     """
     values = values.ravel()
     ranks = (count - 1) // 2, count // 2
@@ -32,7 +32,7 @@ def median_of_smallest(values: NDArray[np.float32], count: int) -> float:
             sample[int(np.clip(part * sample.size, 0, sample.size - 1))]
             for part in (share - MARGIN, share + MARGIN)
         )
-        # Only if it lies between them; it is found among few, and exactly.
+        # The median is exact if it lies within the bracket, and is found among few values.
         below = int(np.count_nonzero(values < low))
         among = values[(values >= low) & (values <= high)]
         if below <= ranks[0] and ranks[1] < below + among.size:

@@ -1,7 +1,7 @@
-"""What is not known of a panorama, from what is around, by push and pull.
+"""Interpolation of scattered data on a panorama by push-pull.
 
 After Marroquim et al. (2007), as *Natural Environment Illumination* fills its pictures: means over
-ever larger cells fill what the smaller ones do not know.
+larger and larger cells fill gaps in the smaller ones.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ Image = NDArray[np.float64]
 
 
 def push_pull(sums: Image, weight: Image, *, wide_levels: int = 0, blended: bool = False) -> Image:
-    """Return means (H, W, C), where little is known those of larger cells, over the seam too.
+    """Return means (H, W, C), filled from larger cells where little is known, across the seam.
 
     Parameters
     ----------
     sums : (H, W, C) float64
-        Values times their weights; 0 where nothing is known.
+        Weighted sums of values; 0 where nothing is known.
     weight : (H, W) float64
     wide_levels : int
         Number of levels in which cells grow in width only.
     blended : bool
-        Whether means count by their weights, which are in [0, 1], and larger cells by the rest. If
-        not, any weight is enough.
+        Whether to blend means by their weights, in [0, 1], with larger cells. If not, any positive
+        weight suffices.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def push_pull(sums: Image, weight: Image, *, wide_levels: int = 0, blended: bool
 
 
 def _filled(sums: Image, weight: Image, wide_levels: int, full: float) -> Image:
-    """`full` is the weight that counts wholly."""
+    """Fill one level recursively; `full` is the weight from which on a mean counts alone."""
     mean = sums / np.maximum(weight, 1e-300)
     if weight.size == 1:
         return mean
@@ -55,7 +55,7 @@ def _filled(sums: Image, weight: Image, wide_levels: int, full: float) -> Image:
 def _halved(image: Image, axis: int) -> Image:
     """Return sums over pairs of cells along an axis.
 
-    An odd number is extended by what follows: around, or the last row again.
+    An odd number of cells is padded with the first column (across the seam), or the last row.
     """
     cells = np.moveaxis(image, axis, 0)
     if len(cells) % 2:
@@ -64,9 +64,9 @@ def _halved(image: Image, axis: int) -> Image:
 
 
 def _doubled(image: Image, axis: int, size: int) -> Image:
-    """Return `size` cells along an axis, linear between the centres of the old ones.
+    """Upsample to `size` cells along an axis, linearly between the centres of the old ones.
 
-    Along axis 1 around the seam.
+    Axis 1 wraps around the seam.
     """
     cells = np.moveaxis(image, axis, 0)
     before, after = np.roll(cells, 1, 0), np.roll(cells, -1, 0)

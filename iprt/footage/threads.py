@@ -1,4 +1,4 @@
-"""Work on all cores by threads: NumPy and SciPy let others run while they compute."""
+"""Parallel work in threads: NumPy and SciPy release the interpreter lock while they compute."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Made = TypeVar("Made")
 
 
 def on_all_cores(function: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
-    """Call a function of each item, on a thread per core; the results are in the items' order.
+    """Map a function over items, with one thread per core; results are in the items' order.
 
-    An error of the function is raised here.
+    Errors from the function propagate.
     """
     with ThreadPoolExecutor(os.cpu_count(), "iprt cores") as pool:
         return list(pool.map(function, items))

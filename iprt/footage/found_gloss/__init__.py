@@ -1,1 +1,1 @@
-"""Gloss that nobody declared: `search` looks for it, by the `evidence` in frames."""
+"""Detection of undeclared glossy surfaces: `search` tests planes by the `evidence` in frames."""

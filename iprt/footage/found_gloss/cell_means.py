@@ -1,4 +1,4 @@
-"""Gaussian means over some of a panorama's cells."""
+"""Gaussian means over a subset of a panorama's cells."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from iprt.footage.cells import Float
 
 
 class MeansAround:
-    """Takes means over the neighbours that belong to the same n cells.
+    """A Gaussian filter that takes means over n cells only.
 
-    Filters run over the rows and columns that these are in, as products with sparse matrices: no
-    time is spent on the rest of the panorama, nor do threads of BLAS get into each other's way.
+    It filters only the rows and columns that contain these cells, as products with sparse matrices.
+    This spends no time on the rest of the panorama, and starts no competing BLAS threads.
 
     Parameters
     ----------
     rows : int
-        Of the grid of cells (rows, 2 rows).
+        Number of rows of the grid of cells (rows, 2 rows).
     on : (n,) int
-        Numbers of the cells.
+        Indices of the cells.
     """
 
     def __init__(self, rows: int, on: NDArray[np.intp]) -> None:
@@ -34,19 +34,19 @@ class MeansAround:
         self._across, self._column = np.unique(column, return_inverse=True)
 
     def __call__(self, parts: Float, kept: NDArray[np.bool_], deviation: float) -> Float:
-        """Means of what is kept of K quantities.
+        """Average K quantities over the cells that are kept.
 
         Parameters
         ----------
         parts : (K, n, C) float64
         kept : (n,) bool
         deviation : float
-            In cells.
+            Standard deviation of the Gaussian, in cells.
 
         Returns
         -------
         (K, n, C) float64
-            0 where no cell near is kept.
+            Means; 0 where no cell nearby is kept.
         """
         means = np.zeros(parts.shape)
         filled = parts.any(axis=(1, 2))
@@ -65,12 +65,12 @@ class MeansAround:
 
 
 def _filtered(sums: Float, matrix: csr_array, used: NDArray[np.intp]) -> Float:
-    """Sums (k, ...) multiplied by the rows and columns `used` (k,) of a matrix."""
+    """Multiply sums (k, ...) by the rows and columns `used` (k,) of a matrix."""
     matrix = matrix[used][:, used]
     return np.asarray((matrix @ sums.reshape(len(sums), -1)).reshape(sums.shape))
 
 
 @lru_cache(maxsize=32)
 def _gaussian(size: int, deviation: float, mode: Literal["nearest", "wrap"]) -> csr_array:
-    """(size, size) what a Gaussian filter multiplies `size` cells by."""
+    """Return the matrix (size, size) of a Gaussian filter."""
     return csr_array(gaussian_filter1d(np.eye(size), deviation, axis=0, mode=mode))

@@ -1,7 +1,7 @@
-"""What surfaces of a panorama would reflect towards the capture centre if they were coated.
+"""Reflection towards the capture centre by a hypothetical dielectric coat on surfaces.
 
-On the host and in cells, to find out which are (`evidence`): a few thousand points, for several
-roughnesses. What is rendered is traced by `cl/world/real/highlight.cl`.
+Computed on the host for cells, to detect glossy planes (`evidence`): a few thousand points, for
+several roughnesses. Rendering uses `cl/world/real/highlight.cl` instead.
 """
 
 from __future__ import annotations
@@ -19,47 +19,47 @@ from iprt.geometry.coat import fresnel_dielectric
 from iprt.geometry.equirect import cell_towards
 
 IOR = 1.5
-"""Index of refraction of the coat that is assumed: most varnishes, plastics and glazes."""
+"""Assumed index of refraction of the coat, typical of varnishes, plastics and glazes."""
 RAYS = 12
-"""Per cell and roughness; neighbours are averaged as far as the lobe is wide."""
+"""Rays per cell and roughness; results are averaged over neighbours within the lobe's width."""
 STEPS, HALVINGS = 32, 4
-"""Points of a ray that are looked at, by angle about the capture centre, and bisections."""
+"""Number of march steps per ray, uniform in angle about the capture centre, and of bisections."""
 CLEARANCE, THICKNESS = 0.005, 0.3
-"""Over depth: a ray hits what it is farther behind than the one, and passes what it is farther
-behind than the other."""
+"""Distances behind a surface, relative to its depth, between which a ray hits it. Beyond the second
+one, the ray passes behind it."""
 LIFT = 0.01
-"""Distance of rays' starts from their surface, over depth."""
+"""Offset of ray origins from their surface, relative to depth."""
 LOWEST = 0.01
-"""Least cosine to the surface of a ray that leaves it."""
+"""Least cosine between a ray that leaves a surface and its normal."""
 AT_ONCE = 1 << 11
-"""Rays whose points fit a processor's cache."""
+"""Number of rays whose points fit into a processor's cache."""
 KINDS, RECOVERED = 2, 1
-"""Number of kinds of reflected light, and index of the second one. The picture shows the first as
-it is; the second is recovered from what it shows clipped."""
+"""Number of kinds of reflected light, and index of the second one. The first kind is light that the
+picture does not clip. The second one is recovered from clipped texels."""
 
 Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class RoomCells:
-    """What rays find.
+    """The surroundings of reflecting planes in cells, as rays see them.
 
     Attributes
     ----------
     cells : Cells
-        N of them.
+        N cells.
     shown : Geometry
-        What they were made of, or coarser ones can be.
+        Geometry from which coarser cells can be made.
     color : (N, 3) float64
         Mean radiance.
     kinds : (KINDS, N, 3) float64
-        The same by what sends it: all that the picture shows as it is; what it shows clipped.
+        Mean radiance by kind of light: unclipped, and recovered from clipped texels.
     depth : (N,) float32
         Metres.
     open : (N,) bool
         Windows.
     outside : (KINDS, 2 OUTSIDE_ROWS², 3) float64 or None
-        `outside_radiance` by kinds, where there are windows.
+        `outside_radiance` by kind of light, where there are windows.
     """
 
     cells: Cells
@@ -72,7 +72,7 @@ class RoomCells:
 
     @classmethod
     def of(cls, frame: Frame, rows: int) -> RoomCells:
-        """In cells of `rows` rows, at most the frame's."""
+        """Build cells of a frame, with `rows` rows; at most the frame's."""
         shown = Geometry.of(frame, rows)
         cells = Cells.of(shown, rows)
         color = cell_means(frame.radiance, rows).reshape(-1, 3)
@@ -101,16 +101,16 @@ class RoomCells:
 
 @dataclass(frozen=True)
 class Patch:
-    """A plane's cells, in the axes of a frame's capture centre.
+    """Cells of a plane, in the axes of a frame's capture centre.
 
     Attributes
     ----------
     start : (n, 3) float64
-        Metres: points a little off them, where reflected rays begin.
+        Origins of reflected rays in metres, slightly off the cells.
     direction : (n, 3) float64
-        From the capture centre to them; unit.
+        Unit vectors from the capture centre to the cells.
     normal : (3,) float64
-        The plane's, towards the capture centre.
+        Normal of the plane, towards the capture centre.
     """
 
     start: Float
@@ -119,17 +119,17 @@ class Patch:
 
     @classmethod
     def of(cls, cells: Cells, plane: CellPlane) -> Patch:
-        """The patch of a plane, in the frame that the plane was found in."""
+        """Build the patch of a plane, in the frame where the plane was found."""
         on = plane.cells
         start = cells.point[on] + LIFT * cells.depth[on, None] * plane.normal
         return cls(start, cells.direction[on], plane.normal)
 
 
 def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: int = RAYS) -> Float:
-    """(KINDS, n, 3) radiance that a coat reflects towards the capture centre, of a plane's cells.
+    """Estimate the radiance (KINDS, n, 3) that a coat on a plane reflects to the capture centre.
 
-    The integral of f_s L cos over the GGX lobe, by visible normals (Dupuy and Benyoub, HPG
-    2023), with Smith's masking as in `cl/lib/world/brdf.h`; noisy.
+    This is the Monte Carlo integral of f_s L cos over the GGX lobe. Visible normals are sampled
+    after Dupuy and Benyoub (HPG 2023), with Smith's masking as in `cl/lib/world/brdf.h`.
     """
     across, along = _tangents(patch.normal)
     local = np.stack([across, along, patch.normal])
@@ -151,7 +151,7 @@ def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: in
 
 
 def radiance_along(around: RoomCells, start: Float, direction: Float) -> Float:
-    """(KINDS, n, 3) radiance that rays from points (n, 3), in metres, find in unit directions."""
+    """Return radiance (KINDS, n, 3) along rays from points (n, 3), in metres; unit directions."""
     found = [
         _found(around, start[at : at + AT_ONCE], direction[at : at + AT_ONCE])
         for at in range(0, len(start), AT_ONCE)
@@ -160,9 +160,12 @@ def radiance_along(around: RoomCells, start: Float, direction: Float) -> Float:
 
 
 def _found(around: RoomCells, start: Float, direction: Float) -> Float:
-    """Seen from the capture centre, a ray runs along a great circle from where its start is seen
-    to its direction. By the sine rule, its distance at the angle φ from the start, at the distance
-    r and the angle Φ from the direction, is r sin Φ / sin(Φ - φ).
+    """Return radiance (KINDS, n, 3) along one batch of rays.
+
+    As seen from the capture centre, a ray follows the great circle from its origin to its
+    direction. By the sine rule, its distance at the angle φ from the origin is
+    r sin Φ / sin(Φ - φ), with r the distance of the origin and Φ the angle between origin and
+    direction.
     """
     way = direction.astype(np.float32)
     distance = np.linalg.norm(start, axis=-1).astype(np.float32)
@@ -170,11 +173,11 @@ def _found(around: RoomCells, start: Float, direction: Float) -> Float:
     cosine = np.clip(np.einsum("ij,ij->i", first, way), -1.0, 1.0)
     whole, sine = np.arccos(cosine), np.sqrt(np.maximum(1.0 - cosine * cosine, 1e-12))
     square = (way - cosine[:, None] * first) / sine[:, None]
-    # By coordinates: three at a time take NumPy several times as long.
+    # Separate coordinates: NumPy takes several times as long on arrays of three.
     ahead, aside = (np.ascontiguousarray(part.T)[:, None] for part in (first, square))
 
     def behind(angle: Floats) -> tuple[Floats, NDArray[np.intp]]:
-        """How far behind what is seen at angles (k, n), over its depth, and its cell."""
+        """Return how far rays at angles (k, n) are behind surfaces, over depth; and cells."""
         point = np.cos(angle) * ahead + np.sin(angle) * aside
         unit = np.ones(angle.shape, np.float32)
         cell = cell_towards(np.moveaxis(point, 0, -1), unit, around.cells.rows)
@@ -203,7 +206,7 @@ def _found(around: RoomCells, start: Float, direction: Float) -> Float:
 
 
 def _tangents(normal: Float) -> tuple[Float, Float]:
-    """Two unit vectors (3,) that make a right-handed frame with a unit normal (3,)."""
+    """Return two unit vectors (3,) that make a right-handed frame with a unit normal (3,)."""
     beside = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
     across = np.cross(beside, normal)
     across /= np.linalg.norm(across)
@@ -211,13 +214,13 @@ def _tangents(normal: Float) -> tuple[Float, Float]:
 
 
 def _masking(cosine: Float, alpha: float) -> Float:
-    """Smith's Λ of GGX."""
+    """Return Smith's Λ of GGX."""
     tan2 = 1.0 / np.maximum(cosine, 1e-4) ** 2 - 1.0
     return np.asarray(0.5 * (np.sqrt(1.0 + alpha**2 * np.maximum(tan2, 0.0)) - 1.0))
 
 
 def _visible_normal(out: Float, alpha: float, u: Float, v: Float) -> Float:
-    """(n, 3) GGX normals visible from local directions (n, 3), by spherical caps."""
+    """Sample GGX normals (n, 3) visible from local directions (n, 3), by spherical caps."""
     stretch = np.array([alpha, alpha, 1.0])
     seen = out * stretch
     seen /= np.sqrt(np.einsum("ij,ij->i", seen, seen))[:, None]

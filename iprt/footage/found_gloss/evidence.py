@@ -1,23 +1,24 @@
-"""Whether a surface reflects: how its picture goes with what a coat on it would reflect.
+"""Statistical evidence of gloss: regression of a plane's radiance on a coat's reflection.
 
-Of a plane's cells the camera saw
+The camera sees radiance
 
     L = ρ E / π + k S(α)
 
-with E their irradiance, S the reflection that a coat of roughness α and index of refraction 1.5
-would show the camera (`coat_reflection`), k its strength, and ρ a reflectance that textures vary in
-ways that have nothing to do with S. L, E and S are taken less their means around, which leaves what
-varies over a few degrees, and over the mean of L around. k and factors on E, of lights and of all
-else apart, then come from a robust regression (Huber) over cells and colours. Cells that nothing of
-this explains, such as the rim of a sunny patch, are left out, also of the means.
+on a plane's cells, with E the irradiance and S the reflection towards the camera by a coat of
+roughness α and index of refraction 1.5 (`coat_reflection`). k is its strength. The reflectance ρ
+varies by textures that are independent of S. Local means are subtracted from L, E and S, which
+leaves variation over a few degrees. L and S are then divided by the local mean of L, and E by its
+own. A robust regression (Huber) over cells and colours estimates k, and factors on E, separately
+for lights and for all other light. Cells that the model does not explain, such as the rim of a
+sunny patch, are left out, also from the means.
 
-Of what the picture shows clipped, S has a k of its own: how bright that is, is an estimate, which
-may be several times too low, and one k would have to suit the window and the walls beside it.
+Light recovered from clipped texels has a k of its own. Its radiance is an estimate, which may be
+several times too low, so a common k would not fit both the window and the walls beside it.
 
-The standard error of k counts blocks of cells as one observation each (cluster-robust sandwich;
-Huber 1967, White 1980), because neighbouring errors are alike. α is where the regression explains
-most, by a parabola through the best of `ALPHAS` and its neighbours; its uncertainty is that of a
-jackknife over the same blocks.
+The standard error of k counts each block of cells as one observation (cluster-robust sandwich;
+Huber 1967, White 1980), because neighbouring errors are correlated. α minimises the cost of the
+regression, by a parabola through the best of `ALPHAS` and its neighbours. Its uncertainty is
+a jackknife estimate over the same blocks.
 """
 
 from __future__ import annotations
@@ -34,24 +35,24 @@ from iprt.footage.found_gloss.cell_means import MeansAround
 from iprt.footage.found_gloss.coat_reflection import RECOVERED
 
 ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
-"""GGX roughness that is tried. Beyond, a reflection is as smooth as shading, and cannot be told."""
+"""Values of GGX roughness to test. Rougher reflections are as smooth as shading."""
 AROUND = np.deg2rad(5.6)
-"""Deviation of the Gaussian that means are taken by, in rad."""
+"""Standard deviation of the Gaussian for local means, in rad."""
 LOBE = 0.3
-"""That of the mean of S over neighbours, which takes off its noise, in α."""
+"""Standard deviation of the Gaussian that denoises S, relative to α."""
 LEAST = 0.3
-"""The least of these, in cells."""
+"""Least standard deviation of that Gaussian, in cells."""
 SMOOTH = np.deg2rad(2.25)
-"""Deviation of the mean of E over neighbours, which was found for every other cell."""
+"""Standard deviation of the Gaussian that smooths E, which is computed for every other cell."""
 SHARPER = 1.2
-"""α over the one that explains most: of a wide reflection, shading and the mean around take a part.
-Measured in rooms whose gloss is known; 1.0 to 1.7 in single ones."""
+"""Correction of the best-fitting α, which is biased low: shading and local means absorb a part of a
+wide reflection. Measured in rooms with known gloss; 1.0 to 1.7 in single ones."""
 BLOCK = np.deg2rad(11.25)
-"""Side of a block of cells."""
+"""Side of a block of cells, in rad."""
 HUBER, ODD = 1.5, 4.0
-"""Residuals beyond the one count linearly, beyond the other not at all, in standard deviations."""
+"""Residuals, in standard deviations, beyond which cells count linearly, and not at all."""
 MODEL = 0.02
-"""Standard deviation of what the model itself leaves, over the radiance around."""
+"""Standard deviation of the model error, relative to the local mean radiance."""
 STEPS, ROUNDS = 8, 3
 
 Grid = NDArray[np.float64]
@@ -59,22 +60,22 @@ Grid = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fit:
-    """What the regression found for one roughness.
+    """Result of the regression for one roughness.
 
     Attributes
     ----------
     strength : float
-        k, of the kind of light that has the larger t.
+        k, for the kind of light with the larger t.
     error : float
-        Its standard error.
+        Standard error of k.
     explained : float
-        Share of the squares that S explains of what E leaves.
+        Share of the squared residuals after E that S explains.
     beyond : float
-        Share of the cells in which k S is more than was seen.
+        Share of the cells where k S exceeds the radiance.
     blocks : int
-        Blocks of cells.
+        Number of blocks of cells.
     recovered : bool
-        Whether k is that of light that the picture shows clipped.
+        Whether k belongs to light recovered from clipped texels.
     """
 
     strength: float
@@ -90,21 +91,22 @@ class Fit:
         return self.strength / self.error if self.error > 0.0 else 0.0
 
     def chance(self, tries: int) -> float:
-        """Probability of such a t without any reflection, in the best of so many tries."""
+        """Return the probability of such a t, as the best of `tries`, without any reflection."""
         return min(1.0, tries * float(stdtr(max(self.blocks - 1, 1), -self.t)))
 
 
 @dataclass(frozen=True)
 class Reflection:
-    """What is known of a plane's reflection: the fit at `ALPHAS`, and α with its spread.
+    """Estimate of a plane's reflection.
 
     Attributes
     ----------
     alpha : float
+        Roughness.
     spread : float
         Factor of one standard deviation of α, at least 1.
     fit : Fit
-        Of the one of `ALPHAS` that explains most.
+        Best fit among `ALPHAS`.
     """
 
     alpha: float
@@ -114,16 +116,16 @@ class Reflection:
 
 @dataclass(frozen=True)
 class Later:
-    """What another frame shows of a plane's n cells, over the gain of its exposure.
+    """A later frame's view of a plane's n cells, divided by the gain of its exposure.
 
     Attributes
     ----------
     color : (n, 3) float64
         Radiance.
     irradiance : (K, n, 3) float64
-        By K kinds of light.
+        Irradiance by K kinds of light.
     seen : (n,) bool
-        Where it shows the plane.
+        Where the frame shows the plane.
     """
 
     color: Float
@@ -133,19 +135,21 @@ class Later:
 
 @dataclass(frozen=True)
 class _Rows:
-    """One frame's part of the regressions for all roughnesses, by the m cells that are kept.
+    """One frame's rows of the regressions for all roughnesses, for the m cells that are kept.
 
     Attributes
     ----------
     cells : (m,) int
+        Indices of the cells on the plane.
     around : (m, 3) float64
-        Means of L around, in the first frame.
+        Local means of L in the first frame.
     y : (3 m,) float64
-        L less its mean around, over that; of later frames, of what L differs from the first one's.
+        L minus its local mean, divided by `around`. For later frames, L is the difference from the
+        first frame.
     shading : (3 m, J) float64
-        What shading makes of it.
+        Regressors for shading.
     weight, block : (3 m,)
-        Solid angles over their mean; numbers of blocks.
+        Solid angles relative to their mean; block indices.
     """
 
     cells: NDArray[np.intp]
@@ -157,18 +161,18 @@ class _Rows:
 
 
 class PlanePicture:
-    """A plane's cells as they were seen and lit, less their means around.
+    """Radiance and irradiance of a plane's cells, for regression on its reflection.
 
     Parameters
     ----------
     cells : Cells
-        Of the first frame.
+        Cells of the first frame.
     on : (n,) int
-        The plane's cells.
+        Indices of the plane's cells.
     color : (N, 3) float64
         Radiance of all cells.
     irradiance : (K, n, 3) float64
-        By K kinds of light.
+        Irradiance by K kinds of light.
     later : sequence of Later
         Other frames.
     """
@@ -194,11 +198,24 @@ class PlanePicture:
         self._more_light = [self._even(frame.irradiance) - self._irradiance for frame in later]
 
     def fit(self, reflected: Float, alpha: float) -> Fit:
-        """By what a coat of one roughness would reflect, (1 + frames, KINDS, n, 3)."""
+        """Fit the strength of a coat of roughness `alpha`.
+
+        Parameters
+        ----------
+        reflected : (1 + frames, KINDS, n, 3) float64
+            Its reflected radiance at unit strength.
+        alpha : float
+        """
         return self._fit(self._varied(), self._smooth(reflected, alpha))[0]
 
     def reflection(self, reflected: Sequence[Float]) -> Reflection:
-        """By what coats of the roughnesses `ALPHAS` would reflect, (1 + frames, KINDS, n, 3)."""
+        """Estimate roughness and strength of the reflection.
+
+        Parameters
+        ----------
+        reflected : sequence of (1 + frames, KINDS, n, 3) float64
+            Reflected radiance of coats of the roughnesses `ALPHAS`, at unit strength.
+        """
         smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
         for _ in range(ROUNDS):
             varied = self._varied()
@@ -216,11 +233,11 @@ class PlanePicture:
         return self._means(irradiance, self._whole, SMOOTH * self._rows / np.pi)
 
     def _around(self, parts: Float, frame: int) -> Float:
-        """Means (K, n, 3) over the cells that are kept in a frame."""
+        """Return means (K, n, 3) over the cells that are kept in a frame."""
         return self._means(parts, self._kept[frame], AROUND * self._rows / np.pi)
 
     def _varying(self, parts: Float, frame: int) -> Float:
-        """Differences (K, m, 3) of the cells that are kept in a frame from their means around."""
+        """Return (K, m, 3) the kept cells of a frame minus their local means."""
         return np.asarray((parts - self._around(parts, frame))[:, self._kept[frame]])
 
     def _varied(self) -> list[_Rows]:
@@ -260,7 +277,7 @@ class PlanePicture:
         return rows
 
     def _fit(self, varied: Sequence[_Rows], reflected: Sequence[Float]) -> tuple[Fit, list[Float]]:
-        """The fit, and its residuals (m, 3) by frames."""
+        """Fit by iteratively reweighted least squares; return residuals (m, 3) by frame, too."""
         y, own, block = (
             np.concatenate([getattr(rows, name) for rows in varied])
             for name in ("y", "weight", "block")
@@ -305,7 +322,7 @@ class PlanePicture:
         varied = self._varied()
         for part in smooth:
             fit, left = self._fit(varied, part)
-            # One scale for all: costs are compared.
+            # All roughnesses share one scale, so that their costs are comparable.
             scales = scales or [_deviation(rest) for rest in left]
             total = np.zeros(self._block.max() + 1)
             for rows, rest, scale in zip(varied, left, scales, strict=True):
@@ -326,7 +343,7 @@ class PlanePicture:
 
 
 def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
-    """Weighted factors, and the matrix of the normal equations."""
+    """Solve weighted least squares; return factors, and the matrix of the normal equations."""
     weighted = x * weight[:, None]
     normal = x.T @ weighted
     normal += 1e-9 * max(float(np.trace(normal)), 1e-30) * np.eye(len(normal))
@@ -334,12 +351,12 @@ def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
 
 
 def _deviation(left: Float) -> float:
-    """Standard deviation by the median, of a normal distribution; `MODEL` at least."""
+    """Estimate a standard deviation by the median absolute residual; at least `MODEL`."""
     return max(1.4826 * float(np.median(np.abs(left))), MODEL)
 
 
 def _robust(left: Sequence[Float]) -> Float:
-    """Weights of residuals, which of each frame have a deviation of their own."""
+    """Return the weights of residuals; each frame has its own standard deviation."""
     deviation = [_deviation(rest) for rest in left]
     return np.concatenate(
         [
@@ -360,7 +377,7 @@ def _huber_cost(left: Float, scale: float) -> Float:
 
 
 def _lowest(cost: Float) -> float:
-    """Logarithm of α at the bottom of a parabola through the lowest cost and its neighbours."""
+    """Return log α at the bottom of a parabola through the lowest cost and its neighbours."""
     x = np.log(ALPHAS)
     best = int(np.clip(np.argmin(cost), 1, len(x) - 2))
     near = slice(best - 1, best + 2)

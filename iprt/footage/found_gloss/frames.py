@@ -1,10 +1,9 @@
-"""Frames of a camera that moves as evidence of gloss: what they show of planes of the first one.
+"""Views of a moving camera on the planes of its first frame, as evidence of gloss.
 
-Texture and shading stay where they are on a plane, and reflections move over it. Frames from where
-the first one was taken are left out: what things that move change around them, by shadows and light
-that the cells are too coarse for, looks like a rough reflection. Planes are followed by pose. All
-that is known of one, in any frame, belongs to the cells in which the first frame shows it, so that
-each is the same piece of surface in all of them.
+Texture and shading stay fixed on a plane, while reflections move over it. Frames from the place of
+the first one are left out. There, moving objects change shadows and light too finely for the cells,
+which looks like a rough reflection. Planes are tracked by camera poses. All data about a plane is
+indexed by the cells of the first frame, so that a cell is the same piece of surface in all frames.
 """
 
 from __future__ import annotations
@@ -26,29 +25,29 @@ from iprt.geometry.equirect import equirect_pixel, equirect_texel
 from iprt.geometry.pose import camera_motion
 
 LIGHT_ROWS, REST_ROWS = 64, 16
-"""Rows of cells: lights and points that receive them; everything else."""
+"""Rows of cells: for lights and the receivers of their light; and for all other light."""
 LIGHT_STEPS, REST_STEPS = 12, 6
-"""Points at which lines of sight are tested."""
+"""Numbers of points at which visibility is tested along a line of sight."""
 BRIGHT = 3.0
-"""A cell so many times as bright as the mean is a light."""
+"""Least radiance of a light's cells, relative to the mean."""
 SAMPLES = 4
-"""Points a side of a cell that a moved camera is asked about."""
+"""Number of samples per side of a cell, as seen by a moved camera."""
 MIN_SEEN = 0.25
 """Least share of a plane's cells that another frame must show."""
 
 
 @dataclass(frozen=True)
 class Shown:
-    """What a frame shows of a plane, by the n cells of the first one.
+    """A frame's view of a plane, by the n cells of the first frame.
 
     Attributes
     ----------
     color : (n, 3) float64
         Mean radiance.
     seen : (n,) bool
-        Where it shows the plane.
+        Where the frame shows the plane.
     gain : float
-        By what all of it is brighter than in the first frame: its exposure, mostly.
+        Median brightness relative to the first frame, mostly due to exposure.
     """
 
     color: Float
@@ -58,15 +57,16 @@ class Shown:
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame in cells, which lie as its own camera sees them.
+    """A frame in cells of its own panorama.
 
     Attributes
     ----------
     around : RoomCells
+        The surroundings.
     bright : (R, 2 R, 3) float64
         Mean radiance in cells of `LIGHT_ROWS` rows, or of fewer if the frame has fewer.
     motion : (3, 4) float64 or None
-        Takes points in the first frame's axes to this one's. None: they are the same.
+        Transform of points from the first frame's axes to this frame's; None: identity.
     """
 
     around: RoomCells
@@ -75,7 +75,7 @@ class Moment:
 
     @classmethod
     def of(cls, frame: Frame, rows: int, first: Frame) -> Moment:
-        """In cells of `rows` rows, at most the frame's."""
+        """Build the cells of a frame, with `rows` rows; at most the frame's."""
         motion = camera_motion(frame.pose, first.pose)
         return cls(
             around=RoomCells.of(frame, rows),
@@ -84,7 +84,7 @@ class Moment:
         )
 
     def patch(self, cells: Cells, plane: CellPlane) -> Patch:
-        """A plane of the first frame, whose `cells` those are, as it lies here."""
+        """Return a plane of the first frame in this frame's axes; `cells` are the first frame's."""
         patch = Patch.of(cells, plane)
         if self.motion is None:
             return patch
@@ -96,7 +96,7 @@ class Moment:
         )
 
     def shading(self, cells: Cells, plane: CellPlane) -> Float:
-        """(2, n, 3) irradiance of a plane's cells over π: by lights, and by all else."""
+        """Return irradiance over π (2, n, 3) of a plane's cells: from lights, and from the rest."""
         rows = self.bright.shape[0]
         middle = Cells.of(self.around.shown, rows)
         coarse = Cells.of(self.around.shown, min(REST_ROWS, rows))
@@ -116,7 +116,7 @@ class Moment:
         return np.stack([direct[..., 0], rest])[:, nearest] / np.pi
 
     def shown(self, frame: Frame, first: RoomCells, plane: CellPlane, tolerance: float) -> Shown:
-        """What it shows of a plane of the first frame; `frame` is this one."""
+        """Return this frame's view of a plane of the first one; `frame` holds its texels."""
         color, seen = self._looked_up(frame, first.cells, plane, tolerance)
         before = first.color[plane.cells].mean(axis=-1)
         ratio = (color.mean(axis=-1) / np.maximum(before, 1e-12))[seen]
@@ -156,7 +156,7 @@ class Moment:
 
 
 class Followed:
-    """A plane of the first frame, and what others show of it."""
+    """A plane of the first frame, tracked through other frames."""
 
     def __init__(self, first: Moment, plane: CellPlane) -> None:
         self.plane = plane
@@ -165,14 +165,14 @@ class Followed:
         self._shown: list[Shown] = []
 
     def follow(self, moment: Moment, frame: Frame, tolerance: float) -> None:
-        """Take another frame into account, if it shows enough of the plane."""
+        """Add another frame, if it shows enough of the plane."""
         shown = moment.shown(frame, self._first.around, self.plane, tolerance)
         if shown.seen.mean() >= MIN_SEEN:
             self._moments.append(moment)
             self._shown.append(shown)
 
     def picture(self, *, shaded: bool = True) -> PlanePicture:
-        """What all frames show of the plane, with or without its shading."""
+        """Return the plane's picture in all frames, with or without its shading."""
         cells = self._first.around.cells
         shading = [np.zeros((0, len(self.plane.cells), 3))] * len(self._moments)
         if shaded:
@@ -185,7 +185,7 @@ class Followed:
         return PlanePicture(cells, self.plane.cells, color, shading[0], later)
 
     def reflected(self, alpha: float, seed: int, rays: int = RAYS) -> Float:
-        """(1 + frames, KINDS, n, 3) by a coat of one roughness, see `coat_reflection.reflected`."""
+        """Return (1 + frames, KINDS, n, 3) reflection; see `coat_reflection.reflected`."""
         cells = self._first.around.cells
         gains = [1.0, *(shown.gain for shown in self._shown)]
         return np.stack(
@@ -199,7 +199,7 @@ class Followed:
 def _sparse(
     on: NDArray[np.intp], rows: int, step: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """One of `on` (n,) per block of step x step cells, and the number (n,) of each cell's."""
+    """Return one of `on` (n,) per block of step x step cells, and for each cell its index (n,)."""
     row, column = np.divmod(on, 2 * rows)
     _, first, nearest = np.unique(
         row // step * 2 * rows + column // step, return_index=True, return_inverse=True
@@ -208,7 +208,7 @@ def _sparse(
 
 
 def _bilinear(picture: Float, point: Float) -> Float:
-    """(n, 3) colours of an equirect picture (H, 2 H, 3) in the directions of points (n, 3)."""
+    """Sample an equirect picture (H, 2 H, 3) bilinearly in the directions of points (n, 3)."""
     height, width = picture.shape[:2]
     column, row = np.moveaxis(equirect_pixel(point, width, height) - 0.5, -1, 0)
     row = np.clip(row, 0.0, height - 1.0)

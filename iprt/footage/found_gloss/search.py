@@ -1,9 +1,9 @@
-"""Gloss that nobody declared: which large planes of a frame reflect, found in its picture.
+"""Search for undeclared gloss: large planes of a frame that reflect their surroundings.
 
-A plane is taken to be glossy only where the evidence is strong (`is_strong`); all others stay
-diffuse. What is told best is a window's reflection in a floor of little texture. What cannot be
-told: roughness above 0.35; reflections of surroundings that are evenly bright; metals and mirrors,
-which show nothing of their own; curved things; gloss that only a part of a plane has.
+A plane counts as glossy only if the evidence is strong (`is_strong`); all others stay diffuse. A
+window's reflection in a floor with little texture is the easiest to detect. Not detectable are
+roughness above 0.35, reflections of evenly bright surroundings, metals and mirrors, which have no
+diffuse reflection, curved surfaces, and gloss on only a part of a plane.
 """
 
 from __future__ import annotations
@@ -23,45 +23,52 @@ from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 
 ROWS = 128
-"""Rows of cells."""
+"""Number of rows of cells."""
 MIN_TOLERANCE, NOISE = 0.002, 3.0
-"""Least distance from a plane of what is on it, over depth, and the same in `Frame.fit_tolerance`.
-"""
+"""Tolerance of the distance from a plane: least value relative to depth, and in units of
+`Frame.fit_tolerance`."""
 SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (1, 4), 4, 3.0
-"""Which of `ALPHAS` are tried first, without the shading, with how many rays, and the least t to
-look further."""
+"""Screening without shading: indices into `ALPHAS`, rays per cell, and least t to go on."""
 MIN_T, MAX_CHANCE = 8.0, 1e-3
-"""Least t of a reflection, and largest probability that chance would show it somewhere. Shading
-that the panorama does not explain reaches t = 6 in rooms of matte surfaces."""
+"""Least t of a reflection, and largest probability of a chance result on any plane. Shading that is
+not explained by the panorama reaches t = 6 in rooms of matte surfaces."""
 STRENGTH = (0.25, 2.0)
-"""Strengths over that of an index of 1.5 that are believed: those of indices from 1.2 to 1.8, and
-windows whose sky is brighter or darker where the camera did not see it."""
+"""Plausible strengths relative to an index of 1.5. They cover indices from 1.2 to 1.8, and windows
+with a brighter or darker sky outside the camera's view."""
 MAX_RECOVERED = 10.0
-"""The largest one of what the picture shows clipped, which is recovered up to five times too dark.
-"""
+"""Largest plausible strength for light recovered from clipped texels, which may be five times too
+dark."""
 MAX_ALPHA = 0.35
-"""Shading that the panorama does not explain looks like reflections rougher than this."""
+"""Largest roughness; unexplained shading looks like rougher reflections."""
 MAX_BEYOND = 0.3
-"""Largest share of cells whose reflection would be more than was seen."""
+"""Largest share of cells whose predicted reflection exceeds their radiance."""
 FLAKE = 0.03
-"""Distance from a larger plane, over depth, of what is a piece of it: errors of depth set it off.
-Such a piece is scattered, and its cells' neighbours belong to the other."""
+"""Distance from a larger plane, relative to depth, within which a plane is a fragment of it, caused
+by errors of depth. The cells of such a fragment are scattered among the larger plane's."""
 UPRIGHT = 0.9
-"""Least cosine with the vertical of floors, tops and ceilings."""
+"""Least absolute cosine between the vertical and the normals of floors, tops and ceilings."""
 
 
 def find_gloss(
     frame: Frame, taken: frozenset[str] = frozenset(), later: Iterable[Frame] = ()
 ) -> tuple[RealMaterial, ...]:
-    """The planes that reflect; `taken` are names that others have.
+    """Find the planes that reflect.
 
     Parameters
     ----------
     frame : Frame
-        Sanitised, its clipped lights recovered. Cells of which a part is known to be glossy
-        (`Frame.gloss`) are left out.
+        Sanitised, with recovered clipped lights. Cells with known gloss (`Frame.gloss`) are left
+        out.
+    taken : frozenset of str
+        Names that are in use already.
     later : iterable of Frame
-        Others of the video; those from another place than the first count (`frames`).
+        Other frames of the video. Only frames from another place than the first one count
+        (`frames`).
+
+    Returns
+    -------
+    tuple of RealMaterial
+        One per plane with strong evidence.
     """
     first = Moment.of(frame, min(ROWS, frame.height), frame)
     cells = first.around.cells
@@ -86,7 +93,7 @@ def find_gloss(
 
 
 def is_strong(reflection: Reflection, tries: int) -> bool:
-    """Whether the evidence of a reflection, the best of so many tries, is believed."""
+    """Return whether the evidence of a reflection suffices; it is the best of `tries`."""
     fit = reflection.fit
     most = MAX_RECOVERED if fit.recovered else STRENGTH[1]
     return (
@@ -99,7 +106,7 @@ def is_strong(reflection: Reflection, tries: int) -> bool:
 
 
 def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
-    """Those that are not pieces of an earlier, larger one."""
+    """Return the planes that are no fragments of an earlier, larger one."""
     kept: list[CellPlane] = []
     for plane in planes:
         point, depth = cells.point[plane.cells], cells.depth[plane.cells]
@@ -113,7 +120,7 @@ def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
 
 
 def _reflection(plane: Followed) -> Reflection | None:
-    """Gather the evidence of a plane's reflection; None where nothing looks like one."""
+    """Gather the evidence of a plane's reflection; None if the screening finds none."""
     if not _worth_a_look(plane):
         return None
     parts = [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
@@ -121,7 +128,7 @@ def _reflection(plane: Followed) -> Reflection | None:
 
 
 def _worth_a_look(plane: Followed) -> bool:
-    """Whether anything goes with its reflections, shading or not: most walls end here."""
+    """Return whether a plane's picture correlates with its reflections; most walls do not."""
     picture = plane.picture(shaded=False)
     for index in SCREEN:
         alpha = ALPHAS[index]
@@ -152,7 +159,7 @@ def _material(
 
 
 def _kind(plane: CellPlane, planes: list[CellPlane]) -> str:
-    """What to call a plane: the lowest that looks up is the floor."""
+    """Return a name for a plane: the lowest one that faces up is the floor."""
     if plane.normal[1] > UPRIGHT:
         lowest = min(other.offset for other in planes if other.normal[1] > UPRIGHT)
         return "floor" if plane.offset <= lowest else "top"

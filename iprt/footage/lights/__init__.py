@@ -1,1 +1,1 @@
-"""Clipped lights: grouped, how they shade surfaces, and how much brighter they must be."""
+"""Clipped lights: grouping, shading of surfaces by them, and estimation of their gains."""

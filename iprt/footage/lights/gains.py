@@ -1,21 +1,21 @@
-"""Gains of clipped lights: reflectance and lost energy.
+"""Maximum a posteriori estimation of the gains of clipped lights.
 
-After *Online Illumination Learning*, section V-A, which finds one reflectance and one lost energy
-by minimising the difference between observed and re-rendered radiance. Here there are many
-reflectances, one per segment of like surface, and many lights. A diffuse point i of segment s has
+After *Online Illumination Learning*, section V-A, which estimates one reflectance and one lost
+energy by minimising the difference between observed and re-rendered radiance. Here there are many
+reflectances, one per segment of similar surface, and many lights. Point i of segment s is diffuse:
 
     L_i = ρ_s / π (E_i + Σ_k g_k B_ik)
 
-with E_i the irradiance by all that is not clipped, and B_ik that of light k as it looks. In
-logarithms the reflectance is an offset per segment, so that shading within a segment gives the
-gains g; the differences of log-radiance, which textures and highlights spoil in places, are
-weighted robustly (Huber), by the spread of their segment. No reflectance is more than 0.9: a
-surface that shines more than that shows that light is missing (energy balance). That counts as much
-as shading, because cameras that map tones flatten the one and not the other.
+with E_i the irradiance by unclipped light, and B_ik the irradiance by light k as stored. In
+logarithms, the reflectance is an offset per segment, so shading within a segment determines the
+gains g. Textures and highlights corrupt some differences of log-radiance, which therefore have
+robust weights (Huber) relative to the spread of their segment. Reflectance is at most 0.9: brighter
+surfaces prove that light is missing (energy balance). This counts as strongly as shading, because
+tone mapping flattens shading but not the energy balance.
 
-Where neither says, expectations do, far weaker than a well-lit wall: gains are a few, and alike in
-the colours of a light and in parts of it that touch; reflectances are those of rooms. A clipped
-surface that may well reflect what it receives is expected to do so.
+Where neither constrains the gains, priors do, far weaker than a well-lit wall. Gains are small, and
+similar between the colours of a light and between adjacent parts of it; reflectances are typical of
+rooms. A clipped surface that may be reflecting its irradiance is expected to do so.
 """
 
 from __future__ import annotations
@@ -31,28 +31,27 @@ from scipy.sparse import csr_array
 Float = NDArray[np.float64]
 
 MAX_GAIN = 1e4
-"""A sun in a picture that shows the landscape."""
+"""Upper bound of gains: a sun in a picture exposed for the landscape."""
 EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
-"""Median, and standard deviation of its logarithm (so are all that follow)."""
+"""Median of gains, and standard deviation of their logarithm (as for all spreads below)."""
 COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
-"""Gains of two colours of one light differ so: both clipped, or one, which is little more then."""
+"""Spread between the gains of two colours of a light: both clipped, or one, which lost little."""
 LOCUS_SLOPE, TINT_SPREAD = 0.1, 0.1
-"""Green over the mean of red and blue by red over blue, and how much it differs from that: lights
-are warm or cold, as glowing bodies (2700 K to 10000 K) and skies are."""
+"""Chromaticity prior: slope of green over the mean of red and blue, against red over blue, and its
+spread. Lights are warm or cold, like black bodies (2700 K to 10000 K) and skies."""
 EXPECTED_REFLECTANCE, REFLECTANCE_SPREAD = 0.4, 1.0
 MAX_REFLECTANCE = 0.9
 CLIPPED_REFLECTANCE, CLIPPED_SPREAD = 0.6, 0.2
-"""Clipped surfaces that reflect are bright ones."""
+"""Reflectance of clipped surfaces that only reflect, and its spread; they are bright."""
 HUBER = 1.5
-"""Standard deviations beyond which a residual counts linearly."""
+"""Number of standard deviations beyond which a residual counts linearly."""
 MODEL_SPREAD, MODEL_POINTS = 0.15, 6.0
-"""Error of the re-rendering itself, which counts as so many points of a segment's spread."""
+"""Error of the re-rendering, and its weight in points of a segment's spread."""
 ALIKE = 4.0
-"""Points whose errors are one error: they lie side by side."""
+"""Number of adjacent points with a common error."""
 STEPS, CONVERGED = 60, 1e-3
 STARTS = (2.0, 30.0)
-"""Gains from which the search starts: a small lamp shows no influence on walls unless it is bright.
-"""
+"""Initial gains of the search. A small lamp has no influence on walls unless it is bright."""
 
 
 @dataclass(frozen=True)
@@ -62,19 +61,19 @@ class Shading:
     Attributes
     ----------
     radiance : (n, 3) float64
-        Observed; positive.
+        Observed radiance; positive.
     segment : (n,) int
-        From 0 to S - 1, each with points.
+        Segment of each point, from 0 to S - 1; none is empty.
     rest : (n, 3) float64
-        Irradiance by what is not clipped.
+        Irradiance by unclipped light.
     lights : (n, 3, K) float64
-        Irradiance by each light as it looks.
+        Irradiance by each light, as stored.
     shine : (m, 3) float64
         Observed (clipped) radiance of m points of clipped surfaces.
     shining : (m,) int
-        Which light each of them is.
+        Index of the light that each of them belongs to.
     shine_rest, shine_lights : (m, 3), (m, 3, K) float64
-        What they receive.
+        Irradiance of these points, by unclipped light and by each light.
     """
 
     radiance: Float
@@ -89,7 +88,7 @@ class Shading:
 
 @dataclass(frozen=True)
 class Tie:
-    """Lights `first` and `second` are expected to have like gains, within `spread`."""
+    """A prior that lights `first` and `second` have similar gains, within `spread`."""
 
     first: int
     second: int
@@ -98,14 +97,16 @@ class Tie:
 
 @dataclass(frozen=True)
 class ClipGains:
-    """Attributes
+    """Estimated gains of clipped lights.
+
+    Attributes
     ----------
     gain : (K, 3) float64
         True radiance over the clipped one, at least 1.
     reflectance : (S, 3) float64
         Reflectance of the segments.
     cost : float
-        Twice the negative log-likelihood, to compare fits to the same points by.
+        Twice the negative log-likelihood, for comparison of fits to the same points.
     """
 
     gain: Float
@@ -114,14 +115,16 @@ class ClipGains:
 
 
 def clip_gains(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> ClipGains:
-    """The most probable gains, by Gauss-Newton steps on their logarithms.
+    """Estimate the most probable gains, by Gauss-Newton steps on their logarithms.
 
     Parameters
     ----------
     shading : Shading
         With at least one point.
+    ties : sequence of Tie
+        Pairs of lights with similar gains.
     clipped : (K, 3) bool
-        Which channels of a light are clipped; the gains of others are 1.
+        Clipped channels of each light; the gains of others are 1.
     """
     problem = _Problem(shading, ties, clipped)
     ends = [_descent(problem, np.where(clipped, np.log(g), 0.0).ravel()) for g in STARTS]
@@ -131,12 +134,12 @@ def clip_gains(shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]
 
 
 def _descent(problem: _Problem, gains: Float) -> Float:
-    """Log-gains (3K,) of the optimum that lies downhill; those that are 0 stay."""
+    """Descend to a local optimum of the log-gains (3K,); entries that are 0 stay."""
     clipped, damping = gains > 0.0, 1e-3
     for _ in range(STEPS):
         problem.reweight(gains)
         cost, gradient, curvature = problem.linearised(gains)
-        # A gain of 1 that would be lower stays where it is.
+        # A gain of 1 that would decrease is fixed (active bound).
         free = ~((gains <= 0.0) & (gradient > 0.0)) & clipped
         if not free.any():
             break
@@ -159,7 +162,7 @@ def _descent(problem: _Problem, gains: Float) -> Float:
 
 
 class _Problem:
-    """Expectations that do not change, and robust weights that do; gains are (3K,) logarithms."""
+    """Fixed priors, and robust weights that change; gains are (3K,) logarithms."""
 
     def __init__(self, shading: Shading, ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> None:
         self._shading = shading
@@ -178,13 +181,13 @@ class _Problem:
         self._shine_weight = np.zeros_like(shading.shine)
 
     def reflectance(self, gains: Float) -> Float:
-        """(S, 3) logarithms."""
+        """Return log-reflectances (S, 3) of the segments."""
         return self._means(self._point_reflectance(gains))
 
     def reweight(self, gains: Float) -> None:
-        """Make the weights for the residuals at these gains.
+        """Update the weights from the residuals at these gains.
 
-        From medians, which half of a segment's points may spoil; means would follow them.
+        They are based on medians, which tolerate up to half of a segment's points as outliers.
         """
         found, segment = self._point_reflectance(gains), self._shading.segment
         centre = self._medians(found)
@@ -196,18 +199,18 @@ class _Problem:
             apart = np.abs(found - centre[segment])
             self._weight = 1.0 / np.maximum(1.0, apart / (HUBER * spread)) / (ALIKE * spread**2)
             centre = self._means(found)
-        # Lamps shine by themselves: the more a surface must, the less its reflection says.
+        # Lamps emit light: the larger a surface's surplus, the less its reflection counts.
         surplus = self._surplus(gains)
         self._shine_weight = self._share / (CLIPPED_SPREAD * (1.0 + surplus**2)) ** 2
 
     def cost(self, gains: Float) -> float:
-        """Half of it has `gradient` and about `curvature` of `linearised`."""
+        """Return the weighted sum of squares; half of it has the gradient of `linearised`."""
         squares = (weight * values**2 for values, weight in self._terms(gains))
         apart = self._rows @ gains - self._values
         return float(sum(part.sum() for part in squares) + apart @ apart)
 
     def neg_log_likelihood(self, gains: Float) -> float:
-        """Twice the negative log-likelihood, but for a constant."""
+        """Return twice the negative log-likelihood, up to a constant."""
         self.reweight(gains)
         points, surplus, *prior = self._terms(gains)
         spread = self._spread[self._shading.segment]
@@ -220,7 +223,7 @@ class _Problem:
         return float(total + (self._share * square / (1.0 + square)).sum() / CLIPPED_SPREAD**2)
 
     def linearised(self, gains: Float) -> tuple[float, Float, Float]:
-        """Cost, gradient (3K,) and Gauss-Newton curvature (3K, 3K), weights held."""
+        """Return cost, gradient (3K,) and Gauss-Newton curvature (3K, 3K), for fixed weights."""
         curvature = self._rows.T @ self._rows
         gradient = self._rows.T @ (self._rows @ gains - self._values)
         terms = zip(self._terms(gains), self._derivatives(gains), strict=True)
@@ -233,7 +236,7 @@ class _Problem:
         return self.cost(gains), gradient, curvature
 
     def _terms(self, gains: Float) -> list[tuple[Float, Float]]:
-        """Residuals (..., 3) of points, of clipped surfaces, and of reflectances; their weights."""
+        """Return residuals (..., 3) and weights, of points, clipped surfaces and reflectances."""
         found = self._point_reflectance(gains)
         mean = self._means(found)
         over = np.maximum(mean - np.log(MAX_REFLECTANCE), 0.0)
@@ -246,7 +249,7 @@ class _Problem:
         ]
 
     def _derivatives(self, gains: Float) -> list[Float]:
-        """(..., 3, K): of the residuals of `_terms`, by the gains of their channel."""
+        """Return the derivatives (..., 3, K) of `_terms` by the gains of the same channel."""
         shading = self._shading
         found = -_shares(shading.rest, shading.lights, gains)
         mean = self._means(found)
@@ -260,24 +263,24 @@ class _Problem:
         ]
 
     def _point_reflectance(self, gains: Float) -> Float:
-        """(n, 3) logarithms, of each point by itself."""
+        """Return the log-reflectance (n, 3) of each point on its own."""
         received = _received(self._shading.rest, self._shading.lights, gains)
         return np.asarray(np.log(self._shading.radiance * np.pi / received))
 
     def _surplus(self, gains: Float) -> Float:
-        """(m, 3) logarithm of what clipped surfaces send over what they are expected to reflect."""
+        """Return the log-ratio (m, 3) of radiosity to expected reflection of clipped surfaces."""
         shading = self._shading
         received = _received(shading.shine_rest, shading.shine_lights, gains)
         sent = shading.shine * np.exp(gains).reshape(-1, 3)[shading.shining]
         return np.asarray(np.log(sent * np.pi / (CLIPPED_REFLECTANCE * received)))
 
     def _medians(self, values: Float) -> Float:
-        """(S, 3) over the points of each segment, of (n, 3)."""
+        """Return medians (S, 3) of (n, 3) over the points of each segment."""
         numbers = np.arange(len(self._spread))
         return np.stack([median(part, self._shading.segment, numbers) for part in values.T], -1)
 
     def _means(self, values: Float) -> Float:
-        """(S, 3, ...) weighted means over the points of each segment, of (n, 3, ...)."""
+        """Return weighted means (S, 3, ...) of (n, 3, ...) over the points of each segment."""
         weight = self._weight.reshape(-1, 3, *[1] * (values.ndim - 2))
         sums, total = (
             (self._of_segment @ part.reshape(len(part), -1)).reshape(-1, *part.shape[1:])
@@ -287,19 +290,19 @@ class _Problem:
 
 
 def _received(rest: Float, lights: Float, gains: Float) -> Float:
-    """(n, 3) irradiance with all lights."""
+    """Return irradiance (n, 3) with all lights."""
     linear = np.exp(gains).reshape(-1, 3)
     return np.asarray(rest + np.einsum("nck,kc->nc", lights, linear) + 1e-30)
 
 
 def _shares(rest: Float, lights: Float, gains: Float) -> Float:
-    """(n, 3, K) share of each light in the irradiance: the derivative of its logarithm."""
+    """Return each light's share (n, 3, K) of irradiance: the derivative of its logarithm."""
     lit = lights * np.exp(gains).reshape(-1, 3).T
     return np.asarray(lit / _received(rest, lights, gains)[..., None])
 
 
 def _expectations(ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> tuple[Float, Float]:
-    """Rows and values of linear equations that log-gains (3K,) are expected to meet."""
+    """Return rows and values of linear equations that the log-gains (3K,) meet a priori."""
     rows, values = [], []
 
     def expect(terms: dict[int, float], value: float, spread: float) -> None:

@@ -1,4 +1,4 @@
-"""Clipped texels of a picture, grouped into lights."""
+"""Grouping of clipped texels into lights."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from iprt.footage.lights.gains import Tie
 from iprt.geometry.equirect import solid_angles
 
 NEARLY, FULLY = 0.95, 0.98
-"""Shares of the white level at which a channel begins to count as clipped, and wholly does. Codecs
+"""Shares of the white level at which a channel begins to count as clipped, and counts fully. Codecs
 leave no clipped texel exactly at white."""
 SHOULDER = 0.8
-"""Share of the white level from which on cameras that map tones show light too dim, if they do."""
+"""Share of the white level above which tone mapping may compress radiance."""
 GROUP_ROWS = 128
-"""Rows of the grid on which clipped texels are joined to lights: across gaps of two cells."""
+"""Rows of the grid on which clipped texels are joined into lights, across gaps of two cells."""
 LARGEST = 6
-"""Groups of a kind with lights of their own; all others are one."""
+"""Number of groups of a kind with lights of their own; all other groups are one."""
 KNOTS_DEG = (-25.0, -8.0, 8.0, 25.0, 50.0)
-"""Elevations between which what is far away, behind windows or in the open, changes its brightness:
-below the horizon is ground, and skies are not even. A surface has one brightness."""
+"""Elevations of the knots between which the gain of distant light varies, behind windows or in the
+open: there is ground below the horizon, and skies are uneven. A surface has a single gain."""
 MIN_SHARE = 0.02
-"""A part of a group with less of its clipped flux is no light of its own."""
+"""Least share of a group's clipped flux that makes a part of it a light of its own."""
 SAME_SIDE, ACROSS_HORIZON, SAME_ELEVATION = 0.6, 1.5, 0.7
-"""Spreads of log-gains of parts of the distance: of one window, both sky or both ground, or one of
-each; and of two windows at one elevation."""
+"""Expected spread of log-gains between parts of distant light: in one window, on the same side of
+the horizon, or on both; and in two windows at one elevation."""
 
 
 @dataclass(frozen=True)
 class Clipped:
-    """The clipped texels of a frame, N of them.
+    """The N clipped texels of a frame.
 
     Attributes
     ----------
@@ -45,13 +45,14 @@ class Clipped:
     level : (N, 3) float32
         Radiance over the white level.
     share : (N, 3) float32
-        How far each channel counts as clipped, in [0, 1]: from `NEARLY` on. Where tones are mapped,
-        all of a texel do as its darkest does, from `SHOULDER` on.
+        Degree of clipping of each channel, in [0, 1], rising from `NEARLY`. With tone mapping, at
+        least the degree of the texel's darkest channel, rising from `SHOULDER`.
     far : (N,) bool
-        The texel shows what is far away: behind an opening, or in the open sky.
+        Whether the texel shows distant light: behind an opening, or in the open sky.
     cell : (N,) int
-        In the grid of `GROUP_ROWS`.
+        Cell in the grid of `GROUP_ROWS`.
     row : (N,) int
+        Row of the picture.
     """
 
     texel: NDArray[np.intp]
@@ -63,8 +64,8 @@ class Clipped:
 
     @classmethod
     def of(cls, frame: Frame, white: float) -> Clipped | None:
-        """None where no channel reaches white."""
-        # All channels in one go, and only then the texels that they belong to.
+        """Find the clipped texels of a frame; None if no channel reaches white."""
+        # Compare all channels at once, then find the texels that they belong to.
         channel = np.flatnonzero(frame.color >= NEARLY * white)
         if not (channel.size and frame.color.max() >= FULLY * white):
             return None
@@ -84,41 +85,43 @@ class Clipped:
         )
 
     def with_shoulder(self, frame: Frame, white: float) -> Clipped:
-        """And texels of the same frame that are nearly clipped, as cameras that map tones show."""
+        """Add the texels of the same frame that tone mapping may compress."""
         bright = (frame.color >= np.float32(SHOULDER * white)).all(axis=-1)
         both = self._of_texels(frame, white, np.union1d(self.texel, np.flatnonzero(bright)))
         darkest = _ramp(both.level.min(axis=-1, keepdims=True), SHOULDER)
         return replace(both, share=np.maximum(both.share, darkest))
 
     def without_shoulder(self) -> Clipped:
-        """The same texels, of which those that are not clipped have no share."""
+        """Return the same texels; texels that are not clipped have share 0."""
         return replace(self, share=_ramp(self.level, NEARLY))
 
 
 def _ramp(level: NDArray[np.float32], start: float) -> NDArray[np.float32]:
-    """Shares of levels, from 0 at `start` on."""
+    """Return the degree of clipping of levels, rising from 0 at `start`."""
     share = np.clip((level - start) / (FULLY - start), 0.0, 1.0)
     return np.asarray(share, np.float32)
 
 
 def grid_cells(frame: Frame, texel: NDArray[np.intp], rows: int) -> NDArray[np.intp]:
-    """Cells of a grid that texels lie in."""
+    """Return the grid cells that contain texels."""
     row, column = texel // frame.width, texel % frame.width
     return np.asarray(row * rows // frame.height * 2 * rows + column * 2 * rows // frame.width)
 
 
 @dataclass(frozen=True)
 class Light:
-    """A part of the clipped texels with one gain.
+    """A part of the clipped texels with a gain of its own.
 
     Attributes
     ----------
     group : int
-        From 1 on.
+        Group index, from 1 on.
     knots_deg : tuple of float
-        Knots of all lights of the group, ascending; one for surfaces.
+        Elevations of the knots of all lights of the group, ascending; a single one for surfaces.
     knot : int
-        The light's own: it fades out towards the neighbouring ones.
+        Index of the light's knot; its share falls to 0 at the neighbouring knots.
+    far : bool
+        Whether the light is distant; see `Clipped.far`.
     """
 
     group: int
@@ -127,17 +130,17 @@ class Light:
     far: bool
 
     def share(self, rows: int) -> Float:
-        """(rows,) share of the light in each row of an equirect picture."""
+        """Return the share (rows,) of the light in each row of an equirect picture."""
         elevation = 90.0 - (np.arange(rows) + 0.5) / rows * 180.0
         own = np.eye(len(self.knots_deg))[self.knot]
         return np.asarray(np.interp(elevation, self.knots_deg, own))
 
 
 def groups_of(frame: Frame, clipped: Clipped) -> NDArray[np.intp]:
-    """`Gains.group`: connected clipped texels, near ones and far ones apart, the brightest first.
+    """Label `Gains.group`: connected clipped texels, near and far ones separately.
 
-    Gaps of two cells are bridged, so that the panes of a window are one. Groups without a texel
-    that is wholly clipped are none.
+    Near groups come first, each kind in descending order of flux. Gaps of two cells are bridged, so
+    that the panes of a window form one group. Groups without a fully clipped texel are dropped.
     """
     rows = min(GROUP_ROWS, frame.height)
     cells = 2 * rows * rows
@@ -164,7 +167,7 @@ def groups_of(frame: Frame, clipped: Clipped) -> NDArray[np.intp]:
 
 
 def lights_of(frame: Frame, clipped: Clipped, group: NDArray[np.intp]) -> list[Light]:
-    """The lights of all groups, in their order."""
+    """Return the lights of all groups, in the order of the groups."""
     own = group[clipped.far.astype(np.intp), clipped.cell]
     weight = solid_angles(frame.width, frame.height)[clipped.row] * clipped.share.sum(-1)
     lights = []
@@ -185,7 +188,7 @@ def lights_of(frame: Frame, clipped: Clipped, group: NDArray[np.intp]) -> list[L
 
 
 def ties_of(lights: Sequence[Light]) -> list[Tie]:
-    """Parts of the distance that are expected to be alike."""
+    """Return the pairs of distant lights that are expected to have similar gains."""
     ties = []
     for i, a in enumerate(lights):
         for j, b in enumerate(lights[:i]):

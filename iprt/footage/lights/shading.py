@@ -22,27 +22,33 @@ from iprt.footage.lights.gains import Shading
 from iprt.footage.lights.groups import Clipped, Light, grid_cells
 
 FINE_ROWS, LIGHT_ROWS, REST_ROWS = 128, 64, 32
-"""Rows of cells: receivers and what hides; lights; everything else."""
+"""Rows of cells: for receivers and occluders, for lights, and for all other light."""
 LIGHT_STEPS, REST_STEPS = 16, 6
-"""Points at which lines of sight are tested."""
+"""Numbers of points at which visibility is tested along a line of sight."""
 CANDIDATES = 1000
-"""Cells around the sphere that shading is looked at in."""
+"""Number of cells, spread over the sphere, that are candidates for receivers."""
 MIN_RECEIVERS = 20
 SHINE_POINTS, MOSTLY = 12, 0.75
-"""Points of a clipped surface whose own light is looked at, in cells that are so much clipped."""
+"""Number of points per clipped surface whose emission is tested, and least clipped share of their
+cells."""
 DARK = 1e-3
-"""Radiance over white, below which noise and quantisation spoil a logarithm."""
+"""Radiance relative to white below which noise and quantisation corrupt a logarithm."""
 
 
 def shading_of(
     frame: Frame, clipped: Clipped, group: NDArray[np.intp], lights: Sequence[Light], white: float
 ) -> Shading | None:
-    """Shading by the lights; None where too few are well seen.
+    """Compute the shading of surfaces by lights; None if too few surfaces are well seen.
 
     Parameters
     ----------
+    frame : Frame
+    clipped : Clipped
     group : (N,) int
-        Which group each clipped texel belongs to, 0 for none.
+        Group of each clipped texel, 0 for none.
+    lights : sequence of Light
+    white : float
+        Linear radiance of the white level.
     """
     shown = Geometry.of(frame, min(FINE_ROWS, frame.height))
     fine, middle, coarse = (
@@ -78,8 +84,10 @@ def shading_of(
 
 
 def _rest(frame: Frame, clipped: Clipped, sums: Float) -> tuple[Float, Float]:
-    """Shares of cells (N,) that are neither clipped nor open, and their radiance (N, 3), a mean
-    over the cells; `sums` (rows, 2 rows, 3) is that of all texels.
+    """Return light that is neither clipped nor from openings, by cell.
+
+    `sums` (rows, 2 rows, 3) are sums over all texels of each cell. Returns the share (N,) of such
+    texels, and their radiance (N, 3), averaged over the whole cells.
     """
     rows, count = sums.shape[0], 2 * sums.shape[0] ** 2
     left_out = frame.opening.copy()
@@ -91,13 +99,13 @@ def _rest(frame: Frame, clipped: Clipped, sums: Float) -> tuple[Float, Float]:
     for c in range(3):
         rest[:, c] -= np.bincount(cell, color[:, c], count)
     plain = texels - np.bincount(cell, minlength=count)
-    # Where nothing is left, rounding is.
+    # Cells without such texels would keep a rounding error.
     rest = np.where(plain[:, None] > 0, np.maximum(rest, 0.0), 0.0)
     return plain / texels, rest / texels[:, None]
 
 
 def _usable(frame: Frame, clipped: Clipped, cells: Cells) -> NDArray[np.bool_]:
-    """(N,) cells whose surface is well seen, diffuse, and not next to what is clipped."""
+    """Return (N,) whether cells are well seen, diffuse, and not next to clipped ones."""
     hot = np.zeros(2 * cells.rows**2, bool)
     hot[grid_cells(frame, clipped.texel, cells.rows)] = True
     hot = ndimage.binary_dilation(hot.reshape(cells.rows, -1), np.ones((3, 3))).ravel()
@@ -114,8 +122,10 @@ def _light_cells(
     lights: Sequence[Light],
     rows: int,
 ) -> Float:
-    """(cells, 3, K + 1) mean radiance of cells due to each light, as it looks; the last one is all
-    else that is seen where something is clipped, and through openings."""
+    """Return mean radiance (cells, 3, K + 1) of cells by light, as stored.
+
+    The last entry is all other light of clipped texels, and light through openings.
+    """
     cells = 2 * rows * rows
     texels = cell_texels(frame.depth.shape, rows).ravel()
     color = frame.color.reshape(-1, 3)
@@ -148,7 +158,7 @@ def _shining(
     lights: Sequence[Light],
     cells: Cells,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """(m,) cells on clipped surfaces, and which light each is."""
+    """Return cells (m,) on clipped surfaces, and the index (m,) of the light of each."""
     cell = grid_cells(frame, clipped.texel, cells.rows)
     texels = frame.width * frame.height / len(cells.depth)
     chosen, light_of = [], []

@@ -1,4 +1,4 @@
-"""Clipped lights of a frame in numbers."""
+"""Statistics of a frame's clipped lights."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from iprt.footage.lights.groups import Clipped, groups_of
 from iprt.geometry.equirect import solid_angles
 
 MIN_REPORTED = 1.05
-"""Factor by which lights are brighter than they look, from which on it is reported."""
+"""Least ratio of recovered to stored flux that is reported."""
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """The clipped lights of a frame in numbers.
+    """Statistics of a frame's clipped lights.
 
     Attributes
     ----------
     lights : int
-        Groups of clipped texels.
+        Number of groups of clipped texels.
     area : float
-        Share of all directions that they cover.
+        Share of the sphere that they cover.
     seen, flux : float
-        Share of the flux at the capture centre that comes from them as they look, and as recovered.
+        Their share of the flux at the capture centre, as stored, and as recovered.
     factor : float
-        Their flux as recovered over that as they look.
+        Ratio of their recovered to their stored flux.
     """
 
     lights: int
@@ -39,7 +39,7 @@ class Recovered:
 
     @classmethod
     def of(cls, frame: Frame, white: float) -> Recovered | None:
-        """None where nothing is clipped."""
+        """Measure the clipped lights of a frame; None if nothing is clipped."""
         seen_frame = replace(frame, color=frame.picture, clipped=None)
         clipped = Clipped.of(seen_frame, white) if np.isfinite(white) else None
         if clipped is None:
@@ -65,13 +65,13 @@ class Recovered:
         )
 
     def line(self) -> str:
-        """As text."""
+        """Return a sentence for reports."""
         what = (
             f"{counted(self.lights, 'clipped light')} in {100 * self.area:.2f}% of all directions"
         )
         if self.factor < MIN_REPORTED:
             return (
-                f"{what}; taken to be as bright as the picture shows, because no surface in sight "
+                f"{what}; taken to be as bright as the picture shows, because no visible surface "
                 "shows more"
             )
         return (
