@@ -1,1 +1,1 @@
-"""The pictures of a 360° video: where they come from, and how they become frames."""
+"""Decoding of 360° videos: tracks of colour, depth and normals, from files or streams."""

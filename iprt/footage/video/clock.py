@@ -1,8 +1,8 @@
-"""Which moment of its streams a frame of the video shows.
+"""Mapping between frames of a video and times in its streams.
 
-The video has a clock of its own: frame i is shown i / fps seconds after the first, and takes of
-every stream the frame nearest to that moment. So streams of differing and of variable rates stay
-together, and a frame is the same however it is come by.
+The video has its own clock: frame i is shown i / fps seconds after the first. It takes the nearest
+frame of every stream. Streams of different or variable rates thus stay in sync, and a frame does
+not depend on the order of reading.
 """
 
 from __future__ import annotations
@@ -13,38 +13,38 @@ from fractions import Fraction
 from iprt.footage.video.container import StreamInfo
 
 SAME_RATE = 2e-4
-"""Relative difference of rates that are taken for the same; 30 and 30/1.001 differ by 1e-3."""
+"""Relative difference up to which rates count as equal; 30 and 30/1.001 differ by 1e-3."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """When frames are shown.
+    """Clock of a video.
 
     Attributes
     ----------
     fps : Fraction
         Frames per second.
     first : int
-        Number of the frame at second 0.
+        Index of the frame at second 0.
     """
 
     fps: Fraction
     first: int
 
     def time(self, index: int) -> Fraction:
-        """Seconds from the beginning of the streams."""
+        """Return the time of a frame, in seconds from the beginning of the streams."""
         return (index - self.first) / self.fps
 
 
 def frame_count(stream: StreamInfo, fps: Fraction) -> int:
-    """Frames of a video that shows all of a stream."""
+    """Return the number of frames of a video that shows a whole stream."""
     return round((stream.last - stream.start) * fps) + 1
 
 
 def disagreements(
     clock: Clock, indices: range, color: StreamInfo | None, depth: StreamInfo | None
 ) -> list[str]:
-    """Disagreements of the streams, and how they are resolved; one line each."""
+    """Return lines on disagreements between streams and how they are resolved."""
     lines = []
     for key, stream in (("color", color), ("depth", depth)):
         if stream is None:

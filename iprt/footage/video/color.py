@@ -1,15 +1,16 @@
-"""Decoded frames to linear Rec.709 radiance, by what the stream says of its colours.
+"""Conversion of decoded frames to linear Rec.709 radiance, by the stream's colour tags.
 
-What a stream does not say is taken to be
+Missing tags default to
 
-- matrix: that of its primaries where these are BT.2020; else BT.709 from 1280 pixels a row or 577
-  rows on, BT.601 below, as players do;
-- range: limited for YUV, full for RGB and grey and for what formats of JPEG hold;
-- transfer: sRGB, as pictures of 8 bits are read; linear for floats;
+- matrix: BT.2020 for BT.2020 primaries; else BT.709 from 1280 columns or 577 rows on, and BT.601
+  below, as in players;
+- range: limited for YUV; full for RGB, grey and JPEG's formats;
+- transfer: sRGB, as for pictures of 8 bits; linear for floats;
 - primaries: BT.2020 with PQ and HLG, else BT.709.
 
-Streams tagged BT.601, BT.709 or BT.2020 show by BT.1886: a power of 2.4. 1 is reference white: of
-PQ and HLG, 203 cd/m² (ITU-R BT.2408-7, table 1), which HLG reaches on a display of 1000 cd/m².
+Streams tagged BT.601, BT.709 or BT.2020 use the display curve of BT.1886, a power of 2.4. Radiance
+1 is reference white. With PQ and HLG, it is 203 cd/m² (ITU-R BT.2408-7, table 1); for HLG on a
+display of 1000 cd/m².
 """
 
 from __future__ import annotations
@@ -33,15 +34,15 @@ if TYPE_CHECKING:
 Picture = NDArray[np.float32]
 UNSPECIFIED = 2
 REFERENCE_WHITE = 203.0
-"""cd/m² of diffuse white in PQ and HLG."""
+"""Diffuse white in PQ and HLG, in cd/m²."""
 HLG_PEAK, HLG_GAMMA = 1000.0, 1.2
-"""cd/m² and exponent of the display that HLG is made for (ITU-R BT.2100-2, table 5)."""
+"""Peak luminance in cd/m² and exponent of HLG's reference display (ITU-R BT.2100-2, table 5)."""
 _PQ, _HLG, _LINEAR = 16, 18, 8
 _BT1886 = (1, 6, 7, 11, 14, 15)
 _GAMMAS = {4: 2.2, 5: 2.8}
 _SRGB = 13
 BAND = 64
-"""Rows that are converted at a time, to stay in the processor's cache."""
+"""Number of rows converted at a time, to stay in the processor's cache."""
 
 # Codes of ITU-T H.273, as FFmpeg uses them.
 _LUMA = {
@@ -70,12 +71,16 @@ _PRIMARIES = {
 
 @dataclass(frozen=True)
 class Encoding:
-    """The colour encoding of a frame; codes of ITU-T H.273.
+    """Colour encoding of a frame, in codes of ITU-T H.273.
 
     Attributes
     ----------
+    layout : Layout
+        Layout of the pixel format.
+    matrix, transfer, primaries : int
+        Matrix coefficients, transfer characteristics and colour primaries.
     full : bool
-        Whether codes go from 0 to the largest, and not as BT.709 has them.
+        Whether codes have full range, from 0 to the largest.
     """
 
     layout: Layout
@@ -86,12 +91,12 @@ class Encoding:
 
 
 def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
-    """The encoding of a frame, what it does not say filled in; `path` names it in errors.
+    """Return the encoding of a frame, with defaults for missing tags; `path` names it in errors.
 
     Raises
     ------
     FormatError
-        The pixel format, matrix, transfer or primaries are not read.
+        If the pixel format, matrix, transfer or primaries are not supported.
     """
     how = layout(frame.format.name)
     if how is None:
@@ -124,7 +129,7 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
 
 
 def has_highlights(pixels: str, transfer: int) -> bool:
-    """Whether a stream holds what is brighter than reference white: PQ, HLG, or floats.
+    """Return whether a stream can be brighter than reference white: PQ, HLG, or floats.
 
     Parameters
     ----------
@@ -138,7 +143,7 @@ def has_highlights(pixels: str, transfer: int) -> bool:
 
 
 def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
-    """Some rows of a frame as (h, W, 3) float32 linear Rec.709 radiance; 1 is reference white.
+    """Convert rows of a frame to linear Rec.709 radiance (h, W, 3) float32; 1: reference white.
 
     Colours outside of Rec.709 are negative in a channel. A panorama's chroma is interpolated across
     its seam.
@@ -163,12 +168,12 @@ def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
 
 
 def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float, float]:
-    """Some rows of luma or grey as stored, and the codes of black and of white.
+    """Return rows of luma or grey as stored, and the codes of black and white.
 
     Raises
     ------
     FormatError
-        The pixel format has no luma.
+        If the pixel format has no luma.
     """
     how = layout(frame.format.name)
     if how is None or how.kind == "rgb":
@@ -180,12 +185,12 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
 
 
 def _is_full(frame: av.VideoFrame, how: Layout) -> bool:
-    """All codes are used."""
+    """Return whether codes have full range."""
     return how.full or frame.color_range == 2 or (how.kind == "grey" and frame.color_range != 1)
 
 
 def _limits(how: Layout, full: bool) -> tuple[float, float]:
-    """Codes of black and white of luma."""
+    """Return the luma codes of black and white."""
     if how.is_float:
         return 0.0, 1.0
     if full:
@@ -194,7 +199,7 @@ def _limits(how: Layout, full: bool) -> tuple[float, float]:
 
 
 def _coded_rgb(stored: list[Samples], encoding: Encoding) -> list[Picture]:
-    """Non-linear R, G, B, in the mean from 0 to 1."""
+    """Return non-linear R, G, B, nominally from 0 to 1."""
     how = encoding.layout
     black, white = _limits(how, encoding.full)
     if how.kind != "yuv":
@@ -215,7 +220,7 @@ def _coded_rgb(stored: list[Samples], encoding: Encoding) -> list[Picture]:
 
 
 def _linear(coded: list[Picture], encoding: Encoding) -> Picture:
-    """(h, w, 3) of non-linear channels."""
+    """Return linear radiance (h, w, 3) of non-linear channels."""
     stacked = np.stack(coded, axis=-1)
     if encoding.transfer == _LINEAR:
         return stacked
@@ -227,7 +232,7 @@ def _linear(coded: list[Picture], encoding: Encoding) -> Picture:
     if encoding.transfer == _HLG:
         red, blue = _LUMA[9]
         weights = np.array([red, 1.0 - red - blue, blue], np.float32)
-        # The display's OOTF brightens by luminance, which keeps hues (BT.2100-2, table 5).
+        # The display's OOTF scales by luminance, which preserves hues (BT.2100-2, table 5).
         scene = linear @ weights
         linear = linear * (scene ** np.float32(HLG_GAMMA - 1.0))[..., None]
     return linear
@@ -235,7 +240,7 @@ def _linear(coded: list[Picture], encoding: Encoding) -> Picture:
 
 @lru_cache(maxsize=16)
 def _table(transfer: int) -> Picture:
-    """(65536,) linear values of non-linear ones from 0 to 1; of HLG, before its OOTF."""
+    """Return linear values (65536,) of non-linear ones from 0 to 1; for HLG, before its OOTF."""
     e = np.arange(65536) / 65535.0
     if transfer == _SRGB:
         return decode_srgb(np.arange(65536, dtype=np.uint16))
@@ -250,7 +255,7 @@ def _table(transfer: int) -> Picture:
         a, b = 0.17883277, 1 - 4 * 0.17883277
         c = 0.5 - a * np.log(4 * a)
         linear = np.where(e <= 0.5, e * e / 3.0, (np.exp((e - c) / a) + b) / 12.0)
-        # Such that the OOTF, of which the power is left, ends at the display's peak.
+        # Scale so that the OOTF, whose power follows later, ends at the display's peak.
         linear *= (HLG_PEAK / REFERENCE_WHITE) ** (1.0 / HLG_GAMMA)
     else:
         linear = e ** _GAMMAS.get(transfer, 2.4)
@@ -258,9 +263,9 @@ def _table(transfer: int) -> Picture:
 
 
 def _upsampled(plane: Samples, how: Layout, height: int, width: int) -> Picture:
-    """Chroma at every sample of luma, linearly interpolated.
+    """Upsample chroma to every luma sample, linearly.
 
-    It is sited as MPEG-2 to HEVC have it by default: on every other luma sample of a row, and
+    Chroma is sited at the default of MPEG-2 to HEVC: at every other luma sample of a row, and
     midway between two rows.
     """
     chroma = plane.astype(np.float32)

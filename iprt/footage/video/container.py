@@ -1,8 +1,8 @@
-"""Video files through FFmpeg (PyAV): what streams they hold, and their frames by time.
+"""Access to video files through FFmpeg (PyAV): headers of their streams.
 
-Files may come from anybody. FFmpeg reads nothing but the file itself: it gets an open file instead
-of a name, every further file that it would open is refused, and formats that do nothing but name
-other files (playlists, HLS, DASH, concat) are not read.
+Files are untrusted. FFmpeg reads nothing but the file itself. It gets an open file instead of a
+name, every further file that it would open is refused, and formats that only name other files
+(playlists, HLS, DASH, concat) are not read.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from av.container import InputContainer
 
 FORMATS = "matroska,webm,mov,mp4,avi,mpegts,mxf,nut,ivf,flv,asf,ogg,mpeg,yuv4mpegpipe"
-"""FFmpeg's demuxers that read pictures out of the very file."""
+"""FFmpeg's demuxers of formats that hold their pictures in the file itself."""
 BUFFER_BYTES = 2**20
 MAX_STREAMS = 64
 LONGEST_SEARCH = 4096
-"""Packets at the end of a file that are looked through for the last frame."""
+"""Largest number of packets at the end of a file that are searched for the last frame."""
 NEITHER = f"not an {READ} file, nor a video that can be read"
 LAST_S = 2
 """Seconds before the end of a file that are searched for the last frame."""
@@ -35,12 +35,16 @@ LAST_S = 2
 
 @dataclass(frozen=True)
 class StreamInfo:
-    """A video stream, by what its headers say.
+    """A video stream, as described by its headers.
 
     Attributes
     ----------
+    path : Path
+        The file.
     number : int
         The stream's index in the file.
+    width, height : int
+        Size of the pictures.
     pixels : str
         FFmpeg's name of the pixel format.
     transfer : int
@@ -48,9 +52,9 @@ class StreamInfo:
     start, last : Fraction
         Times of the first and the last frame in seconds, on the file's clock.
     rate : Fraction
-        Frames per second, in the mean.
+        Mean number of frames per second.
     claimed : Fraction or None
-        Seconds from the first to the end of the last frame, as the headers have it.
+        Seconds from the first frame to the end of the last one, according to the headers.
     """
 
     path: Path
@@ -66,18 +70,19 @@ class StreamInfo:
 
     @property
     def is_grey(self) -> bool:
+        """Return whether there is one channel only."""
         return self.pixels.startswith("gray")
 
     @property
     def is_deep_grey(self) -> bool:
-        """Whether it can hold depth: one channel of more than 8 bits."""
+        """Return whether the stream can hold depth: one channel of more than 8 bits."""
         return self.is_grey and self.pixels != "gray"
 
 
 def is_container(root: Path, name: str) -> bool:
-    """Whether a file that `[video]` names is there and no picture.
+    """Return whether `name` is an existing file that is no picture.
 
-    What is neither a picture nor a video counts as a video, whose reader tells so.
+    Any file that is no picture counts as a video. The reader of videos reports one that is neither.
     """
     path = root / name
     if FRAME_PATTERN.search(name) or name.lower().endswith(PICTURE_SUFFIXES) or not is_file(path):
@@ -91,16 +96,16 @@ def is_container(root: Path, name: str) -> bool:
 
 @contextmanager
 def opened(path: Path) -> Iterator[InputContainer]:
-    """A video file, opened by FFmpeg.
+    """Open a video file with FFmpeg.
 
     Raises
     ------
     FormatError
-        Not a video, or of a format that is not read.
+        If it is no video, or of an unsupported format.
     """
     import av
 
-    av.logging.set_level(None)  # what FFmpeg says of damage is said once in our words
+    av.logging.set_level(None)  # errors are reported once, in our own messages
     with open_file(path) as file:
         with ffmpeg_decoding(path, NEITHER):
             container = av.open(
@@ -123,7 +128,7 @@ def opened(path: Path) -> Iterator[InputContainer]:
 
 @contextmanager
 def ffmpeg_decoding(path: Path, complaint: str) -> Iterator[None]:
-    """`decoding`; of FFmpeg's errors, lack of memory among them, only the reason is kept."""
+    """Convert errors like `decoding`, FFmpeg's among them, and keep only their reason."""
     import av
 
     with decoding(path, complaint):
@@ -138,12 +143,12 @@ def _refuse(url: str, *_: Any) -> NoReturn:
 
 
 def video_streams(path: Path) -> list[StreamInfo]:
-    """The video streams of a file; cover pictures are none.
+    """List the video streams of a file, without cover pictures.
 
     Raises
     ------
     FormatError
-        Not a video, without a video stream, or with pictures larger than are read.
+        If it is no video, has no video stream, or its pictures are too large.
     """
     with opened(path) as container:
         streams = container.streams.video[:MAX_STREAMS]
@@ -152,7 +157,7 @@ def video_streams(path: Path) -> list[StreamInfo]:
             context = stream.codec_context
             if "attached_pic" in str(stream.disposition).lower() or context is None:
                 continue
-            if context.width < 1 or context.height < 1:  # so FFmpeg leaves what is beyond limits
+            if context.width < 1 or context.height < 1:  # FFmpeg's way to reject a size
                 raise FormatError(
                     f"{path}: its header gives pictures no size, or more than {MAX_PIXELS} pixels, "
                     "the most that are read"
@@ -191,9 +196,9 @@ def _info(path: Path, container: InputContainer, stream: Any) -> StreamInfo:
 
 
 def _last_time(container: InputContainer, stream: Any, start: Fraction, end: Fraction) -> Fraction:
-    """The time of the last frame that is in the file, which may be cut off before it should end.
+    """Find the time of the last frame in the file, which may have been cut off.
 
-    Packets come in the order of decoding: the last frame is among the last ones.
+    Packets are in decoding order, so the last frame is among the last packets.
     """
     import av
 
@@ -212,11 +217,11 @@ def _last_time(container: InputContainer, stream: Any, start: Fraction, end: Fra
 
 
 def time_base(stream: Any) -> Fraction:
-    """Seconds per step of a stream's times."""
+    """Return the seconds per unit of a stream's time stamps."""
     return Fraction(stream.time_base or Fraction(1, 1_000_000))
 
 
 def stamp_of(timed: Any) -> int | None:
-    """When a packet or frame is shown, in its time base; AVI knows only when it is decoded."""
+    """Return a packet's or frame's presentation time, or decoding time in AVI; stream units."""
     stamp: int | None = timed.pts if timed.pts is not None else timed.dts
     return stamp

@@ -1,4 +1,4 @@
-"""Stored values of depth to metres."""
+"""Conversion of stored depth values to metres."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from iprt.geometry.equirect import texel_polar_angles
 Picture = NDArray[np.float32]
 
 MAX_WHITE = 1.01
-"""Floats that go from 0 to 1 are no larger."""
+"""Upper bound of floats that are meant to go from 0 to 1."""
 UNMEASURED = float(np.finfo(np.float32).min)
-"""Depth where a surface is said to be that was not measured; where a file holds it, too."""
+"""Depth where there is a surface without a measurement, also as a value in files."""
 
 
 def usable(depth: Picture) -> NDArray[np.bool_]:
@@ -30,17 +30,17 @@ def usable(depth: Picture) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class DepthSamples:
-    """A picture of depth as stored.
+    """A depth picture as stored.
 
     Attributes
     ----------
     values : (H, W) of any type
     black, white : float
-        Stored values of both.
+        Stored values of black and white.
     bits : int
-        Bits of its integers; 0 for floats.
+        Number of bits of integers; 0 for floats.
     exact : bool
-        Whether values are kept as they were written: no lossy codec.
+        Whether values are lossless.
     """
 
     values: NDArray[Any]
@@ -50,32 +50,32 @@ class DepthSamples:
     exact: bool
 
     def placed(self, placement: Placement) -> DepthSamples:
-        """Return these as they lie in the sphere, if they do as colour; see `Placement.alike`."""
+        """Return the samples placed on the sphere, if they need it; see `Placement.alike`."""
         alike = placement.alike(self.values.shape[1], self.values.shape[0])
         if alike is None:
             return self
-        # Of no value that `DepthMarks` may name: around a crop is no hole in a surface.
+        # Around a crop, use a value that no `DepthMarks` can name: it is no hole in a surface.
         values = self.values.astype(np.float32, copy=False)
         return replace(self, values=alike.nearest(values, unknown=-np.inf))
 
 
 @dataclass(frozen=True)
 class DepthMarks:
-    """Stored values that are no depth.
+    """Stored values that mark missing depth.
 
     Attributes
     ----------
     invalid : tuple of float
-        Nothing was measured there: a hole in a surface.
+        Values without a measurement: holes in a surface.
     sky : tuple of float
-        There is no surface.
+        Values without a surface.
     """
 
     invalid: tuple[float, ...] = ()
     sky: tuple[float, ...] = ()
 
     def masks(self, values: NDArray[Any]) -> list[tuple[NDArray[np.bool_], float]]:
-        """Return where values (H, W) are marks, and the values read there in place of metres."""
+        """Return masks (H, W) of the marks, each with the depth to use instead."""
         marks = [(mark, UNMEASURED) for mark in self.invalid] + [
             (mark, np.inf) for mark in self.sky
         ]
@@ -88,21 +88,20 @@ class DepthMarks:
 
 @dataclass(frozen=True)
 class DepthCode:
-    """The meaning of stored values. A value of 0, or black, is no surface in any case.
+    """Meaning of stored depth values. A value of 0, or black, is never a surface.
 
     Attributes
     ----------
     scale : float or None
         Metres per stored unit.
     ends : (float, float) or None
-        Metres that black and white stand for.
+        Depth in metres at black and at white.
     encoding : "linear" or "inverse"
-        Between `ends`, whether depth or its inverse grows in proportion with the stored value.
+        Whether depth or its inverse is linear in the stored value, between `ends`.
     kind : "distance" or "cube"
-        What is measured: the distance along the ray, or the part of it along the axis of that face
-        of a cube which the ray passes, from its centre.
+        Distance along the ray, or its component along the axis of the cube face that the ray hits.
     marks : DepthMarks or None
-        Values that are no depth; None where they are looked for in the first frame.
+        Values that mark missing depth; None to detect them in the first frame.
     """
 
     scale: float | None = None
@@ -113,11 +112,11 @@ class DepthCode:
 
     @property
     def is_known(self) -> bool:
-        """Whether integers can be converted to metres."""
+        """Return whether integers can be converted to metres."""
         return self.scale is not None or self.ends is not None
 
     def describe(self) -> str:
-        """As text."""
+        """Return a phrase for reports."""
         along = "" if self.kind == "distance" else "; along the axes of a cube's faces"
         if self.ends is None:
             return f"{self.scale or 1.0:g} m per stored unit{along}"
@@ -125,25 +124,25 @@ class DepthCode:
         return f"{self.ends[0]:g} m at black to {self.ends[1]:g} m at white, even in {grows}{along}"
 
     def decoded(self, path: Path, samples: DepthSamples, marks: DepthMarks) -> Picture:
-        """Return measured depth (H, W) in metres, without values marked as no depth.
+        """Return depth (H, W) in metres, with marks replaced.
 
         Parameters
         ----------
         path : Path
-            Names the file in errors.
+            Name of the file in errors.
         marks : DepthMarks
             Marks of the video: given, or found in its first frame.
 
         Raises
         ------
         FormatError
-            `ends` are given for floats that go beyond 1: metres, mostly.
+            If `ends` are given for floats beyond 1, which are usually metres.
         """
         masks = marks.masks(samples.values)
         self._require_range(path, samples, masks)
         metres = self.metres(samples.values, samples.black, samples.white)
         if masks and metres is samples.values:
-            metres = metres.copy()  # a picture may be kept for all frames
+            metres = metres.copy()  # the picture may be cached for all frames
         for mask, shown in masks:
             metres[mask] = shown
         return metres
@@ -164,13 +163,13 @@ class DepthCode:
             )
 
     def metres(self, stored: NDArray[Any], black: float, white: float) -> Picture:
-        """Return measured depth (H, W) in metres; 0, negative, NaN or inf without a surface.
+        """Return depth (H, W) in metres; 0, negative, NaN or inf where there is no surface.
 
         Parameters
         ----------
         stored : (H, W) of any type
         black, white : float
-            Stored values of both, which only `ends` looks at.
+            Stored values of black and white, used with `ends` only.
         """
         value = stored.astype(np.float32, copy=False)
         with np.errstate(all="ignore"):
@@ -187,7 +186,7 @@ class DepthCode:
 
 @lru_cache(maxsize=2)
 def cube_factor(height: int, width: int) -> Picture:
-    """Return the distance (height, width) along each ray where a cube's face measures 1."""
+    """Return the distance (height, width) along each ray to a cube face at distance 1."""
     phi = (np.arange(width) + 0.5) / width * 2.0 * np.pi
     theta = texel_polar_angles(height)[:, None]
     aside = np.maximum(np.abs(np.sin(phi)), np.abs(np.cos(phi))).astype(np.float32)
@@ -196,7 +195,7 @@ def cube_factor(height: int, width: int) -> Picture:
 
 
 def unit_problem(name: str) -> str:
-    """The message that a file needs a `depth_scale` or `depth_range`."""
+    """Return the message that a file needs a `depth_scale` or `depth_range`."""
     return (
         f"video.depth_scale: {name} stores integers; say how many metres one step is "
         "(0.001 for millimetres), or give depth_range, the metres of black and of white"

@@ -1,4 +1,4 @@
-"""Depth that is a picture, by its hues or by its values: the other eye, or ambient occlusion."""
+"""Detection of pictures given as depth, such as the other eye's view or ambient occlusion."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ Item = TypeVar("Item")
 Decode = Callable[["av.VideoFrame", slice, Path], Item]
 
 ALIKE, COPIED = 0.9, 0.99
-"""Rank correlations with the picture's luminance from which on depth is a picture: within [0, 1] as
-stored, and beyond. Depth of the scenes measured has -0.4 to 0.02; a grey copy has 1, whatever its
+"""Rank correlations with luminance from which on depth is a picture: for stored values within
+[0, 1], and beyond. Depth of the measured scenes has -0.4 to 0.02. A grey copy has 1, whatever its
 transfer curve."""
 SAMPLES = 128
-"""Rows and columns that are compared."""
+"""Number of rows and columns that are compared."""
 LEAST = 64
-"""Samples that a correlation needs."""
+"""Least number of samples for a correlation."""
 COLORED, SHARE = 0.04, 0.01
-"""Chroma, as a part of its whole range, from which on a sample is coloured, and the share of such
-samples from which on a picture is. Lossy codecs give grey pictures far less of both."""
+"""Least chroma of a coloured sample, relative to its range, and least share of such samples in a
+coloured picture. Grey pictures from lossy codecs have far less of both."""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def grey_at_first(decode: Decode[Item]) -> Decode[Item]:
-    """Return a decoder of depth that refuses the first frame it gets if that is in colours."""
+    """Wrap a decoder of depth so that it refuses a first frame in colours."""
     is_checked = False
 
     def checked(frame: av.VideoFrame, rows: slice, path: Path) -> Item:
@@ -70,7 +70,7 @@ def require_no_picture(path: Path, depth: Picture, color: Picture, code: DepthCo
     Parameters
     ----------
     path : Path
-        Names the file in the error.
+        Name of the file in errors.
     depth : (H, W) float32
         Metres; 0, negative, NaN or inf where there is no surface.
     color : (H, W, 3) float32
@@ -95,7 +95,7 @@ def require_no_picture(path: Path, depth: Picture, color: Picture, code: DepthCo
 
 
 def _rank_correlation(a: Picture, b: Picture) -> float:
-    """Return Spearman's correlation of two arrays (N,); 0 where one is constant."""
+    """Return Spearman's rank correlation of two arrays (N,); 0 if one is constant."""
     ranks = [_ranks(values) for values in (a, b)]
     spread = [float(rank.std()) for rank in ranks]
     if min(spread) == 0.0:
@@ -105,7 +105,7 @@ def _rank_correlation(a: Picture, b: Picture) -> float:
 
 
 def _ranks(values: Picture) -> NDArray[np.float64]:
-    """Return the rank of each value (N,); equal ones share the mean of theirs."""
+    """Return the rank of each value (N,); equal values share their mean rank."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return (ends - 0.5 * (counts + 1))[place]

@@ -1,7 +1,7 @@
-"""Samples of decoded frames, as they are stored: no scaling, no conversion of values.
+"""Stored samples of decoded frames, without scaling or conversion.
 
-FFmpeg's scaler is not used on values: it rounds to 8 bits in places and goes from RGB to RGB by way
-of YUV. It only sorts the samples of formats that are laid out oddly.
+FFmpeg's scaler must not touch values: it rounds to 8 bits in places, and converts RGB to RGB by way
+of YUV. It only rearranges the samples of formats with an unusual layout.
 """
 
 from __future__ import annotations
@@ -39,23 +39,25 @@ _SORTED = {
     "bgr0": "rgb24",
     "pal8": "rgb24",
 }
-"""Formats whose samples have another order: what holds the same."""
+"""Formats that are rearranged, each with a format that holds the same samples."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The layout of a pixel format.
+    """Layout of a pixel format.
 
     Attributes
     ----------
     kind : str
         "yuv", "rgb" or "grey".
     bits : int
-        Bits of each sample; 16 or 32 where it is a float.
+        Bits of each sample; 16 or 32 for floats.
+    is_float : bool
+        Whether samples are floats.
     across, down : int
-        Luma samples per sample of chroma, along a row and along a column.
+        Luma samples per chroma sample, horizontally and vertically.
     full : bool
-        Whether the format itself says that all codes are used, as JPEG's do.
+        Whether the format implies full range, as JPEG's formats do.
     """
 
     kind: str
@@ -71,7 +73,7 @@ _SUBSAMPLING = ((1, 1), (1, 2), (2, 1), (2, 2), (4, 1))
 
 
 def layout(pixels: str) -> Layout | None:
-    """The layout of one of FFmpeg's pixel formats; None if it is not read."""
+    """Return the layout of an FFmpeg pixel format; None if it is unsupported."""
     import av
 
     name = _SORTED.get(pixels, pixels)
@@ -91,19 +93,19 @@ def layout(pixels: str) -> Layout | None:
 
 
 def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
-    """Some rows of a frame: Y, U, V, or R, G, B, or grey alone, as stored.
+    """Return planes of some rows of a frame as stored: Y, U, V; R, G, B; or grey.
 
     Parameters
     ----------
     frame : VideoFrame
-        Its format has a layout.
+        Frame in a format with a layout.
     rows : slice
         Rows of luma; they end on whole rows of chroma.
 
     Returns
     -------
     list of (h, w) uint8, uint16, float16 or float32
-        Chroma in its own, smaller size.
+        Chroma planes have their own, smaller size.
     """
     if frame.format.name in _SORTED:
         frame = frame.reformat(format=_SORTED[frame.format.name])
@@ -123,7 +125,7 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
 
 
 def _plane(frame: av.VideoFrame, number: int, how: Layout) -> Samples:
-    """A plane of a planar frame without the padding of its rows; shares the frame's memory."""
+    """Return a plane of a planar frame without row padding; it shares the frame's memory."""
     plane = frame.planes[number]
     size = 1 if how.bits <= 8 else how.bits // 8 if how.is_float else 2
     order = ">" if frame.format.is_big_endian else "<"

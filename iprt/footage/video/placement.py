@@ -1,4 +1,4 @@
-"""Placement of stored pictures in the sphere: crops, stereo, and shapes other than 2:1."""
+"""Placement of stored pictures on the sphere: crops, stereo, and shapes other than 2:1."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Eye = Literal["left", "right"]
 Fit = Literal["stretch", "pad", "crop"]
 
 BAND = 64
-"""Rows interpolated at a time."""
+"""Number of rows interpolated at a time."""
 DARK = 0.01
 """Largest radiance in the rows of a black bar."""
 NEARLY = 0.05
 """Largest deviation from 2:1 of a shape that is likely a rounded or squeezed whole sphere."""
 _EXACT = 1e-3
-"""Texels by which coinciding stored and wanted places may differ."""
+"""Largest distance, in texels, between stored and wanted sample positions that coincide."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Placement:
         return self._whole(part, rows, columns)
 
     def nearest(self, picture: NDArray[Scalar], unknown: float = 0.0) -> NDArray[Scalar]:
-        """Return the panorama (H, W, ...) of the nearest stored values, and `unknown` elsewhere."""
+        """Return the panorama (H, W, ...) of the nearest stored values; `unknown` elsewhere."""
         rows, columns = self._axes()
         return self._whole(picture[rows.index][:, columns.index], rows, columns, unknown)
 
@@ -115,11 +115,11 @@ class _Axis:
     covered : slice
         Texels of the panorama that the picture covers.
     at : (N,) float64
-        Their places among the stored samples, whose centres are integers.
+        Positions of these texels in units of stored samples, whose centres are integers.
     index : slice or (N,) int
-        Stored samples nearest to them.
+        Nearest stored samples.
     is_exact : bool
-        True if their centres coincide.
+        Whether all positions coincide with stored samples.
     """
 
     covered: slice
@@ -129,11 +129,11 @@ class _Axis:
 
     @classmethod
     def of(cls, low: float, high: float, stored: int, wanted: int) -> _Axis:
-        """Return the axis of stored samples from their edges, parts of the panorama's axis."""
+        """Build the axis from the stored picture's edges, as parts of the panorama's axis."""
         step = stored / (high - low)
         at = ((np.arange(wanted) + 0.5) / wanted - low) * step - 0.5
         covered = np.flatnonzero((at > -0.5 - _EXACT) & (at < stored - 0.5 + _EXACT))
-        # Beyond the edge of the sphere, a bar or the other eye must not be mixed in.
+        # Samples beyond the edge of the sphere, in a bar or the other eye, must not be blended in.
         first = max(0, int(np.ceil(-low * step - _EXACT)))
         last = min(stored, int(np.floor((1.0 - low) * step + _EXACT))) - 1
         at = np.clip(at[covered], first, max(first, last))
@@ -146,7 +146,7 @@ class _Axis:
 
 
 def _between(picture: Picture, at: NDArray[np.float64], axis: int) -> Picture:
-    """Interpolate linearly along an axis at places (N,) from the first to the last sample."""
+    """Interpolate linearly along an axis at positions (N,), within the samples."""
     first = np.minimum(at.astype(np.intp), picture.shape[axis] - 1)
     second = np.minimum(first + 1, picture.shape[axis] - 1)
     shape = (-1, 1, 1) if axis == 0 else (1, -1, 1)
@@ -158,7 +158,7 @@ def _between(picture: Picture, at: NDArray[np.float64], axis: int) -> Picture:
 def placement_of(
     path: Path, size: tuple[int, int], eye: Eye | None, fit: Fit | None, xmp: str
 ) -> Placement | None:
-    """Return the placement of pictures in the sphere; None if nothing gives one: they fill it.
+    """Return the placement of pictures on the sphere; None if they fill it by default.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def placement_of(
     Raises
     ------
     FormatError
-        The picture has no two eyes, or the panorama would be too large; see also `gpano_crop`.
+        If the picture has no two eyes, or the panorama would be too large; see also `gpano_crop`.
     """
     is_chosen = eye is not None or fit is not None
     crop = None if is_chosen else gpano_crop(path, xmp, *size)
@@ -218,11 +218,11 @@ def _halves(path: Path, size: tuple[int, int]) -> tuple[int, int]:
 
 
 def _fitted(size: tuple[int, int], fit: Fit) -> Placement:
-    """Place a picture.
+    """Place a picture of any shape on the sphere.
 
-    - stretch: it is all of the sphere, and resampled;
+    - stretch: it covers the whole sphere, and is resampled;
     - pad: rows at top and bottom, or columns at the sides, are missing and unknown;
-    - crop: rows at top and bottom, or columns at the sides, are no part of the sphere.
+    - crop: rows at top and bottom, or columns at the sides, do not belong to the sphere.
     """
     width, height = size
     if fit == "stretch":
@@ -243,7 +243,7 @@ def _fitted(size: tuple[int, int], fit: Fit) -> Placement:
 
 
 def shape_problem(color: Picture) -> str:
-    """Return why a picture (H, W, 3) is no panorama, and the likely remedy."""
+    """Return the reason why a picture (H, W, 3) is no panorama, and the likely remedy."""
     height, width = color.shape[:2]
     problem = f"{width} x {height} pixels; an equirect panorama is twice as wide as high"
     if width in (height, 4 * height):

@@ -1,7 +1,8 @@
-"""`poses` of `[video]`: where the capture centre of each frame is, and how it is turned.
+"""Camera poses of a video: `poses` in `[video]`.
 
-One line per frame of 16 numbers, the rows of a 4x4 matrix that takes points from the frame's axes
-to the world (metres). Blank lines and what follows a # are passed over.
+The file has one line per frame, with the 16 numbers of a 4x4 matrix in row-major order. It
+transforms points from the frame's axes to the world (metres). Blank lines and comments after # are
+ignored.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from iprt.files.untrusted import read_bytes
 from iprt.files.wording import counted
 
 RIGID = 2e-3
-"""Tolerance of products of a rotation's columns, whose numbers are rounded."""
+"""Tolerance of the products of a rotation's columns, which allows for rounded numbers."""
 LONGEST_LINE = 1024
-"""Bytes of a line, comments in it included."""
+"""Largest number of bytes in a line, with comments."""
 HEADER_BYTES = 2**16
-"""For comments on lines of their own."""
+"""Additional bytes for lines of comments."""
 
 
 def read_poses(path: Path, frames: int) -> NDArray[np.float64]:
-    """(frames, 4, 4) rigid transforms, world from capture.
+    """Read (frames, 4, 4) rigid transforms, world from capture.
 
     Raises
     ------
     FormatError
-        All problems with the file, each with its line, on a line each.
+        All problems with the file, one per line, each with its line number.
     """
     data = read_bytes(path, frames * LONGEST_LINE + HEADER_BYTES)
     problems: list[str] = []
@@ -54,7 +55,7 @@ def read_poses(path: Path, frames: int) -> NDArray[np.float64]:
     if problems:
         raise FormatError("\n".join(map(printable, problems)), several_lines=True)
     poses = np.array(rows, np.float64).reshape(frames, 4, 4)
-    # The nearest rotation, so that an inverse is a transpose: the polar factor, by SVD.
+    # Take the polar factor by SVD, the nearest rotation, so that an inverse is a transpose.
     u, _, v = np.linalg.svd(poses[:, :3, :3])
     poses[:, :3, :3] = u @ v
     return poses

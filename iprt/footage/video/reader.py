@@ -1,4 +1,4 @@
-"""Frames of video files by time: sought once, then decoded in order."""
+"""Reading of video frames by time: seek once, then decode in order."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
 FAR_S = 2
-"""Seconds ahead from which on a seek is taken to be quicker than decoding all in between."""
+"""Least distance ahead, in seconds, at which seeking is assumed quicker than decoding."""
 
 
 @dataclass(frozen=True)
 class _Shown:
-    """A frame with its time; without a frame, one that should be there and cannot be decoded."""
+    """Frame with its time; None for a frame that cannot be decoded."""
 
     time: Fraction
     frame: av.VideoFrame | None
@@ -32,34 +32,36 @@ class _Shown:
 
 @dataclass(frozen=True)
 class _Expected:
-    """A frame whose packet has been decoded: its number in that order; whether none needs it."""
+    """Frame whose packet was decoded: decoding order, and whether no other frame depends on it."""
 
     order: int
     disposable: bool
 
 
 class StreamReader:
-    """The frames of a stream by time; quickest in order, which never seeks.
+    """A reader of a stream's frames by time; quickest in order, which never seeks.
 
     Parameters
     ----------
     container : InputContainer
-        For this reader alone.
+        Open file, used by this reader alone.
+    info : StreamInfo
+        The stream.
 
     Attributes
     ----------
     seeks : int
-        How many there have been.
+        Number of seeks so far.
     """
 
     def __init__(self, container: InputContainer, info: StreamInfo) -> None:
         self._container, self._info = container, info
         self._stream = cast("VideoStream", container.streams[info.number])
-        # Several frames at a time are quickest; but FFV1 then now and then gives a frame before a
-        # damaged one the content of another.
+        # Frame threads are the quickest. With FFV1, however, they occasionally give a frame before
+        # a damaged one the content of another frame.
         is_ffv1 = self._stream.codec_context.name == "ffv1"
         self._stream.thread_type = "SLICE" if is_ffv1 else "AUTO"
-        # Damage must not pass for a picture; and a stream may be larger than its headers claim.
+        # Damage must be detected, and a stream may be larger than its headers claim.
         self._stream.codec_context.options = {
             "err_detect": "crccheck",
             "max_pixels": str(MAX_PIXELS),
@@ -69,12 +71,12 @@ class StreamReader:
         self._restart()
 
     def at(self, time: Fraction) -> av.VideoFrame:
-        """The frame that is shown nearest to a time; of two as near, the earlier.
+        """Return the frame nearest to a time; the earlier one if two are equally near.
 
         Raises
         ------
         FormatError
-            That frame is damaged, or nothing can be decoded.
+            If that frame is damaged, or nothing can be decoded.
         """
         with ffmpeg_decoding(self._info.path, "damaged or cut off video"):
             if self._is_elsewhere(time):
@@ -84,7 +86,7 @@ class StreamReader:
             raise FormatError(f"{self._info.path}: holds no frame that can be decoded")
         near = self._window[0]
         for later in self._window[1:]:
-            # Times are rounded to what the file can store, which must not decide between equals.
+            # File formats round times, which must not decide between equally near frames.
             if abs(later.time - time) + self._base < abs(near.time - time):
                 near = later
         if near.frame is None:
@@ -93,7 +95,7 @@ class StreamReader:
         return near.frame
 
     def _restart(self) -> None:
-        """Go on decoding from where the container is."""
+        """Restart decoding at the container's current position."""
         self._window: list[_Shown] = []
         self._frames = self._decoded()
 
@@ -103,18 +105,18 @@ class StreamReader:
         return time < self._window[0].time or time > self._window[-1].time + FAR_S
 
     def _seek(self, time: Fraction) -> None:
-        """Make the window begin with a frame at or before a time, if there is one.
+        """Seek so that the window begins with a frame at or before a time, if there is one.
 
-        A seek may come out too late, or where frames cannot be decoded yet: between key frames, or
-        before a key frame that the ones shown ahead of it do not rely on alone (open groups).
+        A seek may end too late, or where frames cannot be decoded yet: between key frames, or at a
+        key frame whose leading frames depend on earlier ones (open groups of pictures).
         """
         back = Fraction(0)
         while True:
             at_start = time - back <= self._info.start
             self._seek_container(max(time - back, self._info.start))
             if at_start:
-                # Some formats look for the time of decoding, which is before that of showing;
-                # others refuse what is before the first frame.
+                # Some formats seek by decoding time, which precedes presentation. Others refuse
+                # times before the first frame.
                 with suppress(FormatError):
                     self._seek_container(self._info.start - FAR_S)
             self._restart()
@@ -130,7 +132,7 @@ class StreamReader:
         self.seeks += 1
 
     def _advance(self, time: Fraction) -> None:
-        """Decode up to the first frame at or after a time; keep what is next to the time."""
+        """Decode up to the first frame at or after a time; keep the frames next to the time."""
         while not self._window or self._window[-1].time < time:
             shown = next(self._frames, None)
             if shown is None:
@@ -140,10 +142,10 @@ class StreamReader:
             del self._window[: before[-1] if before else 0]
 
     def _decoded(self) -> Iterator[_Shown]:
-        """Frames in the order of their times, those that are damaged among them.
+        """Iterate over frames in presentation order, damaged ones included.
 
-        What is decoded after a damaged frame may be predicted from it: all up to the next key frame
-        counts as damaged, unless that frame was none that others are predicted from.
+        Frames after a damaged one may be predicted from it. All frames up to the next key frame
+        count as damaged, unless no other frame depends on the damaged one.
         """
         import av
 
@@ -162,7 +164,7 @@ class StreamReader:
                 if at is None:
                     continue
                 own = expected.pop(at, _Expected(order, False))
-                # What is still expected from before has been lost in the decoder.
+                # Frames still expected from before were lost in the decoder.
                 lost = {other: expected.pop(other) for other in sorted(expected) if other < at}
                 orders = [other.order for other in lost.values() if not other.disposable]
                 if frame.is_corrupt and not own.disposable:
@@ -178,7 +180,7 @@ class StreamReader:
             yield _Shown(other * self._base, None)
 
     def _packets(self) -> Iterator[Any]:
-        """The stream's packets, and an empty one at its end, or where the file is damaged."""
+        """Iterate over packets; the last one is empty, at the stream's end or at damage."""
         import av
 
         try:
@@ -192,9 +194,9 @@ Streams = Callable[[StreamInfo], StreamReader]
 
 @contextmanager
 def open_streams() -> Iterator[Streams]:
-    """The reader of a stream, which is opened when it is first asked for, once.
+    """Open a function that returns the reader of a stream, created once, on first use.
 
-    It raises FormatError where the file cannot be read.
+    The function raises FormatError if the file cannot be read.
     """
     with ExitStack() as stack:
         yield cache(lambda info: StreamReader(stack.enter_context(opened(info.path)), info))

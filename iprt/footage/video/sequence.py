@@ -1,4 +1,4 @@
-"""A video as files: a picture per frame."""
+"""Tracks of picture files, one picture per frame."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from iprt.footage.video.reader import Streams
 Picture = NDArray[np.float32]
 Item = TypeVar("Item")
 LOSSY = ("jpeg", "webp", "avif")
-"""Kinds of pictures whose values may differ from those written."""
+"""Kinds of pictures with lossy compression."""
 
 
 def frame_path(root: Path, pattern: str, index: int) -> Path:
-    """The file of frame `index` that a printf pattern names."""
+    """Return the file of frame `index` for a printf pattern."""
     return root / FRAME_PATTERN.sub(lambda match: match[0] % index, pattern)
 
 
 class PictureTrack(Generic[Item]):
-    """One picture, or one per frame that a printf pattern names.
+    """One picture for all frames, or one per frame by a printf pattern.
 
     Parameters
     ----------
     key, pattern : str
-        In `[video]`.
+        Key and value in `[video]`.
     root : Path
         The scene's folder.
     indices : range
-        Numbers of the frames.
+        Indices of the frames.
     within : Path
-        Folder that the files must lie in, links followed.
+        Folder that must contain all files, after resolving links.
     read : callable
-        Path to picture.
+        Reads a picture from a path.
     """
 
     def __init__(
@@ -61,15 +61,18 @@ class PictureTrack(Generic[Item]):
         self._indices = indices if FRAME_PATTERN.search(pattern) else indices[:1]
 
     def file(self, index: int) -> Path:
+        """Return the file of a frame."""
         return frame_path(self._root, self._pattern, index)
 
     def _files(self) -> Iterator[Path]:
         return (self.file(index) for index in self._indices)
 
     def missing(self) -> Iterator[Path]:
+        """Iterate over missing files, in the order of frames."""
         return (file for file in self._files() if not is_file(file))
 
     def problems(self) -> list[str]:
+        """Return a line if files lie outside the allowed folder."""
         folders: set[Path] = set()
         try:
             for file in self._files():
@@ -81,17 +84,19 @@ class PictureTrack(Generic[Item]):
         return []
 
     def header(self) -> Header:
+        """Read the header of the first picture."""
         return read_header(self.file(self._indices[0]))
 
     def reader(self, _: Streams) -> Callable[[int], Item]:
+        """Return a function that reads the picture of a frame."""
         if FRAME_PATTERN.search(self._pattern):
             return lambda index: self._read(self.file(index))
-        kept = cache(self._read)  # one picture for all frames
+        kept = cache(self._read)  # a single picture for all frames
         return lambda index: kept(self.file(index))
 
 
 class ColorPictures(PictureTrack[Picture]):
-    """Track of pictures of linear radiance.
+    """Track of linear radiance pictures.
 
     Parameters
     ----------
@@ -107,18 +112,19 @@ class ColorPictures(PictureTrack[Picture]):
         self._layer = layer
 
     def header(self) -> Header:
+        """Read the header of the first picture."""
         return read_header(self.file(self._indices[0]), self._layer)
 
 
 class DepthPictures(PictureTrack[DepthSamples]):
-    """Track of pictures of depth, as stored.
+    """Track of depth pictures, as stored.
 
     Parameters
     ----------
     layer : str or None
         Layer of EXR files; see `read_depth`.
     code : DepthCode
-        What stored values stand for; needed where they are integers.
+        Meaning of stored values; required for integers.
     """
 
     def __init__(
@@ -134,6 +140,7 @@ class DepthPictures(PictureTrack[DepthSamples]):
         self._layer, self._code = layer, code
 
     def problems(self) -> list[str]:
+        """Return lines on files outside the allowed folder, or depth without a unit."""
         problems = super().problems()
         if not self._code.is_known and not problems:
             first = self.file(self._indices[0])

@@ -1,4 +1,4 @@
-"""The source of a video's frames: tracks of colour, depth and normals, decoded."""
+"""Decoded frames of a video: colour, depth and normals."""
 
 from __future__ import annotations
 
@@ -29,18 +29,20 @@ Picture = NDArray[np.float32]
 
 
 class FrameSource:
-    """The pictures that `[video]` names. Files are opened when something of them is asked for.
+    """The pictures that `[video]` names. Files are opened when they are needed.
 
     Parameters
     ----------
     root : Path
         The scene's folder.
+    video : VideoTable
+        The `[video]` table.
     within : Path
-        Folder that the pictures must lie in, links followed.
+        Folder that must contain all files, after resolving links.
     """
 
     MAX_MISSING = 10_000
-    """Frames without a file that are counted."""
+    """Largest number of missing files that are counted."""
 
     def __init__(self, root: Path, video: VideoTable, within: Path) -> None:
         self.root = root
@@ -48,12 +50,12 @@ class FrameSource:
 
     @cached_property
     def tracks(self) -> Tracks:
-        """The tracks and their clock; raises as `open_tracks`."""
+        """Tracks and their clock; errors are those from `open_tracks`."""
         return open_tracks(self.root, self._video, self._within)
 
     @property
     def indices(self) -> range:
-        """Numbers of the frames."""
+        """Indices of the frames."""
         return self.tracks.indices
 
     @property
@@ -63,7 +65,7 @@ class FrameSource:
 
     @cached_property
     def _poses(self) -> NDArray[np.float64] | None:
-        """(frames, 4, 4), world from capture."""
+        """Poses (frames, 4, 4), world from capture; None if there are none."""
         if self._video.poses is None:
             return None
         path = self.root / self._video.poses
@@ -71,12 +73,12 @@ class FrameSource:
         return read_poses(path, len(self.indices))
 
     def pose(self, index: int) -> NDArray[np.float64] | None:
-        """(4, 4) world from the capture centre and axes of a frame; None: they are the world's."""
+        """Return the pose (4, 4) of a frame, world from capture; None for the identity."""
         return None if self._poses is None else self._poses[index - self.indices[0]]
 
     @property
     def static_camera(self) -> bool:
-        """Do several frames show what is around one place?"""
+        """Return whether several frames are captured from a single place."""
         stays = self._poses is None or bool((self._poses == self._poses[:1]).all())
         return stays and len(self.indices) > 1
 
@@ -92,27 +94,27 @@ class FrameSource:
 
     @cached_property
     def white(self) -> float:
-        """Radiance from which on colour is clipped; infinite where it never is."""
+        """Radiance at which colour clips; infinite if it never does."""
         given = self._video.white
         if given is not None:
             return given
         return 1.0 if self.header.has_end else math.inf
 
     def files(self, index: int) -> dict[str, Path]:
-        """The files of a frame by their key: color, depth, and normal where there are any."""
+        """Return the files of a frame by key: color, depth, and normal if there are normals."""
         return {key: track.file(index) for key, track in self.tracks.by_key.items()}
 
     def moment(self, index: int) -> tuple[Path, Fraction] | None:
-        """The video file that shows a frame's colour, and when, in seconds on the file's clock.
+        """Return the video file of a frame's colour, and its time in seconds on the file's clock.
 
-        None: colour is in pictures.
+        None if colour is stored as pictures.
         """
         track = self.tracks.by_key["color"]
         return (track.file(index), track.moment(index)) if isinstance(track, StreamTrack) else None
 
     @cached_property
     def missing(self) -> dict[str, list[Path]]:
-        """Files that are not there by their key, at most `MAX_MISSING` each; no empty lists."""
+        """Missing files by key, at most `MAX_MISSING` each; no empty lists."""
         files = {
             key: list(islice(track.missing(), self.MAX_MISSING))
             for key, track in self.tracks.by_key.items()
@@ -132,20 +134,20 @@ class FrameSource:
 
     @cached_property
     def placement(self) -> Placement | None:
-        """Place of stored colour in the sphere; None where it covers all of it."""
+        """Placement of stored colour on the sphere; None if it covers all of it."""
         header, path = self.header, self.files(self.indices[0])["color"]
         size = header.width, header.height
         return placement_of(path, size, self._video.eye, self._video.fit, header.xmp)
 
     @contextmanager
     def decoding(self) -> Iterator[Decoder]:
-        """A decoder of frames, quickest in order. Not for several threads at a time."""
+        """Open a decoder of frames, quickest in order. Not for several threads at a time."""
         with open_streams() as streams:
             yield Decoder(self, streams)
 
 
 class Decoder:
-    """Decodes the pictures of a source, whose files it holds open, as they lie in the sphere."""
+    """A decoder of a source's pictures, placed on the sphere; it holds their files open."""
 
     def __init__(self, source: FrameSource, streams: Streams) -> None:
         self.source = source
@@ -154,7 +156,13 @@ class Decoder:
         }
 
     def color(self, index: int) -> Picture:
-        """Decode linear radiance (H, W, 3); FormatError as of the first frame's placement."""
+        """Decode linear radiance (H, W, 3).
+
+        Raises
+        ------
+        FormatError
+            If a file is damaged or missing, or differs in size from the first frame.
+        """
         color: Picture = self._readers["color"](index)
         placement = self.source.placement
         if placement is None:
@@ -174,7 +182,7 @@ class Decoder:
         return samples if placement is None else samples.placed(placement)
 
     def normal(self, index: int) -> Picture | None:
-        """Decode normals (H, W, 3); None where there are none."""
+        """Decode normals (H, W, 3); None if there are none."""
         if "normal" not in self._readers:
             return None
         normal: Picture = self._readers["normal"](index)

@@ -1,4 +1,4 @@
-"""Frames made ahead, on a thread of their own, while others are rendered."""
+"""Preparation of frames ahead of time, in a thread, while others are rendered."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ Item = TypeVar("Item")
 
 
 class Ahead(Generic[Item]):
-    """A context manager that iterates over items which a thread makes ahead, in their order.
+    """Context manager that iterates over items which a thread makes ahead, in order.
 
-    At most `ahead` items lie ready, and one more is in the making. The error that ends the items is
-    raised where the next one would have come. Leaving the context ends the thread.
+    At most `ahead` items are ready, and one more is being made. An error from `items` is raised
+    in place of the next item. Leaving the context ends the thread.
 
     Parameters
     ----------
     items : iterable
-        Iterated over by the thread alone; closed in the end, if it is a generator. None of them is
+        Iterated over by the thread alone; closed at the end, if it is a generator. No item may be
         None.
     ahead : int
         At least 1.
@@ -44,18 +44,18 @@ class Ahead(Generic[Item]):
     def __iter__(self) -> Iterator[Item]:
         while (item := self._take()) is not None:
             yield item
-            del item  # a frame must not live on while the next one is waited for
+            del item  # a frame must not stay alive while waiting for the next one
 
     def ready(self) -> Item | None:
-        """The next item if it lies ready; None: it does not yet, or there is none any more."""
+        """Return the next item if it is ready; None if it is not, or if there are no more."""
         return self._take() if self._made and self._made[0].done() else None
 
     def _take(self) -> Item | None:
-        """The next item, once it is made; None: there is none any more."""
+        """Wait for the next item; None if there are no more."""
         if not self._made:
             return None
         item = self._made[0].result()
-        if item is not None:  # the end, and an error, stay for those who ask again
+        if item is not None:  # keep the end, or an error, for further calls
             self._made.popleft()
             self._make()
         return item

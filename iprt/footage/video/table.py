@@ -1,4 +1,4 @@
-"""`[video]` of `scene.toml`."""
+"""Table `[video]` of `scene.toml`."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ LayerName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class VideoTable(Table):
-    """Pictures of one frame, printf patterns and a range of frames, or video files.
+    """Pictures of one frame, printf patterns with a range of frames, or video files.
 
-    `depth` may be left out where a video file of `color` holds it, and may name the same EXR file.
-    `color_layer` and `depth_layer` name layers of EXR files where the layers' names do not tell.
+    `depth` may be omitted if a video file in `color` holds it, and may name the same EXR file.
+    `color_layer` and `depth_layer` select layers of EXR files whose names are ambiguous.
 
-    `depth_kind` is "cube" where faces of a cube hold depth along their own axes. `depth_invalid`
-    and `depth_sky` are stored values that are no depth; without both, they are looked for.
+    `depth_kind` is "cube" if faces of a cube hold depth along their own axes. `depth_invalid` and
+    `depth_sky` are stored values that mark missing depth. If both are missing, they are detected.
 
-    `frames` and `fps` are those of a video file by default, else one frame and 30 per second.
+    `frames` and `fps` default to the video file's, or to one frame and 30 per second.
 
-    `white` is the linear radiance from which on the camera's colour is clipped, `inf` for never. By
-    default it is 1 for integers, and floats and HDR video never are.
+    `white` is the linear radiance at which the camera's colour clips, `inf` for never. The default
+    is 1 for integers, and `inf` for floats and HDR video.
 
-    `eye` takes one half of stereo pictures, and `fit` says how pictures that are not twice as wide
-    as high cover the sphere; see `placement_of`.
+    `eye` selects one half of stereo pictures. `fit` determines how pictures that are not twice as
+    wide as high cover the sphere; see `placement_of`.
 
-    `gloss` is "auto" where glossy surfaces are looked for in the first frame, and "declared" where
-    they are those of `[[real_materials]]` only.
+    `gloss` is "auto" to search the first frame for glossy surfaces, and "declared" to use
+    `[[real_materials]]` only.
     """
 
     color: FramePath

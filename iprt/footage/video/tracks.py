@@ -1,4 +1,4 @@
-"""The tracks of pictures that `[video]` names, one for each kind, and their clock."""
+"""Tracks of colour, depth and normals that `[video]` names, and their clock."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ class Track(Protocol[Shown]):
     """Pictures of one kind along a video: colour, depth as stored, or normals."""
 
     def file(self, index: int) -> Path:
-        """The file that holds a frame's picture."""
+        """Return the file that holds a frame's picture."""
 
     def missing(self) -> Iterator[Path]:
-        """Files that are not there, by frame."""
+        """Iterate over missing files, in the order of frames."""
         return iter(())
 
     def problems(self) -> list[str]:
-        """Reasons why existing files cannot be read; a line with its key each."""
+        """Return reasons why existing files cannot be read; a line with its key each."""
         return []
 
     def header(self) -> Header:
-        """Header of its first picture."""
+        """Read the header of the first picture."""
 
     def reader(self, streams: Streams) -> Callable[[int], Shown]:
-        """A function that reads the picture of a frame; quickest in order."""
+        """Return a function that reads the picture of a frame; quickest in order."""
 
 
 class StreamTrack(Track[Item]):
@@ -61,10 +61,16 @@ class StreamTrack(Track[Item]):
 
     Parameters
     ----------
+    info : StreamInfo
+        The stream.
     zero : Fraction
-        Second on the file's clock at which the video's clock starts.
+        Start of the video's clock, in seconds on the file's clock.
+    clock : Clock
+        The video's clock.
+    rows : slice
+        Rows of the stream's frames.
     decode : callable
-        Makes a picture of a frame's rows; gets frame, rows, and the file to name in errors.
+        Converts rows of a frame to a picture; takes frame, rows, and the file's name for errors.
     """
 
     def __init__(
@@ -79,17 +85,20 @@ class StreamTrack(Track[Item]):
         self._rows, self._decode = rows, decode
 
     def file(self, _: int) -> Path:
+        """Return the video file."""
         return self._info.path
 
     def moment(self, index: int) -> Fraction:
-        """When a frame is shown, in seconds on the file's clock."""
+        """Return the time of a frame, in seconds on the file's clock."""
         return self._zero + self._clock.time(index)
 
     def header(self) -> Header:
+        """Return the size and range of the pictures."""
         info, height = self._info, self._rows.stop - self._rows.start
         return Header(info.width, height, not has_highlights(info.pixels, info.transfer))
 
     def reader(self, streams: Streams) -> Callable[[int], Item]:
+        """Return a function that decodes the picture of a frame."""
         info, stream = self._info, streams(self._info)
 
         def read(index: int) -> Item:
@@ -106,14 +115,18 @@ class StreamTrack(Track[Item]):
 
 @dataclass(frozen=True)
 class Tracks:
-    """All tracks, by their key in `[video]`.
+    """All tracks of a video.
 
     Attributes
     ----------
+    by_key : dict of str to Track
+        Tracks by their key in `[video]`.
     indices : range
-        Numbers of the frames.
+        Indices of the frames.
+    fps : float
+        Frames per second.
     disagreements : list of str
-        Disagreements of the streams, a line each.
+        Disagreements between streams, a line each.
     """
 
     by_key: dict[str, Track[Any]]
@@ -128,7 +141,7 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     Raises
     ------
     FormatError
-        A video file that cannot be used, with its key. Of pictures, none is opened.
+        If a video file is unusable, with its key. Pictures are not opened.
     """
     color, others = _color_stream(root, video, within)
     depth = _depth_stream(root, video, within, color, others)
@@ -155,7 +168,7 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         if not code.is_known:
             raise FormatError(unit_problem(depth.path.name))
         rows = slice(depth.height // 2 if packed else 0, depth.height)
-        # Streams of one file share its clock; another file's starts where the video does.
+        # Streams of one file share its clock. Another file's clock starts with the video.
         same = color is not None and color.path == depth.path
         zero = color.start if color is not None and same else depth.start
         decode = grey_at_first(_depth_samples) if packed else _depth_samples
@@ -169,18 +182,18 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
 def _require_no_layers(
     video: VideoTable, color: StreamInfo | None, depth: StreamInfo | None
 ) -> None:
-    """Raise FormatError where a layer of a video file is named."""
+    """Raise FormatError if a layer of a video file is named."""
     named = {"color": (video.color_layer, color), "depth": (video.depth_layer, depth)}
     for key, (layer, stream) in named.items():
         if layer is not None and stream is not None:
             raise FormatError(
-                f"video.{key}_layer: {stream.path} is a video file and has no layers; layers are "
-                "those of EXR files"
+                f"video.{key}_layer: {stream.path} is a video file and has no layers; only EXR "
+                "files have layers"
             )
 
 
 def depth_code(video: VideoTable) -> DepthCode:
-    """The meaning of stored depth."""
+    """Return the meaning of stored depth."""
     ends = None if video.depth_range is None else (video.depth_range[0], video.depth_range[1])
     given = video.depth_invalid, video.depth_sky
     marks = None
@@ -220,7 +233,7 @@ def _streams(key: str, root: Path, name: str, within: Path) -> list[StreamInfo]:
 def _color_stream(
     root: Path, video: VideoTable, within: Path
 ) -> tuple[StreamInfo | None, list[StreamInfo]]:
-    """The stream of colour, if it comes from a video file, and the file's other streams."""
+    """Return the stream of colour, if it comes from a video file, and the file's other streams."""
     if not is_container(root, video.color):
         return None, []
     streams = _streams("color", root, video.color, within)
@@ -235,14 +248,14 @@ def _depth_stream(
     color: StreamInfo | None,
     others: list[StreamInfo],
 ) -> StreamInfo | None:
-    """The stream of depth, if it comes from a video file; that of colour if it holds both."""
+    """Return the stream of depth, if in a video file; the colour stream if that holds both."""
     if video.depth is None:
         if color is None and not is_file(root / video.color):
             raise FormatError(f"video.color: there is no file {video.color}")
         if color is None:
             raise FormatError(
                 f"video.depth: required key is missing; {video.color} is no video file, which "
-                "could hold depth itself; name a file of depth (docs/footage.md says of what kind)"
+                "could hold depth itself; name a file of depth (see docs/footage.md)"
             )
         found = next((stream for stream in others if stream.is_deep_grey), None)
         if found is not None:
@@ -252,13 +265,13 @@ def _depth_stream(
                 f"video.depth: {color.path} holds no second stream of 16-bit grey; with eye, which "
                 "takes one of two pictures in colours, name a file of depth"
             )
-        # Two panoramas one above the other make a square.
+        # Two panoramas stacked vertically make a square.
         if color.width == color.height and color.height % 4 == 0:
             return color
         raise FormatError(
             f"video.depth: {color.path} holds no depth: no second stream of 16-bit grey, and its "
             f"{color.width} x {color.height} pixels are not a square with colour above depth; name "
-            "a file of depth (docs/footage.md says of what kind)"
+            "a file of depth (see docs/footage.md)"
         )
     if not is_container(root, video.depth):
         return None
