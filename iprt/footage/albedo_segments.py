@@ -1,4 +1,4 @@
-"""Points of surfaces to compare light by, and which of them have one reflectance."""
+"""Segmentation of a panorama's surfaces by reflectance, for points where light is compared."""
 
 from __future__ import annotations
 
@@ -10,34 +10,42 @@ from scipy.sparse.csgraph import connected_components
 from iprt.footage.cells import Cells, Float
 
 PARALLEL, BESIDE = 0.95, 0.03
-"""Cosine of normals, and distance from each other's plane over depth, of cells on one surface."""
+"""Least cosine of normals, and largest distance from each other's plane relative to depth, of
+neighbouring cells on one surface."""
 HUE, STEP = 0.02, 0.2
-"""Largest differences between neighbours of one paint, in chromaticity and in log-radiance, in
-cells of `STEP_ROWS`: light changes gradually, paint does not."""
+"""Largest differences between neighbours of equal reflectance, in chromaticity and in log-radiance,
+for cells of `STEP_ROWS`: light changes gradually, reflectance does not."""
 STEP_ROWS = 128
 MIN_POINTS = 4
-"""Fewest points of a segment, to separate shading from paint."""
+"""Least number of points of a segment, to separate shading from reflectance."""
 ROUGH, GRAZING = 0.1, 0.1
-"""Largest `Cells.rough` and least cosine of view of cells whose surface is known."""
+"""Largest `Cells.rough` and least cosine of view of cells with a well-known surface."""
 LIFT = 0.02
-"""Distance of points off their surface, over depth."""
+"""Offset of points from their surface, relative to depth."""
 
 
 def well_seen(cells: Cells) -> NDArray[np.bool_]:
-    """(N,) cells that show a piece of one surface."""
+    """Return (N,) whether cells show a piece of a single surface."""
     facing = np.abs((cells.normal * cells.direction).sum(-1))
     whole = (cells.opening == 0.0) & (cells.sky == 0.0)
     return np.asarray(whole & (cells.rough < ROUGH) & (facing > GRAZING))
 
 
 def segments(cells: Cells, color: Float, usable: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(N,) numbers of segments: connected usable cells on one surface and of one paint.
+    """Label segments: connected usable cells on one surface with equal reflectance.
 
     Parameters
     ----------
+    cells : Cells
     color : (N, 3) float64
-        Means of radiance, positive where usable.
+        Mean radiance, positive where usable.
     usable : (N,) bool
+        Cells that may be connected.
+
+    Returns
+    -------
+    (N,) int
+        Index of each cell's segment.
     """
     rows, size = cells.rows, len(color)
     number = np.arange(size).reshape(rows, 2 * rows)
@@ -57,7 +65,7 @@ def segments(cells: Cells, color: Float, usable: NDArray[np.bool_]) -> NDArray[n
 
 
 def spread_cells(rows: int, count: int) -> NDArray[np.intp]:
-    """Numbers of about `count` cells evenly around the sphere (Fibonacci spiral), ascending."""
+    """Return about `count` cells evenly spread over the sphere (Fibonacci spiral), ascending."""
     turn = np.arange(count) + 0.5
     row = np.arccos(1.0 - 2.0 * turn / count) / np.pi * rows
     column = turn * (1.0 + 5.0**0.5) / 2.0 % 1.0 * 2 * rows
@@ -67,7 +75,7 @@ def spread_cells(rows: int, count: int) -> NDArray[np.intp]:
 def points_of_segments(
     segment: NDArray[np.intp], candidates: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Candidate cells whose segment has enough of them, and their segments from 0 on."""
+    """Return the candidate cells of large enough segments, and their segments from 0 on."""
     own = segment[candidates]
     enough = np.bincount(own, minlength=1)[own] >= MIN_POINTS
     _, renumbered = np.unique(own[enough], return_inverse=True)
@@ -75,6 +83,6 @@ def points_of_segments(
 
 
 def lifted(cells: Cells, chosen: NDArray[np.intp]) -> Float:
-    """(n, 3) points of chosen cells, a little off their surfaces."""
+    """Return points (n, 3) of chosen cells, slightly off their surfaces."""
     lift = LIFT * cells.depth[chosen, None]
     return np.asarray(cells.point[chosen] + lift * cells.normal[chosen])

@@ -1,4 +1,4 @@
-"""The large planes of a room, among the cells of its panorama: floors, walls, table tops."""
+"""Detection of large planes in the cells of a panorama: floors, walls, table tops."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from iprt.footage.cells import Cells, Float
 
 MAX_PLANES = 12
 MIN_SHARE = 0.008
-"""Least share of the sphere that a plane covers: a coffee table at two metres covers 0.012."""
+"""Least share of the sphere that a plane covers; a coffee table at two metres covers 0.012."""
 PARALLEL = 0.95
 """Least cosine between a cell's normal and its plane's."""
 GRAZING = 0.15
-"""Least cosine of view of cells that are looked at."""
+"""Least cosine of view of usable cells."""
 NEAREST = 0.5
-"""Metres: nearer cells are as far from their plane as those at this distance may be."""
+"""Least distance, in metres, from which the tolerance of nearer cells is computed."""
 TRIES, REFITS = 60, 3
 
 
 @dataclass(frozen=True)
 class CellPlane:
-    """A plane and the cells that show it.
+    """A plane and the cells on it.
 
     Attributes
     ----------
     normal : (3,) float64
         Unit normal, world space, towards the capture centre.
     offset : float
-        Metres: normal · point.
+        normal · point, in metres.
     cells : (n,) int
-        Numbers of cells, ascending.
+        Indices of cells, ascending.
     """
 
     normal: Float
@@ -42,17 +42,18 @@ class CellPlane:
 
 
 def find_planes(cells: Cells, tolerance: float, usable: NDArray[np.bool_]) -> list[CellPlane]:
-    """The largest planes by solid angle, each of `MIN_SHARE` of the sphere or more.
+    """Find the largest planes by solid angle, each at least `MIN_SHARE` of the sphere.
 
-    Random cells propose their tangent planes, as in RANSAC; the one that most solid angle lies on
-    is fitted to its cells by least squares and taken out, and the next one is looked for.
+    Random cells propose their tangent planes, as in RANSAC. The plane with the largest solid angle
+    is refitted to its cells by least squares, its cells are removed, and the search repeats.
 
     Parameters
     ----------
+    cells : Cells
     tolerance : float
-        How far a cell may be off its plane, over its depth.
+        Largest distance of a cell from its plane, relative to its depth.
     usable : (N,) bool
-        Cells that may belong to one.
+        Cells that may belong to a plane.
     """
     facing = np.abs((cells.normal * cells.direction).sum(-1))
     left = usable & well_seen(cells) & (facing > GRAZING)
@@ -90,13 +91,13 @@ def _lying_on(
 
 
 def _fitted(cells: Cells, on: NDArray[np.intp]) -> tuple[Float, float]:
-    """Normal and offset of the plane through cells, far ones by less: their depth is less sure."""
+    """Fit a plane to cells, with less weight for far ones; return normal and offset."""
     point, weight = cells.point[on], 1.0 / cells.depth[on] ** 2
     mean = cells.normal[on].mean(0)
     spread = point - np.average(point, axis=0, weights=weight)
     _, axes = np.linalg.eigh(np.einsum("i,ij,ik->jk", weight, spread, spread))
     normal = axes[:, 0] * np.sign(axes[:, 0] @ mean)
-    # A strip of cells leaves its plane's turn about the strip open; their normals do not.
+    # A strip of cells leaves the rotation about it undetermined; their normals do not.
     if normal @ mean < PARALLEL * np.linalg.norm(mean):
         normal = mean / np.linalg.norm(mean)
     return normal, float(np.median(point @ normal))

@@ -1,4 +1,4 @@
-"""The surfaces of a panorama in equirect cells, each of which stands for what it shows."""
+"""Surfaces of a panorama, averaged over equirect cells."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from iprt.geometry.equirect import solid_angles
 Float = NDArray[np.float64]
 
 SKY = 50.0
-"""Open sky lies so many times as far as the farthest surface."""
+"""Distance of open sky, relative to the farthest surface."""
 GRAZING = 0.1
-"""Least cosine at which the area that a cell shows is taken from its normal."""
+"""Least cosine of view used to compute the area of a cell's surface from its normal."""
 NORMAL_ROWS = 1024
-"""Rows of texels, or up to twice as many, that normals are fitted to: ten to a cell say enough."""
+"""Least number of rows to which normals are fitted in a larger panorama: ten per cell suffice."""
 
 
 def cell_sums(picture: NDArray[np.generic], rows: int) -> Float:
-    """Sums (rows, 2 rows, ...) over the cells of a picture (H, 2 H, ...); H >= `rows`."""
+    """Sum a picture (H, 2 H, ...) over cells (rows, 2 rows, ...); H >= `rows`."""
     down, across = _cell_ends(picture.shape, rows)
-    # Along rows alone: `reduceat` takes ten times as long across them.
+    # Sum over rows first: `reduceat` takes ten times as long across rows.
     strips = [picture[a:b].sum(axis=0, dtype=np.float64) for a, b in pairwise(down)]
     return np.asarray(np.add.reduceat(np.stack(strips), across[:-1], axis=1))
 
 
 def cell_means(picture: NDArray[np.generic], rows: int) -> Float:
-    """The same divided by the number of texels in each."""
+    """Average a picture (H, 2 H, ...) over cells (rows, 2 rows, ...); H >= `rows`."""
     sums = cell_sums(picture, rows)
     return _over(sums, cell_texels(picture.shape, rows))
 
 
 def cell_texels(shape: tuple[int, ...], rows: int) -> NDArray[np.intp]:
-    """(rows, 2 rows) numbers of texels in the cells of a picture of that shape."""
+    """Return the number of texels (rows, 2 rows) in each cell of a picture of this shape."""
     down, across = _cell_ends(shape, rows)
     return np.outer(np.diff(down), np.diff(across))
 
 
 def _cell_ends(shape: tuple[int, ...], rows: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """(rows + 1,) and (2 rows + 1,) first texels of cells; ends of coarser cells are among them."""
+    """Return first texels (rows + 1,) and (2 rows + 1,) of cells; coarser cells share them."""
     height, width = shape[:2]
     down = -(-np.arange(rows + 1) * height // rows)
     return down, -(-np.arange(2 * rows + 1) * width // (2 * rows))
@@ -54,9 +54,9 @@ def _over(sums: Float, texels: NDArray[np.number]) -> Float:
 
 
 def sampled_normals(frame: Frame) -> NDArray[np.float32]:
-    """(h, w, 3): `Frame.fitted_normal`, of large panoramas by every so many texels.
+    """Return `Frame.fitted_normal`, for large panoramas at every n-th texel only: (h, w, 3).
 
-    Fitting them to all takes the host long.
+    Fitting to all texels takes long on the host.
     """
     step = frame.height // NORMAL_ROWS
     if step < 2:
@@ -69,17 +69,18 @@ def sampled_normals(frame: Frame) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Geometry:
-    """What a frame shows of surfaces, added up in cells, from which coarser ones are made.
+    """Sums of a frame's geometry over cells, from which coarser cells can be made.
 
     Attributes
     ----------
     texels : (R, 2 R) int
+        Number of texels.
     inverse, squared : (R, 2 R) float64
         Sums of inverse depth in 1/m, and of its square.
     normal : (R, 2 R, 3) float64
         Mean normals times `texels`.
     opening, sky : (R, 2 R) float64
-        Numbers of texels.
+        Numbers of texels in openings and in open sky.
     """
 
     texels: NDArray[np.intp]
@@ -91,7 +92,7 @@ class Geometry:
 
     @classmethod
     def of(cls, frame: Frame, rows: int) -> Geometry:
-        """In cells of the finest kind that is asked for; `rows` at most the frame's."""
+        """Sum over cells of the finest kind in use; `rows` is at most the frame's."""
         finite = np.isfinite(frame.depth)
         far = float(frame.depth[finite].max()) if finite.any() else 1.0
         inverse = np.float32(1.0) / np.where(finite, frame.depth, np.float32(SKY * far))
@@ -106,7 +107,7 @@ class Geometry:
         )
 
     def mean(self, sums: Float, rows: int) -> Float:
-        """Means (rows, 2 rows, ...) of what one of these sums adds up."""
+        """Return the means (rows, 2 rows, ...) for one of these sums."""
         return _over(cell_sums(sums, rows), cell_sums(self.texels, rows))
 
 
@@ -117,19 +118,19 @@ class Cells:
     Attributes
     ----------
     rows : int
-        Half as many as columns; N = 2 rows².
+        Number of rows, half the number of columns; N = 2 rows².
     direction, point, normal : (N, 3) float64
-        From the capture centre; points in metres.
+        Direction from the capture centre; point in metres; unit normal.
     depth : (N,) float64
         Metres.
     area : (N,) float64
-        Area of the surface that the cell shows, in m².
+        Area of the surface in the cell, in m².
     solid_angle : (N,) float64
-        sr about the capture centre.
+        Solid angle about the capture centre, in sr.
     opening, sky : (N,) float64
         Shares of the cell, in [0, 1].
     rough : (N,) float64
-        Spread of inverse depth in the cell over its mean, plus how much normals differ.
+        Relative standard deviation of inverse depth, plus 1 minus the length of the mean normal.
     """
 
     rows: int
@@ -145,7 +146,7 @@ class Cells:
 
     @classmethod
     def of(cls, shown: Geometry, rows: int) -> Cells:
-        """As many as `shown` has, or coarser ones."""
+        """Build cells from sums over cells of the same size, or finer ones."""
         mean = shown.mean(shown.inverse, rows).ravel()
         squared = shown.mean(shown.squared, rows).ravel()
         spread = np.sqrt(np.maximum(squared - mean**2, 0.0)) / mean

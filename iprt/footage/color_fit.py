@@ -1,8 +1,8 @@
-"""The linear map between the colours of two pictures of the same surfaces, found robustly.
+"""Robust estimation of the linear map between the colours of two pictures of the same surfaces.
 
 After section 4 of *Natural Environment Illumination*: weighted least squares, regularised towards a
-scale per channel. Here residuals are relative to brightness, and surfaces whose colours changed
-otherwise than most are left out by iterated weights.
+scale per channel. Here residuals are relative to brightness, and iterated weights exclude surfaces
+whose colours changed differently from most.
 """
 
 from __future__ import annotations
@@ -13,29 +13,29 @@ from numpy.typing import NDArray
 Values = NDArray[np.float64]
 
 STEPS = 8
-"""Times that weights are found anew."""
+"""Number of reweighting steps."""
 WIDEST, NARROWING = 0.3, 0.6
-"""Relative error at which a pair's weight is a quarter, in the first step; and what it is
-multiplied by from one to the next: from all pairs to those that agree (graduated non-convexity)."""
+"""Relative error at which a pair's weight is a quarter, in the first step; and its factor from each
+step to the next. Weights narrow from all pairs to consistent ones (graduated non-convexity)."""
 NARROWEST, BEYOND_NOISE = 0.005, 4.0
-"""It ends at this error, or at so many median ones."""
+"""Final value of this error: absolute, or as a multiple of the median error."""
 LIKELY_CROSSTALK, LIKELY_TINT, LIKELY_GAIN = 0.1, 0.3, 1.0
-"""Standard deviations, known beforehand, of a map's difference from a scale per channel, of that
-from one scale, and of that from 1."""
+"""Prior standard deviations: of a map from a scale per channel, of this scale from a common one,
+and of the common scale from 1."""
 CLEAR = 4.0
-"""Variances of noise that colours must differ by to show crosstalk."""
+"""Least variance of colours along an axis, in units of noise, that determines crosstalk."""
 ALIKE = 16.0
-"""Pairs whose errors are taken to be one: textures and lights are larger than cells."""
+"""Number of pairs with a common error: textures and lights are larger than cells."""
 MIN_ERROR = 1e-4
-"""Relative; rounding, at least, is wrong by this."""
+"""Least relative error, which allows for rounding at least."""
 MAJORITY = 0.7
-"""Share of the picture of which a map must hold: drift is the same everywhere, light is not."""
+"""Least share of the picture that a map must explain: drift is uniform, light is not."""
 EXPLAINED = 0.05
 """Relative error up to which a map explains the colour of a pair."""
 MAX_GAIN = 8.0
-"""The largest gain of a sane map, and 1 over the least."""
+"""Largest gain of a plausible map, and inverse of the least."""
 MAX_CONDITION = 16.0
-"""A map beyond takes different colours to nearly equal ones, and cannot be undone."""
+"""Largest condition number: beyond it, different colours become nearly equal, irreversibly."""
 
 
 class Pairs:
@@ -44,11 +44,11 @@ class Pairs:
     Parameters
     ----------
     seen, wanted : (N, 3)
-        Linear radiance in the picture to be mapped and in the other. N > 0.
+        Linear radiance in the picture that is mapped, and in the other. N > 0.
     weight : (N,)
-        How much each counts; positive.
+        Weights; positive.
     region : (N,) int
-        The part of the picture that it lies in.
+        Region of the picture that contains each pair.
     dark : float
         Radiance below which colours are uncertain.
     """
@@ -68,9 +68,9 @@ class Pairs:
         self._u, self._r = seen * brightness, wanted * brightness
 
     def fit(self) -> Values | None:
-        """The map (3, 3) from `seen` to `wanted` that holds for most pairs.
+        """Estimate the map (3, 3) from `seen` to `wanted` that holds for most pairs.
 
-        None if it is not sane, or explains no majority of them.
+        Returns None if it is not plausible (`sane`), or does not explain a majority of them.
         """
         matrix = np.diag(self.scale())
         width = WIDEST
@@ -85,12 +85,11 @@ class Pairs:
         return matrix
 
     def left(self, matrix: Values) -> tuple[float, float]:
-        """Residual of a map, and its standard error by how pairs within regions differ.
+        """Return the residual of a map, and its standard error.
 
-        The residual is the change between the pictures, relative to brightness, that the map leaves
-        in most regions.
-
-        The mean over a region has little noise, but all of a change of light.
+        The residual is the change between the pictures, relative to brightness, that remains in
+        most regions. The mean over a region has little noise, but contains all of a change of
+        light. The standard error follows from the variance within regions.
         """
         difference = self._u @ matrix.T - self._r
         share = self._per_region(np.ones(len(difference)))
@@ -102,7 +101,7 @@ class Pairs:
         return _quantile(size, MAJORITY, share), _quantile(error, MAJORITY, share)
 
     def _per_region(self, values: Values) -> Values:
-        """Sums of (N,) by weight, over the regions that have pairs."""
+        """Return weighted sums of (N,) over the regions that have pairs."""
         return np.asarray(np.bincount(self._region, self._share * values))
 
     def _errors(self, matrix: Values) -> Values:
@@ -110,7 +109,7 @@ class Pairs:
         return np.asarray(np.sqrt((difference * difference).mean(axis=1)))
 
     def scale(self) -> Values:
-        """(3,) median quotients of `wanted` and `seen`, per channel; 1 where a channel is black."""
+        """Return median ratios (3,) of `wanted` to `seen` by channel; 1 for a black channel."""
         scale = np.ones(3)
         for channel in range(3):
             seen, wanted = self._seen[:, channel], self._wanted[:, channel]
@@ -121,7 +120,7 @@ class Pairs:
 
 
 def sane(matrix: Values) -> bool:
-    """The map can be undone, keeps the order of magnitude, and takes no channel away."""
+    """Return whether a map is invertible, of moderate gain, and keeps all channels."""
     if not np.isfinite(matrix).all():
         return False
     stretch = np.linalg.svd(matrix, compute_uv=False)
@@ -138,12 +137,14 @@ def _quantile(values: Values, share: float, weight: Values) -> float:
 
 
 def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:
-    """Least squares in three steps, each drawn to the one before by what is likely: one scale, a
-    scale per channel, and a map (3, 3).
+    """Fit a map (3, 3) by ridge regression, in three steps.
+
+    The steps are one scale, a scale per channel, and the map. Each is regularised towards the
+    previous one.
     """
     weight = weight / weight.sum()
     variance = max(float((weight * error * error).sum()), MIN_ERROR**2)
-    # By Kish's effective number of pairs.
+    # Kish's effective number of pairs.
     likely = variance * min(1.0, ALIKE * float((weight * weight).sum()))
     weighted = u * weight[:, None]
     uu, ur = weighted.T @ u, weighted.T @ r
@@ -151,8 +152,8 @@ def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:
     gain = (np.trace(ur) + pull) / (np.trace(uu) + pull)
     pull = likely / LIKELY_TINT**2
     scale = (np.diag(ur) + pull * gain) / (np.diag(uu) + pull)
-    # Half of the error is noise of u, which adds to uu and not to ur. Directions in which colours
-    # differ by little more than noise say nothing.
+    # Half of the error is noise in u, which adds to uu and not to ur. Axes along which colours vary
+    # by little more than noise carry no information.
     noise = 0.5 * variance / gain**2
     size, axes = np.linalg.eigh(uu)
     clear = np.maximum(size - CLEAR * noise, 0.0)

@@ -1,7 +1,7 @@
-"""Whether two frames of a video belong together, or the video was cut between them.
+"""Detection of cuts between two frames of a video.
 
-Light alone does not show it: a lamp that is switched on changes more of it than many a cut. What
-surfaces there are does, and where their edges and textures are.
+Light alone does not indicate a cut: switching on a lamp changes more light than many cuts do. The
+surfaces, and the positions of edges and textures, do.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from iprt.geometry.pose import camera_motion
 Float = NDArray[np.float64]
 
 ROWS = 32
-"""The coarse panoramas that are compared have so many."""
+"""Number of rows of the coarse panoramas that are compared."""
 OTHER_DEPTH = 0.15
-"""Relative difference of distances from which on a surface is another one."""
+"""Relative difference of distances from which on a surface is a different one."""
 OTHER_SURFACES = 0.35
-"""Share of the sphere with other surfaces from which on it is another scene."""
+"""Share of the sphere with different surfaces from which on there is a cut."""
 SWITCHED = 0.5
-"""Share of the flux from which on what was accumulated misleads, although the scene is the same."""
+"""Relative change of flux from which on accumulated samples mislead, although there is no cut."""
 OTHER_LIGHT, OTHER_DETAIL = 0.2, 0.3
-"""Or: so much of the flux is elsewhere, and details correlate less than this."""
+"""Least relative change of flux, and largest correlation of details, at another kind of cut."""
 
 
 def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
-    """Whether `after`, the next frame of a video, shows something else than `before`.
+    """Return whether there is a cut between consecutive frames.
 
     Parameters
     ----------
     before, after : Frame
-        Both of the same size. With poses, they are compared where the camera saw the same points.
+        Both of the same size. With poses, they are compared at the same points in the world.
     flux_change : float
-        Share of the panorama's flux by which they differ, in [0, 1].
+        Relative difference of the panoramas' flux, in [0, 1].
     """
     if before is after:
         return False
@@ -59,13 +59,14 @@ def is_cut(before: Frame, after: Frame, flux_change: float) -> bool:
 
 
 def _sampled(image: NDArray[np.floating], directions: Float) -> Float:
-    """Nearest texels of an equirect image (H, W) in directions (..., 3)."""
+    """Return the nearest texels of an equirect image (H, W) in directions (..., 3)."""
     return np.asarray(image[equirect_texel(directions, *image.shape[::-1])], np.float64)
 
 
 def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
-    """Share of directions in which the distance is another than expected, up to one factor: the
-    scale of estimated depth wavers.
+    """Return the share of directions with an unexpected distance, up to a common factor.
+
+    The scale of estimated depth wavers, hence the factor.
     """
     both = np.isfinite(found) & np.isfinite(expected)
     step = np.log(np.where(both, found, 1.0) / np.where(both, expected, 1.0))
@@ -76,14 +77,14 @@ def _other_surfaces(found: Float, expected: Float, weights: Float) -> float:
 
 
 def _details(color: NDArray[np.float32], rows: int) -> Float:
-    """(rows, 2 rows) logarithm of the luminance, less its mean around."""
+    """Return log-luminance (rows, 2 rows) minus its local mean."""
     light = cell_means(color, rows) @ LUMINANCE
     level = np.log(np.maximum(light, 1e-3 * light.mean() + 1e-30))
     return np.asarray(level - uniform_filter(level, 3, mode=("nearest", "wrap")))
 
 
 def _correlation(a: Float, b: Float, weights: Float) -> float:
-    """Correlation of two images: single large values do not decide; 1 where one has no details."""
+    """Return the clipped correlation of two images; 1 if one has no details."""
     a, b = np.clip(a, -0.5, 0.5), np.clip(b, -0.5, 0.5)
     power = (weights * a * a).sum() * (weights * b * b).sum()
     return float((weights * a * b).sum() / np.sqrt(power)) if power > 1e-6 else 1.0

@@ -1,7 +1,6 @@
-"""Facts about the place by its depth: size, height of the camera, and unlikely values.
+"""Statistics of a place from its depth: size, camera height, and implausible values.
 
-All follows from depth alone, so that a wrong unit, a wrong encoding or a wrong file shows before
-anything is rendered.
+They use depth alone, so that a wrong unit, encoding or file is noticed before rendering.
 """
 
 from __future__ import annotations
@@ -20,20 +19,20 @@ from iprt.geometry.equirect import equirect_direction, solid_angles
 Float = NDArray[np.float64]
 
 LIKELY_MEDIAN_M = (0.05, 100.0)
-"""Median depth of places where people put objects."""
+"""Plausible range of the median depth of places where people put objects."""
 LOW_CAMERA_M, SMALL_PLACE_M = 0.25, 0.5
-"""Height of a camera over its floor, and median depth, below which both are unlikely together: a
+"""Camera height over the floor, and median depth, that are implausible if both are smaller: a
 camera on a table sees farther."""
 FLAT = 0.03
-"""Half the thickness of what counts as one level, over its distance from the camera's height."""
+"""Half the thickness of a level, relative to its vertical distance from the camera."""
 FLOOR_SHARE = 0.2
-"""Share of the downward directions that must hit one level to call it a floor."""
+"""Least share of the downward directions that hit a single level, for it to be a floor."""
 WIDEST_M = 1e5
-"""Extent of a place that no depth measures."""
+"""Largest plausible extent of a place."""
 MAX_DISAGREEMENT_DEG = 30.0
-"""Median angle between given normals and those of the depth."""
+"""Largest plausible median angle between given normals and normals fitted to depth."""
 _DOWN = 0.5
-"""Sine of the angle below the horizon from which on a direction looks down."""
+"""Least sine of the angle below the horizon of downward directions."""
 _ROWS = 256
 _READINGS: dict[Reading, str] = {
     "inverse": "seems to be stored as 1 / depth, high where things are near: floors and walls are "
@@ -42,7 +41,7 @@ _READINGS: dict[Reading, str] = {
     "cube": "seems to be z-depth of a cube's six faces: floors and walls are flat if it is read so,"
     ' and bend otherwise; give --depth-kind cube (depth_kind = "cube")',
     "axis": "seems to be z-depth along the axis ahead: floors and walls are flat if it is read so, "
-    "and bend otherwise; it tells nothing of what is beside the camera: store the distance along "
+    "and bend otherwise; it is undefined beside the camera: store the distance along "
     "each ray, or z-depth of a cube's six faces with --depth-kind cube",
     "twice": "seems to be the distance along each ray: floors and walls are flat if it is read so, "
     'and bend otherwise; leave out depth_kind = "cube"',
@@ -51,18 +50,18 @@ _READINGS: dict[Reading, str] = {
 
 @dataclass(frozen=True)
 class DepthSummary:
-    """A place in numbers.
+    """Statistics of a place.
 
     Attributes
     ----------
     median_m : float
         Median depth.
     size_m : (float, float, float)
-        Extent along x, y and z of all but the outermost hundredths.
+        Extent along x, y and z, without the outermost hundredths.
     floor_m : float or None
-        Height of the camera over the floor; None where there is no level ground.
+        Height of the camera over the floor; None if there is no level ground.
     reading : Reading
-        What depth seems to measure.
+        The quantity that depth seems to store.
     """
 
     median_m: float
@@ -72,12 +71,12 @@ class DepthSummary:
 
     @classmethod
     def of(cls, depth: NDArray[np.float32], *, is_cube: bool = False) -> DepthSummary | None:
-        """Return the surroundings by a frame's depth (H, W) in metres; None where it has none.
+        """Measure a place by a frame's depth (H, W) in metres; None if it has none.
 
         Parameters
         ----------
         is_cube : bool
-            Whether it is converted from depth along the axes of a cube's faces.
+            Whether depth was converted from depth along the axes of a cube's faces.
         """
         height, width = depth.shape
         step = -(-height // _ROWS)
@@ -103,7 +102,7 @@ class DepthSummary:
         )
 
     def line(self) -> str:
-        """As text."""
+        """Return a sentence for reports."""
         x, y, z = (length(side) for side in self.size_m)
         text = f"median depth {length(self.median_m)}; about {x} wide, {z} deep, {y} high"
         if self.floor_m is not None:
@@ -111,7 +110,7 @@ class DepthSummary:
         return text
 
     def warnings(self) -> list[str]:
-        """Unlikely facts, one phrase each."""
+        """Return implausible facts, one phrase each."""
         found = []
         lowest, highest = LIKELY_MEDIAN_M
         unit = (
@@ -139,7 +138,7 @@ class DepthSummary:
 
 
 def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> list[str]:
-    """Unlikely facts about normals (H, W, 3) given with depth (H, W), one phrase each."""
+    """Return implausible facts about normals (H, W, 3) given with depth (H, W), a phrase each."""
     there = usable(depth)
     solid = np.where(there, depth, np.float32(np.inf))
     fitted = estimate_normals(solid, np.zeros(depth.shape, np.uint8))
@@ -160,7 +159,11 @@ def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> 
 
 
 def _level(height: Float, up: Float, weight: Float) -> tuple[float, float]:
-    """y that most directions that look down meet, and their share; up (N,) is their y."""
+    """Find the level hit by most downward directions.
+
+    `height` (N,) is the y of points, and `up` (N,) the y of directions. Returns the level's y, and
+    its share of the weight of downward directions.
+    """
     down = up < -_DOWN
     if not down.any():
         return 0.0, 0.0

@@ -1,11 +1,11 @@
-"""Irradiance of the surfaces that a panorama shows, from the light in it: coarse, and on the host.
+"""Irradiance of a panorama's surfaces by the light in it, computed coarsely on the host.
 
-A surface point x with normal n receives from a cell at y, whose surface of area A looks along m,
+A surface point x with normal n receives, from a cell at y with area A and normal m,
 
     F = cos(n, y - x) cos(m, x - y) A / (r² + cos(m, x - y) A / π)
 
-times its radiance, if nothing between them hides it: the form factor of a point and a disc, finite
-where they touch. What lies behind openings is infinitely far away, as the tracer takes it.
+times the cell's radiance if nothing occludes it. F is the form factor between a point and a disc,
+which stays finite where they touch. Light behind openings is infinitely far away, as in the tracer.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.geometry.equirect import cell_towards
 
 THICKNESS, CLEARANCE = 0.15, 0.03
-"""Fractions of depth: a line of sight is hidden where it is deeper below a surface than the
-clearance, and passes behind where it is deeper than the thickness."""
+"""Bounds relative to depth: a line of sight is occluded where it is deeper below a surface than the
+clearance, and passes behind the surface where it is deeper than the thickness."""
 AT_ONCE = 1 << 15
-"""Lines of sight whose points fit a processor's cache."""
+"""Number of lines of sight whose points fit into a processor's cache."""
 MIN_OPEN = 0.1
-"""π minus what lights take: never less of a hemisphere sees the rest."""
+"""Least form factor left for unlit surroundings, out of π."""
 
 
 def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
-    """(n, m) bool: nothing in the panorama stands between points x (n, 3) and y (m, 3)."""
+    """Return (n, m) bool: whether points x (n, 3) and y (m, 3) see each other."""
     depth = cells.depth.astype(np.float32)
-    # By coordinates: three at a time take NumPy several times as long.
+    # Separate coordinates: NumPy takes several times as long on arrays of three.
     start, end = (np.ascontiguousarray(end.T, np.float32) for end in (x, y))
     free = np.ones((len(x), len(y)), bool)
     block = max(1, AT_ONCE // max(len(y), 1))
@@ -49,8 +49,23 @@ def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
 
 
 def form_factors(x: Float, n: Float, cells: Cells, chosen: NDArray[np.intp], share: Float) -> Float:
-    """(n, m) form factors, see above, of points x, n (n, 3) and cells (m,), of which `share` (m,)
-    counts; without visibility. Of a closed room they sum up to π."""
+    """Return form factors (n, m) between points and cells, without visibility.
+
+    Parameters
+    ----------
+    x, n : (n, 3) float64
+        Points and their normals.
+    cells : Cells
+    chosen : (m,) int
+        Indices of cells.
+    share : (m,) float64
+        Share of each cell that counts.
+
+    Returns
+    -------
+    (n, m) float64
+        F as defined in this module; the sum over a closed room is π.
+    """
     way = cells.point[chosen] - x[:, None]
     squared = np.maximum((way * way).sum(-1), 1e-24)
     inverse = 1.0 / np.sqrt(squared)
@@ -62,7 +77,7 @@ def form_factors(x: Float, n: Float, cells: Cells, chosen: NDArray[np.intp], sha
 
 @dataclass(frozen=True)
 class Receivers:
-    """Points of surfaces: `point` (n, 3) in metres and `normal` (n, 3)."""
+    """Surface points that receive light: `point` (n, 3) in metres and `normal` (n, 3)."""
 
     point: Float
     normal: Float
@@ -71,7 +86,7 @@ class Receivers:
 def irradiance_of_lights(
     receivers: Receivers, cells: Cells, fine: Cells, lights: Float, steps: int
 ) -> tuple[Float, Float]:
-    """Irradiance that each light brings, and what of the hemisphere lights and openings take.
+    """Compute the irradiance by each light, and the solid angle that lights and openings take.
 
     Parameters
     ----------
@@ -80,13 +95,15 @@ def irradiance_of_lights(
     cells, fine : Cells
         N cells, and finer ones for visibility.
     lights : (N, 3, K) float64
-        Radiance of cells due to each of K lights, means over the cells.
+        Radiance due to each of K lights, averaged over cells.
+    steps : int
+        Number of points at which visibility is tested.
 
     Returns
     -------
     irradiance : (n, 3, K) float64
     taken : (n,) float64
-        In [0, π].
+        Projected solid angle of lights and openings, in [0, π].
     """
     chosen = np.flatnonzero((lights.sum(axis=(1, 2)) > 0.0) | (cells.opening > 0.0))
     x, n = receivers.point, receivers.normal
@@ -107,7 +124,7 @@ def irradiance_of_lights(
 
 
 def distant_light(radiance: Float, cells: Cells) -> NDArray[np.float32]:
-    """`outside_radiance` of cells (N, 3), whose openings' radiance it is."""
+    """Return `outside_radiance` of cells, from the radiance (N, 3) in their openings."""
     shape = (cells.rows, 2 * cells.rows)
     opening = cells.opening > 0.5
     light = radiance[opening] / cells.opening[opening, None]
@@ -117,17 +134,25 @@ def distant_light(radiance: Float, cells: Cells) -> NDArray[np.float32]:
 def irradiance_of_rest(
     receivers: Receivers, cells: Cells, radiance: Float, share: Float, taken: Float, steps: int
 ) -> Float:
-    """Irradiance (n, 3) by all that is no light and no opening.
+    """Compute the irradiance (n, 3) from all surfaces without lights and openings.
 
-    It is the mean radiance that a point sees of it, over the hemisphere that lights leave: so what
-    the panorama does not show of a room counts as what it does show.
+    It is their mean radiance as seen from a point, times the projected solid angle that lights
+    and openings leave. Hidden parts of a room thus count like visible ones.
 
     Parameters
     ----------
+    receivers : Receivers
+        n points.
+    cells : Cells
+        N cells.
     radiance : (N, 3) float64
-        Means over cells, of which `share` (N,) is neither light nor opening.
+        Means over cells.
+    share : (N,) float64
+        Share of each cell that is neither light nor opening.
     taken : (n,) float64
         See `irradiance_of_lights`.
+    steps : int
+        Number of points at which visibility is tested.
     """
     chosen = np.flatnonzero(share > 0.0)
     x = receivers.point

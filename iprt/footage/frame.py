@@ -1,4 +1,4 @@
-"""One frame of 360° RGBD video, sanitised."""
+"""Prepared frames of 360° RGBD video."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from iprt.footage.normals import estimate_normals, fit_tolerance, sanitise_norma
 from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Weights of linear Rec.709, in which all colour is."""
+"""Weights of luminance in linear Rec.709, the colour space of all frames."""
 
 
 @dataclass(frozen=True)
@@ -25,30 +25,30 @@ class Frame:
     Attributes
     ----------
     color : (H, W, 3) float32
-        Linear radiance that surfaces send, finite, non-negative.
+        Linear radiance of surfaces, finite, non-negative.
     depth : (H, W) float32
-        Metres from the capture centre; positive; +inf where the sky is open (no rim closes it).
-        Openings hold a depth interpolated from their rim.
+        Metres from the capture centre; positive; +inf in open sky (no rim closes it). Openings
+        hold a depth interpolated from their rim.
     opening : (H, W) bool
-        True where the source has no depth and a rim does: windows, mostly.
+        Where the source has no depth inside a closed rim: mostly windows.
     normal : (H, W, 3) float32 or None
-        World-space normals as the source has them: of any length, of either side, and none where
-        they are not finite or (nearly) zero. Where there is none, they are fitted to depth: by the
-        device, or by `fitted_normal`. None: there is none anywhere.
+        World-space normals as in the source: of any length, on either side, and missing where they
+        are not finite or (nearly) zero. Missing normals are fitted to depth, by the device or by
+        `fitted_normal`. None: all are missing.
     gloss : (H, W) uint8 or None
-        0 where the surface is diffuse, else 1 + its index in `real_materials`. None: nowhere.
+        0 on diffuse surfaces, else 1 + the index in `real_materials`. None: all are diffuse.
     real_materials : tuple of Material
         The glossy materials of the real scene.
     index : int
-        Number of the frame in the video.
+        Index of the frame in the video.
     pose : (4, 4) float64 or None
-        Rigid transform from this frame's capture centre and axes, in which all above is, to the
-        world. None: they are the world's.
+        Rigid transform from this frame's capture centre and axes, which all of the above uses, to
+        the world. None: identity.
     clipped : ClippedTexels or None
-        Texels that the picture shows clipped. None: it shows `color`.
+        Colours of clipped texels as stored in the picture. None: nothing is clipped.
     color_map : (3, 3) float64 or None
-        Takes colours of this frame to those of the video's reference frame, which was exposed and
-        balanced otherwise. None: they are the same.
+        Map from colours of this frame to colours of the video's reference frame, which differs in
+        exposure and white balance. None: identity.
     """
 
     color: NDArray[np.float32]
@@ -64,16 +64,16 @@ class Frame:
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
-        """(H, W, 3) linear radiance that rays find: `color`, as the reference frame shows it."""
+        """Linear radiance (H, W, 3) for rays: `color` in the colours of the reference frame."""
         return self.radiance_of(self.color)
 
     @property
     def picture(self) -> NDArray[np.float32]:
-        """(H, W, 3) linear radiance as the camera saw it; not kept where lights are clipped."""
+        """Linear radiance (H, W, 3) as the camera stored it; not cached if lights are clipped."""
         return self.color if self.clipped is None else self.clipped.shown(self.color)
 
     def radiance_of(self, color: NDArray[np.float32]) -> NDArray[np.float32]:
-        """`radiance` of texels of `color`, (..., 3)."""
+        """Map texels (..., 3) of `color` to `radiance`."""
         if self.color_map is None:
             return color
         mapped = color @ self.color_map.T.astype(np.float32)
@@ -81,42 +81,44 @@ class Frame:
 
     @cached_property
     def fitted_normal(self) -> NDArray[np.float32]:
-        """(H, W, 3) unit normals that face the capture centre; zero where depth is infinite.
+        """Unit normals (H, W, 3) that face the capture centre; zero where depth is infinite.
 
-        Those of the source, or fitted to depth. Fitting takes the host long; the device has its own
-        (`cl/world/real/planes.cl`).
+        They come from the source, or are fitted to depth. Fitting takes long on the host; the
+        device fits its own (`cl/world/real/planes.cl`).
         """
         fitted = estimate_normals(self.depth, self.opening.view(np.uint8))
         return fitted if self.normal is None else sanitise_normals(self.normal, fitted)
 
     def fitted_normal_in(self, rows: slice) -> NDArray[np.float32]:
-        """Return these rows of `fitted_normal`, and fit no others if it can."""
+        """Return these rows of `fitted_normal`; fit no other rows if possible."""
         if self.normal is not None or "fitted_normal" in vars(self):
             return self.fitted_normal[rows]
         return estimate_normals(self.depth, self.opening.view(np.uint8), rows)
 
     def measured(self) -> Self:
-        """The same, once what takes time to find out about its depth is known."""
+        """Compute and cache the slow properties of depth; return the frame itself."""
         _ = self.median_depth, self.nearest, self.farthest, self.fit_tolerance
         return self
 
     @property
     def height(self) -> int:
+        """Number of rows."""
         return int(self.depth.shape[0])
 
     @property
     def width(self) -> int:
+        """Number of columns."""
         return int(self.depth.shape[1])
 
     @cached_property
     def nearest(self) -> float:
-        """The smallest finite depth, in metres; 0 where all is open sky."""
+        """Smallest finite depth, in metres; 0 if all is open sky."""
         least = float(self.depth.min())
         return least if np.isfinite(least) else 0.0
 
     @cached_property
     def farthest(self) -> float:
-        """The largest finite depth, in metres; 0 where all is open sky."""
+        """Largest finite depth, in metres; 0 if all is open sky."""
         most = float(self.depth.max())
         if np.isfinite(most):
             return most
@@ -130,5 +132,5 @@ class Frame:
 
     @cached_property
     def fit_tolerance(self) -> float:
-        """How far what is on one plane may be off it, as a fraction of the depth."""
+        """Largest distance of points on one plane from it, relative to depth."""
         return fit_tolerance(self.depth)

@@ -1,12 +1,11 @@
-"""Surface normals from depth: least-squares planes in windows that do not cross depth gaps.
+"""Estimation of surface normals from depth, by planes in windows that do not cross depth gaps.
 
-The host fits them where it looks at normals at all. For rays, `cl/world/real/planes.cl` fits the
-same planes.
+This is the host's implementation. For rays, `cl/world/real/planes.cl` fits the same planes.
 
-The method of Schwandt et al., "Natural Environment Illumination", section 5 (one plane per texel,
-small normal equations solved by determinants instead of an SVD), fitted in inverse depth: with
-tangent coordinates (a, b) about a texel's direction, a plane `n . p = 1` is
-`1 / z = n_c + n_a a + n_b b`, linear in the unknowns and exact for planes at any slant.
+The method follows Schwandt et al., "Natural Environment Illumination", section 5: one least-squares
+plane per texel, with small normal equations solved by determinants instead of an SVD. Planes are
+fitted in inverse depth. With tangent coordinates (a, b) about a texel's direction, a plane
+`n . p = 1` is `1 / z = n_c + n_a a + n_b b`, linear in the unknowns and exact at any slant.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ Plane = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 WINDOW_REACH = 2
-"""The window is 5 x 5 texels; columns spread by 1 / sin(theta) so that it stays square."""
+"""Reach of the 5 x 5 window, in texels; columns spread by 1 / sin(theta), so it stays square."""
 GAP_TOLERANCE = (3e-4, 0.05)
-"""Largest distance from the local plane within a window, as a fraction of the depth: on clean
-depth, where a tight bound keeps windows from reaching around edges, and on the noisiest."""
+"""Largest distance from the local plane within a window, relative to depth: for clean depth, where
+a tight bound keeps windows from reaching around edges, and for the noisiest."""
 _NOISE_FACTOR = 4.0
 _BLOCK_ROWS = 24
 _NOISE_ROWS = 64
 _MIN_SAMPLES = 3
 _NEAREST = np.float32(1e30)
-"""Largest inverse depth: so that no product is infinite, which times 0 is not 0."""
+"""Largest inverse depth. It keeps products finite, because infinity times 0 is NaN."""
 
 
 def estimate_normals(depth: Plane, same: NDArray[np.uint8], rows: slice = slice(None)) -> Plane:
@@ -46,8 +45,8 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8], rows: slice = slice(
     depth : (H, W) float32
         Metres; +inf where there is no surface.
     same : (H, W) uint8
-        Windows join texels of equal value only (what is interpolated must not bend what is
-        measured).
+        Windows join texels of equal value only, so that interpolated depth does not bend measured
+        surfaces.
     rows : slice, optional
         Rows to fit. All by default.
 
@@ -77,7 +76,7 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8], rows: slice = slice(
 
 
 def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
-    """Given normals made unit length and facing the centre; the estimate where there are none.
+    """Normalise given normals and turn them to the centre; fill gaps with the estimate.
 
     Parameters
     ----------
@@ -85,6 +84,10 @@ def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
         As read: any length, possibly NaN or zero.
     estimate : (H, W, 3) float32
         From `estimate_normals`; zero marks texels without a surface, which get no normal.
+
+    Returns
+    -------
+    (H, W, 3) float32
     """
     height, width = given.shape[:2]
     sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(width, 0, height, height)
@@ -98,16 +101,16 @@ def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
 
 
 def _column_spread(width: int, height: int) -> NDArray[np.intp]:
-    """(H,) columns per step of the window: 1 at the equator, up to W / 8 at the poles."""
+    """Return (H,) columns per step of the window: 1 at the equator, up to W / 8 at the poles."""
     ratio = (width / (2.0 * height)) / np.sin(texel_polar_angles(height))
     return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp)
 
 
 @lru_cache(maxsize=4)
 def _window_tables(width: int, height: int) -> dict[tuple[int, int], tuple[Plane, Plane, Plane]]:
-    """By steps down and aside, for each row: what 1/z is to be scaled by, and tangent coordinates.
+    """Return the scale of 1/z and tangent coordinates a, b of each row, by steps down and aside.
 
-    Each (H, 1) float32. A neighbour more than about 75° away gets a scale that no plane has.
+    Each is (H, 1) float32. A neighbour more than about 75° away gets a scale that fits no plane.
     """
     step = np.pi / height
     theta = (np.arange(height) + 0.5) * step
@@ -129,14 +132,14 @@ def _window_tables(width: int, height: int) -> dict[tuple[int, int], tuple[Plane
 
 @dataclass(frozen=True)
 class Tap:
-    """A texel of the windows of all rows; arrays are (H,).
+    """One texel of the windows of all rows; arrays are (H,).
 
     Attributes
     ----------
     row, columns : int
-        Where it is: the row, and columns to the right of the window's centre.
+        Row, and number of columns to the right of the window's centre.
     scale : float32
-        What 1/z there is to be multiplied by. More than about 75° away, that no plane meets it.
+        Factor of 1/z. More than about 75° away, it fits no plane.
     a, b : float32
         Tangent coordinates about the centre.
     """
@@ -149,7 +152,7 @@ class Tap:
 
 
 def window_taps(width: int, height: int) -> list[Tap]:
-    """The texels of the windows of `estimate_normals`, row by row."""
+    """Return the texels of the windows of `estimate_normals`, row by row."""
     spread, rows = _column_spread(width, height), np.arange(height)
     taps = []
     for (down, steps), tables in _window_tables(width, height).items():
@@ -163,15 +166,15 @@ def window_taps(width: int, height: int) -> list[Tap]:
 
 
 def fit_tolerance(depth: Plane) -> float:
-    """Largest distance from the local plane within a window, as a fraction of the depth (H, W)."""
+    """Return the largest distance from the local plane in a window, relative to depth (H, W)."""
     return float(np.clip(_NOISE_FACTOR * _noise(depth), *GAP_TOLERANCE))
 
 
 def _noise(depth: Plane) -> float:
-    """Median departure of inverse depth from a plane over three rows, as a fraction of it.
+    """Return the median deviation of inverse depth from a plane over three rows, relative to it.
 
-    Along a meridian a plane's inverse depth is a cosine of the angle, so that the sum of a texel's
-    two neighbours is exactly 2 cos(step) times its own.
+    Along a meridian, a plane's inverse depth is a cosine of the angle. The sum of a texel's two
+    neighbours is then exactly 2 cos(step) times its own value.
     """
     height, width = depth.shape
     if height < 3:
@@ -186,7 +189,7 @@ def _noise(depth: Plane) -> float:
             middle = inverse[1:-1]
             bend = np.abs(inverse[:-2] + inverse[2:] - twice * middle)
             np.divide(bend, middle, out=departure[first : first + _NOISE_ROWS])
-        # Open sky, which is no surface, comes after all that is.
+        # Open sky is no surface, and is sorted behind all surfaces.
         empty = middle == 0.0
         departure[first : first + _NOISE_ROWS][empty] = np.inf
         surfaces += empty.size - int(np.count_nonzero(empty))
@@ -194,7 +197,7 @@ def _noise(depth: Plane) -> float:
 
 
 def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
-    """(H + 2 rows, W, ...): continued over the poles, where a column goes on half a turn away."""
+    """Pad to (H + 2 rows, W, ...) over the poles, where columns continue half a turn away."""
     height, width = plane.shape[:2]
     cycle = np.mod(np.arange(-rows, height + rows), 2 * height)
     beyond = cycle >= height
@@ -206,7 +209,7 @@ def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
 def _frame_angles(
     width: int, first: int, last: int, height: int
 ) -> tuple[Plane, Plane, Plane, Plane]:
-    """sin and cos of theta (rows, 1) and of phi (W,) at texel centres; see `equirect_direction`."""
+    """Return sin and cos of theta (rows, 1) and phi (W,) at texel centres."""
     theta, phi = texel_polar_angles(height)[first:last, None], texel_azimuths(width)
     tables = (np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi))
     sin_theta, cos_theta, sin_phi, cos_phi = (table.astype(np.float32) for table in tables)
@@ -219,10 +222,11 @@ class _Window:
     Parameters
     ----------
     inverse : (H + 2 reach, W) float32
-        Inverse depth, continued over the poles.
+        Inverse depth, padded over the poles.
     same : (H + 2 reach, W) uint8
+        `same` of `estimate_normals`, padded like `inverse`.
     first : int
-        Number of the first row, in the unpadded image.
+        First row, in the unpadded image.
     spread : (rows,) int
         Columns per step in each row.
     """
@@ -236,7 +240,7 @@ class _Window:
     ) -> None:
         self._first, self._last, self._spread = first, first + spread.size, spread
         self._height, self._width = inverse.shape[0] - 2 * WINDOW_REACH, inverse.shape[1]
-        # Continued across the seam, so that what lies beside is a slice and no copy.
+        # Pad across the seam, so that neighbours are a slice and no copy.
         self._margin = WINDOW_REACH * int(spread.max())
         columns = np.arange(-self._margin, self._width + self._margin) % self._width
         rows = slice(first, self._last + 2 * WINDOW_REACH)
@@ -246,10 +250,10 @@ class _Window:
         self._center = self._shifted(self._inverse, 0, 0)
 
     def fit_planes(self, tolerance: float) -> Plane:
-        """(rows, W, 3) unit normals facing the centre; from the local slopes where too few fit."""
+        """Return unit normals (rows, W, 3) that face the centre; local slopes where too few fit."""
         slope_b = self._slope([self._sample(down, 0) for down in (2, 1, -1, -2)], axis=2)
         parallel = [self._sample(0, steps) for steps in (-2, -1, 1, 2)]
-        # A parallel bends away from the great circle: its texels do not lie at b = 0.
+        # A parallel deviates from the great circle, so its texels do not lie at b = 0.
         level = [(rise - slope_b * b, a, b) for rise, a, b in parallel]
         slope_a = self._slope(level, axis=1)
         sums = self._sums(slope_a, slope_b, np.float32(tolerance) * self._center)
@@ -271,10 +275,9 @@ class _Window:
         )
 
     def _sums(self, slope_a: Plane, slope_b: Plane, tolerance: Plane) -> list[Plane]:
-        """Count and moments of a, b and inverse depth over the texels on the local plane.
+        """Return count and moments of a, b and inverse depth over the texels on the local plane.
 
-        Two texels as many steps to either side have opposite a and the same b: they are summed as
-        pairs.
+        Two texels at opposite steps aside have opposite a and the same b, and are summed as pairs.
         """
         shape = self._center.shape
         sums = [np.zeros(shape, np.float32) for _ in range(9)]
@@ -313,7 +316,7 @@ class _Window:
     def _on_plane(
         self, down: int, steps: int, slope_a: Plane, slope_b: Plane, tolerance: Plane
     ) -> tuple[Plane, Plane, Plane, Plane]:
-        """1 where a texel of the window lies on the local plane; its rise there; its a and b."""
+        """Return whether a window's texel is on the local plane (0 or 1), its rise, a and b."""
         rise, a, b = self._sample(down, steps)
         off = slope_a * a
         np.subtract(rise, off, out=off)
@@ -328,15 +331,18 @@ class _Window:
         return weight, rise, a, b
 
     def _slope(self, line: list[tuple[Plane, Plane, Plane]], axis: int) -> Plane:
-        """Slope of inverse depth along a line of samples.
+        """Return the slope of inverse depth along a line of samples.
 
-        The mean of both sides where they differ no more than either bends; else, at an edge, that
-        of the smoother side (as ENO schemes choose their stencils). 0 where gaps are on both.
+        It is the mean of both sides' slopes if they differ by no more than twice the smaller bend.
+        Else, at an edge, it is the slope of the smoother side, as in ENO schemes. It is 0 with gaps
+        on both sides.
 
         Parameters
         ----------
-        line : samples at -2, -1, +1, +2 steps
-        axis : 1 for a, 2 for b
+        line : list of (rise, a, b)
+            Samples at -2, -1, +1 and +2 steps.
+        axis : int
+            1 for a, 2 for b.
         """
         sides = []
         for far, near in ((line[0], line[1]), (line[3], line[2])):
@@ -353,9 +359,9 @@ class _Window:
         return np.where(surface & np.isfinite(slope), slope, np.float32(0.0))
 
     def _sample(self, down: int, steps: int) -> tuple[Plane, Plane, Plane]:
-        """Rise of 1/z over the centre (rows, W), and tangent coordinates a, b (rows, 1).
+        """Return the rise of 1/z over the centre (rows, W), and tangent coordinates a, b (rows, 1).
 
-        A neighbour more than about 75° away gets a rise that no plane has.
+        A neighbour more than about 75° away gets a rise that fits no plane.
         """
         rows = slice(self._first, self._last)
         scale, a, b = (t[rows] for t in self._tables[down, steps])
@@ -374,7 +380,7 @@ class _Window:
         return shifted
 
     def _to_world(self, across: Plane, up: Plane, ahead: Plane) -> Plane:
-        """Unit vectors facing the centre, from components east, north and away from it."""
+        """Return unit vectors facing the centre, from components east, north and away from it."""
         sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(
             self._width, self._first, self._last, self._height
         )

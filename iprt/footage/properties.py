@@ -1,4 +1,4 @@
-"""Properties of a video that passes and buffers depend on."""
+"""Properties of a video that determine passes and buffers."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ class Footage:
     Attributes
     ----------
     openings : bool
-        There are windows.
+        Whether there are windows.
     real_materials : tuple of Material
         Materials of glossy real surfaces.
     clips : bool
-        Lights may be clipped in some frames (`Frame.clipped`).
+        Whether lights may be clipped in some frames (`Frame.clipped`).
     drifts : bool
-        Some may have a `color_map`.
+        Whether some frames may have a `color_map`.
     poses : bool
-        They have poses.
+        Whether frames have poses.
     video : bool
-        There are several frames.
+        Whether there are several frames.
     static_camera : bool
-        All frames are seen from the same place, so that what moving things hide can be remembered.
+        Whether all frames share one place. Surfaces hidden by moving objects can then be
+        remembered.
     """
 
     openings: bool = False
@@ -49,7 +50,7 @@ class Footage:
         video: bool = False,
         static_camera: bool = False,
     ) -> Self:
-        """By one frame; the flags say what other frames may have besides."""
+        """Derive the properties from one frame; the flags add properties of other frames."""
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,

@@ -1,8 +1,8 @@
-"""Readings of depth, recognised by the planes of the place: only the right one makes them flat.
+"""Detection of the quantity that depth files store, by the planes of the place.
 
-Distances along the rays, their inverse, and parts of them along the axes of a cube's faces or along
-one axis are all written as depth. The right reading makes floors, walls and ceilings flat; others
-bend them. So each reading is scored by the share of all directions that a few planes explain.
+Files store the distance along the ray, its inverse, or its component along the axis of a cube's
+face or along a single axis. Only the correct reading makes floors, walls and ceilings flat; others
+bend them. Each reading is therefore scored by the share of the sphere that a few planes explain.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from iprt.geometry.equirect import equirect_direction
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Reading = Literal["distance", "inverse", "cube", "axis", "twice"]
-""" "cube": along the axes of a cube's faces; "axis": along one; "twice": distances
-converted as if they were "cube"."""
+"""Quantity that depth stores. "cube": component along the axes of a cube's faces; "axis": along one
+axis; "twice": distances that were converted as if they were "cube"."""
 
 ROWS = 64
-"""Fewest rows of directions that are examined."""
+"""Least number of rows of sampled directions."""
 PLANES = 4
-"""Planes that explain a place: a floor, a ceiling, walls."""
+"""Number of planes that explain a place: a floor, a ceiling, walls."""
 CANDIDATES = 300
 REACH = 3
-"""Half width, in examined directions, of the window that a candidate is fitted to."""
+"""Half width, in sampled directions, of the window to which a candidate is fitted."""
 FLAT = 0.02
 """Tolerance of points on a plane, relative to their distance from the camera."""
 LEAST_SHARE, LEAST_FACTOR = 0.2, 1.8
-"""Least share of the directions that planes explain by another reading than distance, and its
-least factor over the share by distance, for that reading to be chosen. Rooms have 0.7 to 0.8 by the
-right reading and 0.1 to 0.15 by a wrong one; depth estimated by a network has 0.25, and 0.14."""
+"""Least share of the directions that planes explain by another reading than distance, and its least
+ratio to the share by distance, for that reading to be chosen. Rooms have 0.7 to 0.8 by the correct
+reading and 0.1 to 0.15 by a wrong one. Depth estimated by a network has 0.25, and 0.14."""
 LEAST_ALONG = 0.1
-"""Part of a direction along an axis below which depth along the axis tells nothing."""
+"""Least component of a direction along an axis for which depth along the axis is meaningful."""
 BEYOND_FACE = 0.1
-"""Least share of the explained directions that lie beyond their plane's main face of a cube. Real
-planes know no faces; a dome read as a cube has a plane in each."""
+"""Least share of the explained directions that lie beyond their plane's main cube face. Real planes
+extend over several faces; a dome read as a cube has a plane in each."""
 BESIDE, LESS = 0.2, 0.5
-"""Part of a direction along an axis below which depth along the axis is small, and its limit there,
-relative to the median. Where it is larger, apparent planes on both sides are a dome."""
+"""Component of a direction along an axis below which depth along the axis is small, and its limit
+there, relative to the median. Where it is larger, apparent planes on both sides are a dome."""
 
 
 def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Reading:
@@ -72,7 +72,7 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
             "axis": stored / np.where(_falls_beside(stored, ahead), ahead, np.nan),
             "twice": stored * part if is_cube else np.zeros_like(stored),
         }
-        # The same directions for all readings, so that shares can be compared.
+        # All readings use the same directions, so that shares can be compared.
         there = stored > 0.0
         for reading, distance in distances.items():
             shares[reading], beyond = _explained(direction, distance, there)
@@ -84,12 +84,12 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
 
 
 def _falls_beside(stored: Float, ahead: Float) -> Mask:
-    """Return a mask of directions with depth along an axis; empty if it is not small beside it.
+    """Return a mask of directions with depth along an axis; empty if depth beside it is not small.
 
     Parameters
     ----------
     stored, ahead : (h, w) float64
-        Depth, 0 where there is none, and each direction's part along the axis.
+        Depth, 0 where there is none, and each direction's component along the axis.
     """
     there = stored > 0.0
     beside = there & (ahead < BESIDE)
@@ -98,13 +98,22 @@ def _falls_beside(stored: Float, ahead: Float) -> Mask:
 
 
 def _explained(direction: Float, distance: Float, there: Mask) -> tuple[float, float]:
-    """Return the share of directions (h, w, 3) whose distance (h, w) a few planes explain, and the
-    part of it that lies beyond the face of a cube with most of its plane.
+    """Score a reading by the directions that a few planes explain.
 
     Parameters
     ----------
+    direction : (h, w, 3) float64
+    distance : (h, w) float64
+        Distance along each direction, according to the reading.
     there : (h, w) bool
         Directions that count.
+
+    Returns
+    -------
+    explained : float
+        Explained share of the directions that count.
+    beyond : float
+        Share of these that lies beyond the cube face with most of their plane.
     """
     known = there & np.isfinite(distance) & (distance > 0.0)
     if np.count_nonzero(known[REACH:-REACH]) < CANDIDATES:
@@ -137,7 +146,7 @@ def _candidates(direction: Float, inverse: Float, known: Mask, weight: Float) ->
     here = (weight * known)[REACH:-REACH].ravel()
     upto = np.cumsum(here)
     chosen = np.searchsorted(upto, (np.arange(CANDIDATES) + 0.5) / CANDIDATES * upto[-1])
-    # Regularised for windows of too few directions.
+    # Regularised for windows with too few directions.
     matrix = matrix.reshape(-1, 3, 3)[chosen] + 1e-9 * np.eye(3)
     return np.asarray(np.linalg.solve(matrix, right.reshape(-1, 3, 1)[chosen])[..., 0])
 

@@ -1,4 +1,4 @@
-"""Glossy real surfaces, and which texels of a panorama show them: `[[real_materials]]`."""
+"""Glossy real surfaces (`[[real_materials]]`), and selection of their texels in a panorama."""
 
 from __future__ import annotations
 
@@ -15,15 +15,23 @@ Mask = NDArray[np.bool_]
 Triple = tuple[float, float, float]
 
 MAX_REAL_MATERIALS = 255
-"""`Frame.gloss` counts them in a byte, whose 0 means diffuse."""
+"""Largest number of materials: `Frame.gloss` stores 1 + their index in a byte, and 0 is diffuse."""
 PARALLEL = 0.9
-"""Least cosine between a texel's normal and the plane's: up to 26 degrees apart."""
+"""Least cosine between the normals of a texel and a plane: up to 26 degrees apart."""
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane in the world: a point of it in metres, its unit normal, and how far from it counts
-    as on it, in metres.
+    """A plane in the world, with a tolerance.
+
+    Attributes
+    ----------
+    point : (x, y, z)
+        A point of the plane, in metres.
+    normal : (x, y, z)
+        Unit normal.
+    tolerance : float
+        Largest distance, in metres, of points that count as on the plane.
     """
 
     point: Triple
@@ -40,11 +48,11 @@ class Evidence:
     t : float
         Student's t of the reflection's strength.
     strength : float
-        Over that of a coat with an index of refraction of 1.5.
+        Strength of the reflection relative to a coat with an index of refraction of 1.5.
     error : float
         Standard error of `strength`.
     low, high : float
-        Roughness less and plus a standard deviation.
+        Roughness minus and plus one standard deviation.
     """
 
     t: float
@@ -63,25 +71,27 @@ class Evidence:
 
 @dataclass(frozen=True)
 class RealMaterial:
-    """A glossy real surface: which texels of the panorama show it, and how it reflects.
+    """A glossy real surface: its texels in the panorama, and its reflection.
 
-    All the selections that are given must hold; openings and open sky never belong to one.
+    All given selections must hold. Openings and open sky never belong to a surface.
 
     Attributes
     ----------
+    name : str
+        Name of the surface.
     material : Material
-        "plastic" or "conductor". Of plastic, only the coat matters: the base is what the camera
-        saw without the coat's reflection.
+        "plastic" or "conductor". Of plastic, only the coat matters: the base is the camera's
+        picture without the coat's reflection.
     mask : (h, w) bool or None
-        Equirect picture, turned as the world is; texels read the nearest pixel.
+        Equirect picture, turned with the world; texels read the nearest pixel.
     color : (r, g, b) or None
-        Linear colour of the surface, in any unit: chromaticities are compared.
+        Linear colour of the surface, in any unit, as chromaticities are compared.
     color_tolerance : float
-        Largest distance of chromaticities, see `chromaticity`.
+        Largest distance between chromaticities, see `chromaticity`.
     plane : Plane or None
-        The surface lies on it and is parallel to it (`PARALLEL`).
+        Plane that the surface lies on and is parallel to (`PARALLEL`).
     evidence : Evidence or None
-        Of a surface that nobody declared (`iprt.footage.found_gloss`).
+        Evidence for an undeclared surface (`iprt.footage.found_gloss`).
     """
 
     name: str
@@ -93,7 +103,7 @@ class RealMaterial:
     evidence: Evidence | None = None
 
     def place(self, frame: Frame) -> Mask:
-        """(H, W) bool: the texels that may show this surface, by all but their colour."""
+        """Return (H, W) bool: the texels that may show this surface, regardless of their colour."""
         inside = np.isfinite(frame.depth) & ~frame.opening
         if self.mask is not None:
             inside &= _nearest(self.mask, frame.width, frame.height)
@@ -102,20 +112,20 @@ class RealMaterial:
         return inside
 
     def region(self, frame: Frame) -> Mask:
-        """(H, W) bool: the texels that show this surface."""
+        """Return (H, W) bool: the texels that show this surface."""
         return self.colored(frame, self.place(frame))
 
     def colored(self, frame: Frame, place: Mask) -> Mask:
-        """The texels of `place` that have the surface's colour."""
+        """Return the texels of `place` that have the surface's colour."""
         if self.color is None:
             return place
         return place & _alike(frame.radiance, self.color, self.color_tolerance)
 
 
 def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(..., 3) linear colours over the sum of their channels; NaN for black, which has no hue.
+    """Divide linear colours (..., 3) by the sum of their channels; NaN for black.
 
-    Independent of how strongly a surface of one colour is lit. Two colours are at most √2 apart;
+    The result does not depend on the strength of light. Two chromaticities are at most √2 apart;
     a grey and a wood's brown about 0.2.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -124,7 +134,7 @@ def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
 
 def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask:
     apart = chromaticity(color) - chromaticity(np.asarray(wanted))
-    # NaN, of black texels, is not within any tolerance.
+    # NaN, for black texels, is not within any tolerance.
     return np.asarray(np.linalg.norm(apart, axis=-1) <= tolerance)
 
 

@@ -1,4 +1,4 @@
-"""The distant environment behind the windows of a panorama."""
+"""Distant environment behind the windows of a panorama."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from iprt.footage.push_pull import push_pull
 from iprt.geometry.equirect import texel_polar_angles
 
 OUTSIDE_ROWS = 128
-"""Rows of the environment: enough for directions that no window showed to the camera."""
+"""Rows of the environment; directions that no window shows need no more."""
 
 WIDE_LEVELS = 4
-"""Levels of push-pull in which cells grow in width only."""
+"""Number of push-pull levels in which cells grow in width only."""
 
 
 def outside_radiance(
     light: NDArray[np.floating], opening: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """Environment of all openings, extrapolated smoothly to where none was seen.
+    """Extrapolate the environment seen through openings to all directions.
 
-    Directions that openings cover keep their mean radiance; the others are filled by push-pull:
-    averages over ever larger cells, weighted by how much of them openings cover. Cells are up to
-    16 times as wide as high: skies and grounds change with elevation more than with azimuth.
+    Directions covered by openings keep their mean radiance. Push-pull fills the others: it averages
+    over larger and larger cells, weighted by their coverage. Cells are up to 16 times as wide as
+    high, because skies and grounds vary with elevation more than with azimuth.
 
     Parameters
     ----------
