@@ -25,7 +25,7 @@ clearance, and passes behind the surface where it is deeper than the thickness."
 AT_ONCE = 1 << 15
 """Number of lines of sight whose points fit into a processor's cache."""
 MIN_OPEN = 0.1
-"""Least form factor left for unlit surroundings, out of π."""
+"""Least projected solid angle, out of π, that lights leave to all other surfaces."""
 
 
 def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:

@@ -120,7 +120,7 @@ class FoundMark:
 
 
 def find_marks(samples: DepthSamples, code: DepthCode) -> list[FoundMark]:
-    """Return the values that are marks by the rules above, the largest first.
+    """Find values that mark missing depth, the largest first.
 
     Depth of 8 bits and depth of a lossy codec have none.
     """
