@@ -75,7 +75,7 @@ def spread_cells(rows: int, count: int) -> NDArray[np.intp]:
 def points_of_segments(
     segment: NDArray[np.intp], candidates: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the candidate cells of large enough segments, and their segments from 0 on."""
+    """Return the candidate cells of large enough segments, and their renumbered segments."""
     own = segment[candidates]
     enough = np.bincount(own, minlength=1)[own] >= MIN_POINTS
     _, renumbered = np.unique(own[enough], return_inverse=True)

@@ -18,7 +18,7 @@ PARALLEL = 0.95
 GRAZING = 0.15
 """Least cosine of view of usable cells."""
 NEAREST = 0.5
-"""Least distance, in metres, from which the tolerance of nearer cells is computed."""
+"""Depth, in metres, below which the tolerance of cells stops shrinking."""
 TRIES, REFITS = 60, 3
 
 

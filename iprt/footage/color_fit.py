@@ -27,7 +27,7 @@ CLEAR = 4.0
 ALIKE = 16.0
 """Number of pairs with a common error: textures and lights are larger than cells."""
 MIN_ERROR = 1e-4
-"""Least relative error, which allows for rounding at least."""
+"""Least relative error, which allows for rounding."""
 MAJORITY = 0.7
 """Least share of the picture that a map must explain: drift is uniform, light is not."""
 EXPLAINED = 0.05

@@ -21,11 +21,11 @@ Float = NDArray[np.float64]
 ROWS = 32
 """Number of rows of the coarse panoramas that are compared."""
 OTHER_DEPTH = 0.15
-"""Relative difference of distances from which on a surface is a different one."""
+"""Relative difference of distances above which a surface is a different one."""
 OTHER_SURFACES = 0.35
-"""Share of the sphere with different surfaces from which on there is a cut."""
+"""Share of the sphere with different surfaces above which there is a cut."""
 SWITCHED = 0.5
-"""Relative change of flux from which on accumulated samples mislead, although there is no cut."""
+"""Relative change of flux above which accumulated samples are outdated, even without a cut."""
 OTHER_LIGHT, OTHER_DETAIL = 0.2, 0.3
 """Least relative change of flux, and largest correlation of details, at another kind of cut."""
 

@@ -35,7 +35,7 @@ def push_pull(sums: Image, weight: Image, *, wide_levels: int = 0, blended: bool
 
 
 def _filled(sums: Image, weight: Image, wide_levels: int, full: float) -> Image:
-    """Fill one level recursively; `full` is the weight from which on a mean counts alone."""
+    """Fill one level recursively; `full` is the weight above which a mean counts alone."""
     mean = sums / np.maximum(weight, 1e-300)
     if weight.size == 1:
         return mean

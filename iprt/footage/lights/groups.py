@@ -115,7 +115,7 @@ class Light:
     Attributes
     ----------
     group : int
-        Group index, from 1 on.
+        Group index, at least 1.
     knots_deg : tuple of float
         Elevations of the knots of all lights of the group, ascending; a single one for surfaces.
     knot : int

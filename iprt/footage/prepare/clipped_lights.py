@@ -22,9 +22,9 @@ from iprt.footage.lights.shading import shading_of
 from iprt.geometry.equirect import solid_angles
 
 CHANGED = 0.3
-"""Relative change of the clipped area from which on gains are estimated again."""
+"""Relative change of the clipped area above which gains are estimated again."""
 OTHER = 0.8
-"""Relative change from which on the old gains are dropped at once, as lights are different ones."""
+"""Relative change above which the old gains are dropped at once, because the lights are others."""
 MIN_CLIPPED = 0.25
 """Least clipped flux of a clipped channel, relative to the light's strongest channel."""
 EVIDENCE = 25.0

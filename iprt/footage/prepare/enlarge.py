@@ -149,7 +149,7 @@ def _changes(known: Plane) -> NDArray[np.bool_]:
 
 
 def _starts(changed: NDArray[np.bool_], count: int) -> NDArray[np.intp] | None:
-    """Return the first texels (count,) of runs of one factor, or None if they miss some changes."""
+    """Return the first texels (count,) of runs of one factor; None if changes do not fit them."""
     size = changed.size
     for centre in (0.5, 0.0):  # the two usual conventions of nearest-neighbour resampling
         texel = np.floor((np.arange(size) + centre) * count / size).astype(np.intp)

@@ -29,7 +29,7 @@ ROWS = 256
 CELL_ROWS = 32
 """Number of rows of cells, whose means are compared."""
 NEARLY_WHITE = 0.95
-"""Share of the clipping radiance from which on colours may be clipped."""
+"""Share of the clipping radiance above which colours may be clipped."""
 DARK_OF_WHITE, DARK_OF_MEDIAN = 0.005, 0.02
 """Radiance below which a colour is uncertain: relative to white where the range is limited, because
 eight bits resolve it coarsely, and relative to the picture's median."""
@@ -48,7 +48,7 @@ MIN_DRIFT = 0.002
 UNEXPLAINED = 0.2
 """Largest share of that change left unexplained by a map; beyond it, it is noise or light."""
 BEYOND_NOISE = 4.0
-"""Residual of a map, in standard errors, from which on it is a change of light."""
+"""Residual of a map, in standard errors, above which it is a change of light."""
 
 
 MEAN = np.full(3, 1.0 / 3.0, np.float32)

@@ -24,7 +24,7 @@ from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import solid_angles
 
 OPEN_SKY_SR = 2.0
-"""Solid angle from which on a hole is open. It is below 2 pi, so that the fill is unique."""
+"""Solid angle above which a hole is open. It is below 2 pi, so that the fill is unique."""
 OPEN_SKY_ELEVATION_DEG = 30.0
 DROPOUT_SR = 1e-4
 DROPOUT_BRIGHTNESS = 2.0

@@ -35,7 +35,7 @@ class RawFrame:
     depth : (H, W) float32
         Metres; 0, negative, NaN or inf where there is no surface.
     normal : (H, W, 3) float32 or None
-        Unit vectors in world space.
+        World-space normals as in `Frame`.
     index, pose
         As in `Frame`.
     """

@@ -2,8 +2,8 @@
 
 Missing tags default to
 
-- matrix: BT.2020 for BT.2020 primaries; else BT.709 from 1280 columns or 577 rows on, and BT.601
-  below, as in players;
+- matrix: BT.2020 for BT.2020 primaries; else BT.709 with at least 1280 columns or 577 rows, and
+  BT.601 below, as in players;
 - range: limited for YUV; full for RGB, grey and JPEG's formats;
 - transfer: sRGB, as for pictures of 8 bits; linear for floats;
 - primaries: BT.2020 with PQ and HLG, else BT.709.

@@ -21,7 +21,7 @@ Item = TypeVar("Item")
 Decode = Callable[["av.VideoFrame", slice, Path], Item]
 
 ALIKE, COPIED = 0.9, 0.99
-"""Rank correlations with luminance from which on depth is a picture: for stored values within
+"""Rank correlations with luminance above which depth is a picture: for stored values within
 [0, 1], and beyond. Depth of the measured scenes has -0.4 to 0.02. A grey copy has 1, whatever its
 transfer curve."""
 SAMPLES = 128
