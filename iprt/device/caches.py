@@ -55,7 +55,7 @@ def settle_caches() -> Caches:
         "POCL_CACHE_DIR": folder_problem(Path(pocl)) if pocl else "",
     }
     if user is not None and "XDG_CACHE_HOME" in os.environ:
-        os.environ["XDG_CACHE_HOME"] = str(user)  # a relative path means nothing
+        os.environ["XDG_CACHE_HOME"] = str(user)  # replaces a relative path, which is invalid
     wrong = {name: problem for name, problem in problems.items() if problem}
     if not wrong:
         return Caches(user)

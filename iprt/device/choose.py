@@ -148,10 +148,10 @@ def describe_devices() -> list[DeviceInfo]:
 
 
 def select(spec: str | None, infos: Sequence[DeviceInfo]) -> Choice:
-    """Choose among `infos` (at least one); the rules of `choose`, free of OpenCL.
+    """Choose among `infos`, at least one, by the rules of `choose`, without OpenCL calls.
 
-    Platforms of the same name and vendor are copies of one driver, as when both Debian and PyPI
-    installed PoCL. Only the copy with the newest driver counts, except for `P:D`.
+    Platforms of the same name and vendor are copies of one driver, such as PoCL from both Debian
+    and PyPI. Only the copy with the newest driver is considered, except for `P:D`.
     """
     if spec is not None and re.fullmatch(r"\d+:\d+", spec):
         for info in infos:

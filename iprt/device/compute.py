@@ -86,7 +86,7 @@ class ComputeDevice:
         self.building: Callable[[str], None] = lambda file: None
         self.bands: Bands | None = None
         self.most_programs: int | None = None
-        self._programs: dict[Program, _Built] = {}  # the last one used comes last
+        self._programs: dict[Program, _Built] = {}  # least recently used first
         self._launched: set[tuple[str, str]] = set()
         self._compilers = Compilers.of(device)
         self._in_flight: deque[Any] = deque()  # events that keep host memory alive

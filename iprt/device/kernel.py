@@ -144,7 +144,7 @@ class Kernel:
         self.parameters = [parameter.name for parameter in parameters]
         self._bindable = {one.name: (i, one.scalar) for i, one in enumerate(parameters)}
         self._fixed: dict[str, Any] = {}
-        self._bound: list[_Bound] = []  # the last one used comes last
+        self._bound: list[_Bound] = []  # least recently used first
         self._divide()
         self._size: tuple[int, ...] = ()
         self._range: _Range = ((), ())

@@ -26,7 +26,7 @@ TABLE_BYTES = 12
 
 @dataclass(frozen=True)
 class Learned:
-    """Result of learning from a panorama.
+    """Accuracy and cost of learning from a panorama.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ from iprt.measure.cost_report import SCHEMA, CostReport
 
 
 def json_text(report: CostReport, changes: Sequence[Mapping[str, Any]] | None = None) -> str:
-    """Format a report as JSON, with the `changes` since another one as `Change.record`."""
+    """Format a report as JSON, with its `changes` (records of `Change`) if given."""
     record = report.record()
     if changes is not None:
         record["changes"] = list(changes)

@@ -88,7 +88,7 @@ def compensated(previous: Image, motion: NDArray[np.floating]) -> tuple[Image, M
 
 
 def was_so(before: Mask, motion: NDArray[np.floating]) -> Mask:
-    """Mask the pixels (H, W) whose interpolated position in `before` is marked entirely."""
+    """Mask the pixels (H, W) whose surface, warped bilinearly, lay entirely in `before`."""
     share, inside = compensated(before[..., None].astype(np.float64), motion)
     return np.asarray(inside & (share[..., 0] > 1.0 - 1e-9))
 
