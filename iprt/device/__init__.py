@@ -1,8 +1,8 @@
 """OpenCL: drivers, device choice, programs, buffers and times.
 
-Importing this package settles where compiled kernels are kept, and makes the drivers known that the
-OpenCL loader would miss. So it comes before pyopencl: modules elsewhere in `iprt` reach pyopencl
-through the modules in here.
+Importing this package chooses the folder of the kernel cache and registers the drivers that the
+OpenCL loader would miss. Both must happen before pyopencl is imported, so modules elsewhere in
+`iprt` reach pyopencl through this package.
 """
 
 from iprt.device.caches import settle_caches

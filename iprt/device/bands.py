@@ -1,8 +1,8 @@
-"""Launches in parts, so that work under way can be abandoned: what viewers need on slow devices.
+"""Kernel launches in parts, so that viewers on slow devices can abandon a frame.
 
-A kernel that is known to be quick is enqueued as a whole. Of others a small part goes first; how
-long that took tells how large the next parts are. Kernels know nothing of it: a part has a global
-offset, and whatever a kernel makes of the number of its groups stays within the part.
+A kernel that is known to be quick is enqueued as a whole. Other kernels start with a small part,
+and its time sets the size of the next ones. Kernels need no change: a part is a launch with a
+global offset, in which group indices and the number of groups refer to the part.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ import numpy as np
 from pyopencl import profiling_info
 
 BAND_S = 0.05
-"""Longest work that is enqueued between two looks whether to go on, as far as that is known."""
+"""Target for the seconds of work that are enqueued between two calls of `go_on`."""
 QUICK_S = 0.005
 """Kernels that take less are enqueued as a whole."""
 PARTS = 16
-"""The first part of a kernel that is not known to be quick, as a share of it: 1 / PARTS."""
+"""A kernel that is not known to be quick starts with 1 / PARTS of its grid."""
 GROWTH = 4
-"""Most times that a part is larger than the one before."""
+"""Largest ratio of the sizes of consecutive parts."""
 
 Key = tuple[str, str]
-"""Program and kernel."""
+"""Names of a program and one of its kernels."""
 Enqueue = Callable[[tuple[int, ...], tuple[int, ...]], Any]
-"""Enqueues (offset, size) work items; the event."""
+"""Function that enqueues work items, given (offset, size), and returns the event."""
 
 
 class Bands:
-    """Knows how long kernels take.
+    """Launcher that splits slow kernels into parts, from the measured time of each kernel.
 
     Parameters
     ----------
     wait : callable
-        Returns when all that is enqueued is done.
+        Blocks until all enqueued work is done.
     go_on : callable
-        Raises to end the work under way.
+        Raises an exception to abandon the work under way.
     """
 
     def __init__(self, wait: Callable[[], None], go_on: Callable[[], None]) -> None:
@@ -49,12 +49,14 @@ class Bands:
     def launch(
         self, key: Key, size: tuple[int, ...], local: tuple[int, ...], enqueue: Enqueue
     ) -> list[Any]:
-        """Enqueue a kernel over `size` work items, a multiple of `local`; the events of its parts.
+        """Enqueue a kernel over `size` work items and return the events of its parts.
+
+        `size` is a multiple of `local` in each dimension.
 
         Raises
         ------
         Exception
-            What `go_on` does; a part of the work is done then.
+            Raised by `go_on`. Some parts may have run by then.
         """
         items = int(np.prod(size))
         expected = self._item_s.get(key, np.inf) * items
@@ -68,7 +70,7 @@ class Bands:
         self.look()
         events = []
         groups = [n // m for n, m in zip(size, local, strict=True)]
-        # Work groups of a picture's row tell their columns by their number.
+        # Not along x: the work groups of a picture's row derive their columns from the group index.
         axis = max(range(1, len(groups)), key=groups.__getitem__, default=0)
         rows, row = groups[axis], local[axis]
         done, band = 0, max(rows // PARTS, 1)
@@ -89,7 +91,7 @@ class Bands:
         return events
 
     def look(self) -> None:
-        """Wait for what is enqueued, and whether to go on."""
+        """Wait for the enqueued work, take its times and call `go_on`."""
         self._wait()
         for key, items, event in self._unread:
             self._item_s[key] = seconds(event) / items
@@ -99,6 +101,6 @@ class Bands:
 
 
 def seconds(event: Any) -> float:
-    """Seconds that the device spent on a launch, which is done."""
+    """Return the seconds that the device spent on a finished launch."""
     told = event.get_profiling_info
     return float(told(profiling_info.END) - told(profiling_info.START)) * 1e-9

@@ -1,4 +1,4 @@
-"""How much memory buffers take, and which settings make them smaller, in words."""
+"""Advice for a full device memory: the settings that shrink the largest buffers."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ REMEDIES = {
     "drawn samples": "lower learning.samples",
     "bvh ": "use simpler meshes and textures",
 }
-"""How the names of buffers start -> what makes them smaller; all others have the picture's size."""
+"""Prefix of a buffer's name -> remedy. All other buffers have the picture's size."""
 PICTURE = "lower --size"
 WORTH_NAMING = 0.1
-"""Share of the whole from which on lowering something helps."""
+"""Smallest share of the memory for which a remedy is listed."""
 
 
 def remedy(buffer: str) -> str:
-    """The remedy that makes the buffer of that name smaller."""
+    """Return the advice that makes a buffer smaller."""
     return next((what for start, what in REMEDIES.items() if buffer.startswith(start)), PICTURE)
 
 
 def what_to_lower(buffers: Mapping[str, int]) -> str:
-    """The largest parts of the memory, and how to make them smaller, in words."""
+    """Describe how to shrink the largest buffers; `buffers` gives bytes by name."""
     shares: dict[str, int] = {}
     for name, size in buffers.items():
         shares[remedy(name)] = shares.get(remedy(name), 0) + size
@@ -46,5 +46,5 @@ def what_to_lower(buffers: Mapping[str, int]) -> str:
 
 
 def amount(size: int) -> str:
-    """Bytes as people say them."""
+    """Format a number of bytes in MiB or GiB."""
     return f"{size / 2**30:.1f} GiB" if size >= 2**30 else f"{size / 2**20:.0f} MiB"

@@ -1,9 +1,9 @@
-"""Where compiled kernels are kept between runs; settled before pyopencl is imported.
+"""Cache folders for compiled kernels, chosen before pyopencl is imported.
 
-pyopencl, PoCL and Mesa keep what they compile in the user's cache folder, `$XDG_CACHE_HOME` or
-`~/.cache`; PoCL in `$POCL_CACHE_DIR` where that is set. Without a folder that can be written,
-pyopencl raises errors of its database, and PoCL lists no device; on a full disk, PoCL's LLVM ends
-the process. So a temporary folder takes the place of one that is of no use.
+pyopencl, PoCL and Mesa store compiled kernels in the user's cache folder, `$XDG_CACHE_HOME` or
+`~/.cache`. PoCL uses `$POCL_CACHE_DIR` where that is set. Without a writable folder, pyopencl
+raises database errors and PoCL lists no device. On a full disk, PoCL's LLVM ends the process.
+A temporary folder therefore replaces an unusable one.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from iprt.errors import DeviceError
 from iprt.files.termination import register
 
 NEEDED = 32 * 2**20
-"""Free bytes: about eight times what the kernels of a picture take."""
+"""Least free bytes of a cache folder: about eight times the size of a picture's kernels."""
 KEPT = ("iprt", "pocl", "pyopencl", "pytools")
-"""Folders of ours and of libraries in the user's cache folder."""
+"""Subfolders of the user's cache folder that iprt and its libraries write to."""
 
 LOG = logging.getLogger("iprt.device")
 
 
 @dataclass(frozen=True)
 class Caches:
-    """Where compiled kernels are kept.
+    """Location of the compiled kernels.
 
     Attributes
     ----------
     folder : Path or None
         None: no folder can hold them.
     problem : str
-        Why they are not kept for the next run, and what to do; empty if they are.
+        The reason why they will not last until the next run, with a remedy. Empty if they will.
     """
 
     folder: Path | None
@@ -47,7 +47,7 @@ class Caches:
 
 @cache
 def settle_caches() -> Caches:
-    """Point the environment of this process at folders that compiled kernels can be written to."""
+    """Point this process's environment variables at writable cache folders."""
     user = cache_folder()
     pocl = os.environ.get("POCL_CACHE_DIR")
     problems = {
@@ -55,7 +55,7 @@ def settle_caches() -> Caches:
         "POCL_CACHE_DIR": folder_problem(Path(pocl)) if pocl else "",
     }
     if user is not None and "XDG_CACHE_HOME" in os.environ:
-        os.environ["XDG_CACHE_HOME"] = str(user)  # a relative path means nothing
+        os.environ["XDG_CACHE_HOME"] = str(user)  # replaces a relative path, which is invalid
     wrong = {name: problem for name, problem in problems.items() if problem}
     if not wrong:
         return Caches(user)
@@ -72,12 +72,12 @@ def settle_caches() -> Caches:
 
 @cache
 def require_caches() -> None:
-    """Say once if compiled kernels are not kept.
+    """Check that compiled kernels can be stored; warn once if only for this run.
 
     Raises
     ------
     DeviceError
-        They cannot be written at all.
+        No folder can hold them.
     """
     caches = settle_caches()
     if caches.folder is None:
@@ -87,7 +87,7 @@ def require_caches() -> None:
 
 
 def cache_folder() -> Path | None:
-    """`$XDG_CACHE_HOME` if that is absolute, else `~/.cache`; None for a user without a home."""
+    """Return `$XDG_CACHE_HOME` if absolute, else `~/.cache`; None for a user without a home."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     if not os.path.isabs(base):
         base = os.path.expanduser("~/.cache")
@@ -95,18 +95,18 @@ def cache_folder() -> Path | None:
 
 
 def own_folder() -> Path:
-    """Ours in the cache folder; one that cannot be made where there is none."""
+    """Return iprt's cache folder. Without a cache folder, the path is one that cannot be made."""
     return (cache_folder() or Path(os.devnull)) / "iprt"
 
 
 def user_problem(user: Path) -> str:
-    """Why a user's cache folder is of no use, as a clause; empty if it is of use."""
+    """Return the reason why a user's cache folder is unusable, as a clause; empty if usable."""
     existing = [user / name for name in KEPT if os.path.lexists(user / name)]
     return next(filter(None, map(folder_problem, [user, *existing])), "")
 
 
 def folder_problem(folder: Path) -> str:
-    """Why nothing can be kept in a folder, as a clause; empty if it can."""
+    """Return the reason why a folder cannot hold a cache, as a clause; empty if it can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -121,7 +121,7 @@ def folder_problem(folder: Path) -> str:
 
 @cache
 def _temporary() -> Path:
-    """One folder for this process, which is removed at its end."""
+    """Make a temporary folder for this process and remove it at exit."""
     folder = Path(tempfile.mkdtemp(prefix="iprt-"))
 
     def remove() -> None:

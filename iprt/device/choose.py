@@ -1,4 +1,4 @@
-"""Which OpenCL device does the work: what the user names, else the fastest kind there is."""
+"""Choice of the OpenCL device: the one that the user names, else the best one available."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from iprt.errors import DeviceError
 
 Kind = Literal["gpu", "cpu", "accelerator", "other"]
 VARIABLE = "IPRT_DEVICE"
-"""Environment variable that names the device where nothing else does."""
+"""Environment variable that names the device if no option does."""
 ORDER = "GPU, Intel's CPU runtime, PoCL, others"
 
 
@@ -42,9 +42,9 @@ class DeviceInfo:
         Global memory.
     compute_units : int
     discrete : bool
-        The device has memory of its own.
+        The device has its own memory.
     problem : str
-        Why it cannot be used; empty if it can.
+        The reason why the device cannot be used; empty if it can.
     """
 
     index: str
@@ -62,41 +62,42 @@ class DeviceInfo:
 
     @property
     def label(self) -> str:
+        """Index, name, platform and driver on one line, with the problem if there is one."""
         problem = f", not usable: {self.problem}" if self.problem else ""
         return f"{self.index} {self.name} ({self.platform}, driver {self.driver}{problem})"
 
     def plain(self) -> dict[str, Any]:
-        """Return what can be written as JSON."""
+        """Return the properties as plain data for JSON."""
         return {name: value for name, value in vars(self).items() if name != "handle"}
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A device and why it was taken, as a clause that follows its name."""
+    """A device and the reason for its choice, as a clause that follows its name."""
 
     info: DeviceInfo
     reason: str
 
 
 def choose_device(spec: str | None = None) -> cl.Device:
-    """The device that `spec` names; see `choose`."""
+    """Return the pyopencl device that `spec` names; see `choose`."""
     return choose(spec).info.handle
 
 
 def choose(spec: str | None = None) -> Choice:
-    """The device that `spec` names, and why.
+    """Choose the device that `spec` names, with the reason.
 
     Parameters
     ----------
     spec : str, optional
         `gpu`, `cpu`, `P:D`, or part of the name of a platform, its vendor or a device, in any
-        case. None takes what the environment variable `IPRT_DEVICE` says in the same way, else
-        `PYOPENCL_CTX`, which pyopencl parses, else the best device in the order `ORDER`.
+        case. None reads the environment variable `IPRT_DEVICE` in the same way, else
+        `PYOPENCL_CTX`, which pyopencl parses, else takes the best device in the order `ORDER`.
 
     Raises
     ------
     DeviceError
-        No device, or none or more than one that `spec` fits; the message lists what there is.
+        There is no device, or `spec` matches none or several. The message lists the devices.
     """
     infos = describe_devices()
     if spec is None and (named := os.environ.get(VARIABLE)):
@@ -111,13 +112,13 @@ def choose(spec: str | None = None) -> Choice:
 
 
 def describe_devices() -> list[DeviceInfo]:
-    """`DeviceInfo` of all devices, in the loader's order.
+    """Return `DeviceInfo` of all devices, in the loader's order.
 
     Raises
     ------
     DeviceError
-        There is none; the message holds the command that installs one. Or it could not keep what
-        it compiles.
+        There is none (the message gives the command that installs one), or no folder can hold
+        compiled kernels.
     """
     require_caches()
     try:
@@ -128,7 +129,7 @@ def describe_devices() -> list[DeviceInfo]:
     for p, platform in enumerate(platforms):
         try:
             devices = platform.get_devices()
-        except cl.Error:  # a driver without a device, such as a GPU driver where there is no GPU
+        except cl.Error:  # a driver without a device, such as a GPU driver on a machine without GPU
             continue
         infos += [_describe(f"{p}:{d}", device) for d, device in enumerate(devices)]
     if not infos:
@@ -147,10 +148,10 @@ def describe_devices() -> list[DeviceInfo]:
 
 
 def select(spec: str | None, infos: Sequence[DeviceInfo]) -> Choice:
-    """Choose among `infos` (at least one); the rules of `choose`, free of OpenCL.
+    """Choose among `infos`, at least one, by the rules of `choose`, without OpenCL calls.
 
-    Platforms of the same name and vendor are copies of one driver, as when both Debian and PyPI
-    installed PoCL. Only the copy with the newest driver counts, except for `P:D`.
+    Platforms of the same name and vendor are copies of one driver, such as PoCL from both Debian
+    and PyPI. Only the copy with the newest driver is considered, except for `P:D`.
     """
     if spec is not None and re.fullmatch(r"\d+:\d+", spec):
         for info in infos:
@@ -176,7 +177,7 @@ def select(spec: str | None, infos: Sequence[DeviceInfo]) -> Choice:
 
 
 def _by_name(spec: str, infos: Sequence[DeviceInfo]) -> DeviceInfo:
-    # Platforms first: PoCL's devices carry the processor's name, so that "intel" would fit both
+    # Platforms first: PoCL's devices are named after the processor, so "intel" would match both
     # Intel's runtime and PoCL on an Intel processor.
     text = spec.strip().lower()
     matches = [i for i in infos if text in i.platform.lower() or text in i.vendor.lower()]
@@ -253,8 +254,8 @@ def _problem(device: cl.Device) -> str:
         return "not available"
     if not device.compiler_available:
         return "it has no compiler"
-    # PoCL calls a processor that its LLVM does not know "generic", and old ones then fail to build
-    # anything on x86 (github.com/pocl/pocl/issues/1049). Newer ones may not: try.
+    # PoCL calls a processor that its LLVM does not know "generic". Old versions then fail to build
+    # anything on x86 (github.com/pocl/pocl/issues/1049); newer ones may succeed, so try.
     if device.version.strip().endswith("-generic"):
         try:
             cl.Program(cl.Context([device]), "__kernel void nothing(void) {}").build()

@@ -1,8 +1,8 @@
-"""The process of `iprt.device.compilers`: compiles the kernels that it is sent.
+"""Worker process of `iprt.device.compilers`.
 
-`python -m iprt.device.compile PLATFORM DEVICE` reads tasks from stdin, each a line of JSON: text
-and options of a program, and `KernelTask`s. It answers `true` for each kernel that is compiled, and
-`false` for a program that does not build.
+`python -m iprt.device.compile PLATFORM DEVICE` reads tasks from stdin, one line of JSON each: the
+text and options of a program, and a list of `KernelTask`. It answers `true` for each compiled
+kernel, and `false` for a program that does not build.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from iprt.files.kernel_source import KernelSource
 from iprt.files.resources import CL
 
 GROUP = 64
-"""Work items of a group, as `ComputeDevice.group_size` has it for processors."""
+"""Work items of a group: `ComputeDevice.group_size` on a CPU."""
 MEMORY_BYTES = 2**21
-"""Zeroed memory that all buffers of a launch point into the middle of."""
+"""Size of the zeroed memory of a launch. All its buffers point to the middle."""
 
 
 def launch(context: cl.Context, built: Any, task: KernelTask) -> None:
-    """Launch a kernel on memory and numbers that are 0, for which it has nothing to do."""
+    """Launch a kernel with zeros in all arguments and buffers, so that it has no work to do."""
     queue = cl.CommandQueue(context)
     memory = cl.Buffer(context, cl.mem_flags.READ_WRITE, MEMORY_BYTES)
     cl.enqueue_fill_buffer(queue, memory, b"\0", 0, MEMORY_BYTES)
@@ -41,9 +41,9 @@ def launch(context: cl.Context, built: Any, task: KernelTask) -> None:
 
 
 def main() -> None:
-    """Compile until stdin ends."""
+    """Compile tasks until stdin ends."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # drivers print there
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # drivers print to stdout
     platform, device = map(int, sys.argv[1:])
     driver = cl.get_platforms()[platform]
     context = cl.Context([driver.get_devices()[device]])
@@ -51,7 +51,7 @@ def main() -> None:
         text, options, kernels = json.loads(line)
         try:
             built = build(context, Program(text, tuple(options), "", "", KernelSource(CL)))
-        except KernelError:  # reported where it is launched
+        except KernelError:  # the parent process reports it at the launch
             built = None
         for task in kernels if built is not None else ():
             if driver.name.strip() == POCL:

@@ -1,8 +1,8 @@
-"""Processes that fill the cache of compiled programs, one per core.
+"""Worker processes that fill the kernel cache, one per core.
 
-PoCL and Intel's runtime compile one program at a time in a process, however many threads ask. What
-Intel's runtime builds, pyopencl keeps. PoCL compiles a kernel when it is first launched: a process
-of its own launches it on a few items, and the launch here finds it compiled.
+PoCL and Intel's runtime compile one program at a time per process, regardless of threads. pyopencl
+caches the programs that Intel's runtime builds. PoCL compiles a kernel at its first launch: a
+worker launches it on a few work items, and the launch in this process finds it in the cache.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from iprt.device.caches import cache_folder
 from iprt.device.program import Program
 
 POCL, INTEL = "Portable Computing Language", "Intel(R) OpenCL"
-"""Names of the platforms that these processes compile for."""
+"""Names of the supported platforms."""
 SMALL_GRID = 2**16 - 1
-"""Most items along a dimension up to which PoCL compiles a kernel for small grids."""
+"""Largest grid dimension for which PoCL compiles a kernel's variant for small grids."""
 MOST_PROCESSES = 8
 IDLE_S = 2.0
-"""Seconds after which a process without work ends."""
+"""Seconds without work after which a worker ends."""
 LONGEST_S = 300.0
-"""Longest wait for a process; after it, the kernel is compiled at its launch here."""
+"""Longest wait for a worker. After it, this process compiles the kernel at its launch."""
 
 
 class KernelTask(NamedTuple):
@@ -41,9 +41,9 @@ class KernelTask(NamedTuple):
     ----------
     name : str
     components : list of int
-        Of each parameter, of four bytes each; 0: a buffer.
+        Four-byte components of each parameter; 0: a buffer.
     large : bool
-        For grids larger than `SMALL_GRID`.
+        Compile for grids larger than `SMALL_GRID`.
     """
 
     name: str
@@ -61,13 +61,13 @@ class _Task:
 
 
 class Compilers:
-    """Compiles kernels of one device in other processes, in the order of the requests.
+    """Pool of worker processes that compile kernels for one device, in the order of the requests.
 
     Parameters
     ----------
     device : pyopencl.Device
     processes : int
-        Number that work at the same time.
+        Largest number of concurrent workers.
     """
 
     def __init__(self, device: cl.Device, processes: int) -> None:
@@ -84,7 +84,7 @@ class Compilers:
 
     @classmethod
     def of(cls, device: cl.Device) -> Compilers | None:
-        """Return the compilers of a device, or None where its driver gains nothing by them."""
+        """Return the compilers of a device, or None if they would not speed up its driver."""
         processes = min(len(os.sched_getaffinity(0)), MOST_PROCESSES)
         cached = {
             POCL: os.environ.get("POCL_KERNEL_CACHE", "1") != "0",
@@ -94,10 +94,10 @@ class Compilers:
         return cls(device, processes) if useful else None
 
     def request(self, program: Program, kernel: str, items: int) -> None:
-        """Compile a kernel that will be launched on up to `items` along a dimension.
+        """Request a kernel that will be launched on up to `items` work items per dimension.
 
-        Returns at once. Does nothing where the kernel is in the cache. One that is compiled for
-        large grids serves small ones too.
+        Returns at once. Does nothing if the kernel is in the cache. A kernel compiled for large
+        grids serves small ones too.
         """
         large = items > SMALL_GRID
         key = (program, kernel, large)
@@ -118,7 +118,7 @@ class Compilers:
             self._changed.notify()
 
     def wait(self, program: Program, kernel: str) -> None:
-        """Wait for a kernel, if it was requested, and move it to the front of the queue."""
+        """Move a requested kernel to the front of the queue and wait for it."""
         for large in (False, True):
             task = self._tasks.get((program, kernel, large))
             if task is not None:
@@ -129,7 +129,7 @@ class Compilers:
                 task.done.wait(LONGEST_S)
 
     def _work(self) -> None:
-        """Hand tasks to a process, until there have been none for a while."""
+        """Feed tasks to a worker until none arrives for `IDLE_S`."""
         process: subprocess.Popen[bytes] | None = None
         while (task := self._next()) is not None:
             kernels = deque(task.kernels)
@@ -139,7 +139,7 @@ class Compilers:
                     process = None
             task.done.set()
         if process is not None:
-            process.communicate()  # it ends with its input
+            process.communicate()  # closes its stdin, which ends it
 
     def _next(self) -> _Task | None:
         with self._changed:
@@ -151,7 +151,7 @@ class Compilers:
             return None
 
     def _start(self) -> subprocess.Popen[bytes]:
-        """Start a process of `iprt.device.compile`, which finds the package where this one did."""
+        """Start `iprt.device.compile` with this process's copy of the package."""
         folders = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
         return subprocess.Popen(
             [sys.executable, "-m", "iprt.device.compile", *map(str, self._place)],
@@ -159,13 +159,13 @@ class Compilers:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
-            start_new_session=True,  # Ctrl+C is for this process, whose end ends the other
+            start_new_session=True,  # Ctrl+C reaches only this process; its end ends the worker
         )
 
     def _compile(
         self, process: subprocess.Popen[bytes], program: Program, kernels: deque[KernelTask]
     ) -> bool:
-        """Compile kernels, which leave the list; return whether the process goes on."""
+        """Compile `kernels` and remove them; return True if the worker still runs."""
         try:
             task = [program.text, program.options, list(kernels)]
             _stream(process.stdin).write(json.dumps(task).encode() + b"\n")
@@ -173,10 +173,10 @@ class Compilers:
             while kernels:
                 if json.loads(_stream(process.stdout).readline()):
                     self._mark(program, kernels.popleft())
-                else:  # reported where it is launched
+                else:  # reported at the launch
                     kernels.clear()
         except (OSError, ValueError):
-            # With nothing to work on, a kernel may crash; by then it is compiled.
+            # A kernel may crash on the empty input. It has been compiled by then.
             process.kill()
             process.wait()
             self._mark(program, kernels.popleft())
@@ -188,7 +188,7 @@ class Compilers:
         self._file(program, kernel.name, kernel.large).touch()
 
     def _file(self, program: Program, kernel: str, large: bool) -> Path:
-        """Return the file that stands for a compiled kernel."""
+        """Return the path of the marker file of a compiled kernel."""
         words = [self._device_key, program.key, kernel, str(large)]
         return self._folder / hashlib.sha256("\0".join(words).encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""An OpenCL device with its queue: kernels by file name, buffers by name, times by pass."""
+"""An OpenCL device with its queue, kernels, named buffers and profile."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
 _HUNG: list[Any] = []
-"""Host memory that devices which hang may still read, until the program ends."""
+"""Host memory that hung devices may still read. Kept until the process ends."""
 
 
 @dataclass(eq=False)
 class _Built:
-    """A program and the kernels of it that are in use.
+    """A program and its kernels in use.
 
     Attributes
     ----------
     built : object or None
-        What `build` returned. None until a kernel is launched.
+        Result of `build`. None until a kernel is launched.
     """
 
     program: Program
@@ -46,31 +46,30 @@ class _Built:
 class ComputeDevice:
     """Context, profiling queue and named buffers on one OpenCL device.
 
-    Buffers are `pyopencl.array.Array`: shape and dtype known, `.get()` reads back.
+    Buffers are `pyopencl.array.Array`, with shape, dtype and `.get()`.
 
     Parameters
     ----------
     device : pyopencl.Device
     limit_s : float or None
-        Seconds after which a device that has not finished its work is taken to hang; None waits
-        for ever.
+        Seconds of waiting after which the device counts as hung; None waits for ever.
 
     Attributes
     ----------
     opengl : dict of str to int
-        Bytes by name that OpenGL holds besides `buffers`, perhaps on another device.
+        Bytes by name of OpenGL's memory, which may be on another device.
     building : callable
-        Called with the name of a file of `cl/` before it is built, and before one of its kernels is
-        launched first: both may take seconds.
+        Called with the name of a file of `cl/` before the program is built and before a kernel's
+        first launch. Both may take seconds.
     bands : Bands or None
         Launches kernels in parts, between which work can be abandoned. None: as a whole.
     most_programs : int or None
-        So many built programs are kept, and those that are in use. None: all are.
+        Limit of built programs, beyond which unused ones are released. None: no limit.
 
     Raises
     ------
     DeviceLostError, DeviceHangError
-        Here and in all methods: the driver gave up, or did not answer in time.
+        Raised by all methods: the driver gave up, or did not answer in time.
     """
 
     def __init__(self, device: cl.Device, limit_s: float | None = None) -> None:
@@ -87,51 +86,55 @@ class ComputeDevice:
         self.building: Callable[[str], None] = lambda file: None
         self.bands: Bands | None = None
         self.most_programs: int | None = None
-        self._programs: dict[Program, _Built] = {}  # the last one used comes last
+        self._programs: dict[Program, _Built] = {}  # least recently used first
         self._launched: set[tuple[str, str]] = set()
         self._compilers = Compilers.of(device)
         self._in_flight: deque[Any] = deque()  # events that keep host memory alive
-        # Host memory that kernels read, until what was enqueued before its buffer went is done.
+        # Host memory that kernels read. It must outlive its buffer until the queue is finished.
         self._shared: list[tuple[Callable[[], Any], NDArray[Any]]] = []
 
     @cached_property
     def name(self) -> str:
+        """Name of the device and its platform."""
         return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
 
     @property
     def is_cpu(self) -> bool:
+        """True for a CPU."""
         return bool(self.device.type & cl.device_type.CPU)
 
     @property
     def wide(self) -> bool:
-        """Whether work items are to take several texels as vectors (`cl/lib/maths/lanes.h`), and
-        loops over neighbouring pixels to be unrolled (`cl/lib/gbuffer/planes.h`).
+        """True if work items process several texels as vectors (`cl/lib/maths/lanes.h`).
+
+        Loops over neighbouring pixels are then unrolled too (`cl/lib/gbuffer/planes.h`).
         """
         return self.is_cpu
 
     @property
     def half_planes(self) -> bool:
-        """Whether planes that last for one frame are in half precision (`cl/lib/gbuffer/stored.h`):
-        processors take longer to convert numbers than to move them.
+        """True if planes that last for one frame are in half precision (`cl/lib/gbuffer/stored.h`).
+
+        A CPU takes longer to convert numbers than to move them.
         """
         return not self.is_cpu
 
     @property
     def memory(self) -> int:
-        """Bytes that the device has, as its driver says."""
+        """Bytes of global memory, as reported by the driver."""
         return int(self.device.global_mem_size)
 
     @property
     def largest_buffer(self) -> int:
-        """Bytes that one buffer may have."""
+        """Largest size of a buffer in bytes."""
         return int(self.device.max_mem_alloc_size)
 
     def reported(self, what: str) -> AbstractContextManager[None]:
-        """OpenCL errors of the block as errors of the package; see `iprt.device.recovery`."""
+        """Translate OpenCL errors of a `with` block; see `iprt.device.recovery.reported`."""
         return reported(self.name, what, self.buffers)
 
     def group_size(self, dimensions: int) -> tuple[int, ...]:
-        """One fixed work-group size per dimensionality, so that PoCL compiles each kernel once."""
+        """Return the work-group size. It is fixed, so that PoCL compiles each kernel once."""
         if dimensions == 1:
             return (64,) if self.is_cpu else (128,)
         return ((64, 1) if self.is_cpu else (16, 8)) + (1,) * (dimensions - 2)
@@ -145,18 +148,18 @@ class ComputeDevice:
         items: int = 0,
         later: bool = False,
     ) -> Kernel:
-        """Return kernel `name` of `cl/<file>`, which is built when it is launched first.
+        """Return kernel `name` of `cl/<file>`. It is built at its first launch.
 
         Parameters
         ----------
         file, name : str
         defines : mapping of str to int, float, bool or str, optional
-            Given to the compiler by `-D`; False omits one.
+            Macros, given to the compiler by `-D`; False omits one.
         items : int, optional
-            Most work items along a dimension of its launches, where they may be more than
+            Largest grid dimension of its launches, if that may exceed
             `iprt.device.compilers.SMALL_GRID`.
         later : bool, optional
-            A first picture does without it.
+            The first picture does not need the kernel.
         """
         program = Program.of(file, defines)
         self.compile([PlannedKernel(file, name, defines or {}, items, later)])
@@ -174,13 +177,13 @@ class ComputeDevice:
         return kernel
 
     def compile(self, kernels: Iterable[PlannedKernel], *, later: bool = False) -> None:
-        """Begin to compile kernels beside other work, where the driver allows it.
+        """Begin to compile kernels in the background, if the driver allows it.
 
         Parameters
         ----------
         kernels : iterable of PlannedKernel
         later : bool, optional
-            Also those that a first picture does without.
+            Include kernels that the first picture does not need.
         """
         if self._compilers is not None:
             for kernel in kernels:
@@ -189,7 +192,7 @@ class ComputeDevice:
                     self._compilers.request(program, kernel.name, kernel.items)
 
     def _built(self, found: _Built, kernel: str) -> Any:
-        """Build a program, once, after its kernel was compiled elsewhere.
+        """Build a program once, after waiting for the background compilation of the kernel.
 
         Raises
         ------
@@ -207,9 +210,9 @@ class ComputeDevice:
         return found.built
 
     def to_compile(self, kernels: Iterable[PlannedKernel]) -> int:
-        """Count how often the driver has to compile for these kernels.
+        """Count the compilations that these kernels still need.
 
-        Programs that are not built yet, and kernels that were not launched yet, count one each.
+        A program that is not built counts one, and so does a kernel that was never launched.
         """
         missing = set()
         for kernel in kernels:
@@ -222,7 +225,7 @@ class ComputeDevice:
         return len(missing)
 
     def _forget_programs(self) -> None:
-        """Release programs that are not in use, the oldest first, while there are too many."""
+        """Release unused programs beyond `most_programs`, least recently used first."""
         for program, found in list(self._programs.items()):
             if self.most_programs is None or len(self._programs) <= self.most_programs:
                 return
@@ -231,18 +234,26 @@ class ComputeDevice:
                 self._launched -= {known for known in self._launched if known[0] == program.name}
 
     def is_first_launch(self, program: str, kernel: str) -> bool:
-        """Return whether it is asked for the first time about this kernel."""
+        """Return True at the first call for this kernel, False later."""
         first = (program, kernel) not in self._launched
         self._launched.add((program, kernel))
         return first
 
     @property
     def built_programs(self) -> list[Program]:
-        """Programs that kernels were made of so far."""
+        """Programs of the kernels made so far."""
         return list(self._programs)
 
     def empty(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
-        """An uninitialised buffer, accounted under `name` (the same name again replaces it)."""
+        """Allocate an uninitialised buffer, accounted under `name`.
+
+        The same name again replaces the account.
+
+        Raises
+        ------
+        DeviceError
+            The memory does not suffice.
+        """
         try:
             array = cla.empty(self.queue, shape, dtype)
         except (cl.MemoryError, cl.LogicError) as error:
@@ -255,26 +266,27 @@ class ComputeDevice:
         return array
 
     def zeros(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
+        """Allocate a buffer of zeros, accounted under `name`."""
         array = self.empty(name, shape, dtype)
         self.fill_zero(array)
         return array
 
     def fill_zero(self, array: cla.Array) -> None:
+        """Fill a buffer with zeros, without waiting."""
         with self.reported("clearing a buffer"):
             event = cl.enqueue_fill_buffer(self.queue, array.data, np.uint8(0), 0, array.nbytes)
         self.profile.record(event, "fill", Kind.TRANSFER, array.nbytes)
 
     def upload(self, name: str, values: NDArray[Any]) -> cla.Array:
-        """A new buffer holding a copy of `values`."""
+        """Allocate a buffer with a copy of `values`, accounted under `name`."""
         array = self.empty(name, values.shape, values.dtype)
         self.write(array, values)
         return array
 
     def share(self, name: str, values: NDArray[Any]) -> cla.Array:
-        """`values` as a buffer that kernels only read; of a processor, without a copy.
+        """Return `values` as a read-only buffer, on a CPU without a copy.
 
-        They must stay as they are while the buffer lives. Memory for a copy is accounted under
-        `name`.
+        `values` must not change while the buffer lives. A copy is accounted under `name`.
         """
         if not self.is_cpu:
             return self.upload(name, values)
@@ -289,7 +301,7 @@ class ComputeDevice:
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         """Overwrite a buffer with host values of its shape and dtype, without waiting.
 
-        `values` must stay as they are until the device has come so far: after `wait` or `read`.
+        `values` must not change until the transfer is done, that is until `wait` or `read`.
         """
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
         with self.reported("a transfer"):
@@ -299,21 +311,21 @@ class ComputeDevice:
             self._in_flight.popleft()
         self._in_flight.append(event)
         if self.profile.recording:
-            # The profile, which reads many events at once, is not to keep the values alive.
+            # The profile reads events late. A bare event does not keep the host values alive.
             timed = cl.Event.from_int_ptr(event.int_ptr)
             self.profile.record(timed, "write", Kind.TRANSFER, host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
-        """A host copy of a buffer, after all enqueued work on it."""
+        """Return a host copy of a buffer, after all enqueued work."""
         host = np.empty(array.shape, array.dtype)
-        self.wait()  # a blocking transfer would wait for the kernels before it without a limit
+        self.wait()  # a blocking transfer would wait for earlier kernels without a limit
         with self.reported("a transfer"):
             event = cl.enqueue_copy(self.queue, host, array.data, is_blocking=True)
         self.profile.record(event, "read", Kind.TRANSFER, host.nbytes)
         return host
 
     def wait(self) -> None:
-        """Until all enqueued work is done."""
+        """Wait until all enqueued work is done."""
         self.profile.synchronised()
         try:
             with self.reported("its work"):
@@ -322,13 +334,13 @@ class ComputeDevice:
                 else:
                     wait(self.name, self.queue, self.limit_s)
         except DeviceHangError:
-            # Events of transfers wait for their end when they are forgotten.
+            # The destructor of a transfer's event would wait for the transfer.
             _HUNG.extend((*self._in_flight, *self._shared))
             raise
         self._in_flight.clear()
         self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
 
     def finish(self) -> None:
-        """`wait`; times may be read."""
+        """Wait until all enqueued work is done, and let the profile read event times."""
         self.wait()
         self.profile.finished()

@@ -1,7 +1,8 @@
-"""A device that counts what kernels have to do: rays, steps, and work items with something to do.
+"""A device that counts the work of kernels: rays, march steps and active work items.
 
-Kernels that declare `WORK_PARAMETER` (`cl/lib/maths/work.h`) are built once more, with counters,
-which cost time: `iprt profile` counts in frames that it does not time. Pictures are the same.
+Kernels that declare `WORK_PARAMETER` (`cl/lib/maths/work.h`) are built a second time with counters.
+Counting takes time, so `iprt profile` counts in frames that it does not time. Pictures are the
+same.
 """
 
 from __future__ import annotations
@@ -22,18 +23,19 @@ from iprt.device.program import Define
 from iprt.files.resources import CL
 
 COUNTERS = 9
-"""Counters of one launch, see `cl/lib/maths/work.h`."""
+"""Number of counters of a launch; see `cl/lib/maths/work.h`."""
 
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays of one kind, and the steps of their marches.
+    """Counts of one kind of rays and their march steps.
 
     Attributes
     ----------
     count : int
+        Number of rays.
     steps : int
-        Steps of all: cells of the pyramid; nodes, packets and instances of the hierarchy.
+        Steps of all rays: cells of the depth pyramid; nodes, packets and instances of the BVH.
     most_steps : int
         Steps of the longest march.
     """
@@ -54,12 +56,12 @@ class Work:
     Attributes
     ----------
     items, active : int
-        Work items that were asked for, and those with something to do. A kernel that works through
-        a list is launched for the longest that there can be.
+        Launched work items, and the ones with work to do. A kernel over a list is launched for the
+        list's largest possible length.
     groups, active_groups : int
-        Work groups, and those with such items, which come first.
+        Launched work groups, and the ones with active items, which come first.
     real, objects : Rays
-        Through the panorama, and towards objects.
+        Rays through the panorama, and rays towards objects.
     """
 
     items: int = 0
@@ -81,12 +83,12 @@ class Work:
 
 
 class CountingDevice(ComputeDevice):
-    """Shares everything with `device` but the profile, and counts.
+    """Counting view of a device, which shares everything with it except the profile.
 
     Attributes
     ----------
     work : dict of (str, str) to Work
-        By pass and kernel, summed; empty it to begin anew.
+        Summed work by pass and kernel. Clear it to count from zero.
     """
 
     def __init__(self, device: ComputeDevice) -> None:
@@ -103,17 +105,19 @@ class CountingDevice(ComputeDevice):
         defines: Mapping[str, Define] | None = None,
         **hints: Any,
     ) -> Kernel:
+        """Return a kernel that counts its work, if it declares `WORK_PARAMETER`."""
         if "WORK_PARAMETER" in (CL / file).read_text():
             defines = {**(defines or {}), "COUNT_WORK": True}
         kernel = self._inside.kernel(file, name, defines, **hints)
-        kernel.run_on(self)  # whose profile is another
+        kernel.run_on(self)  # records in this device's profile
         return CountingKernel(self, kernel)
 
     def empty(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
+        """Allocate an uninitialised buffer of the inner device."""
         return self._inside.empty(name, shape, dtype)
 
     def counted(self, size: tuple[int, ...]) -> Work:
-        """Work of the launch over `size` that was enqueued last."""
+        """Return the work of the last launch, which was over `size` work items."""
         active, *rays = map(int, self.read(self._counters))
         real, objects = (
             Rays(count, low + (high << 32), most) for count, low, high, most in (rays[:4], rays[4:])
@@ -126,15 +130,16 @@ class CountingDevice(ComputeDevice):
 
 
 class CountingKernel(KernelWrapper):
-    """A kernel whose work is counted, if it counts."""
+    """Wrapper that adds the work of each launch to the device's counts."""
 
     def __init__(self, device: CountingDevice, kernel: Kernel) -> None:
         super().__init__(kernel)
         self._counting = device
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
+        """Enqueue the kernel and add its work to the device's counts."""
         device = self._counting
-        if "work" not in self.parameters:  # beside others that count
+        if "work" not in self.parameters:  # a kernel without counters
             super().__call__(size, *groups, **own)
             return
         device.fill_zero(device._counters)

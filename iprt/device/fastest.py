@@ -1,4 +1,4 @@
-"""Which of several ways to the same result is the fastest on a device."""
+"""Timing of alternative implementations on a device."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from statistics import median
 from typing import Protocol
 
 ROUNDS = 3
-"""How often each way is timed, in turns, so that what slows the machine down slows all of them."""
+"""Timed rounds. Alternatives are interleaved, so that a slowdown of the machine hits all alike."""
 
 
 class Waiting(Protocol):
-    """The part of `iprt.device.compute.ComputeDevice` that is needed."""
+    """Interface of `iprt.device.compute.ComputeDevice` needed for timing."""
 
-    def wait(self) -> None: ...
+    def wait(self) -> None:
+        """Wait until all enqueued work is done."""
 
 
 def timed_ways(device: Waiting, ways: Mapping[str, Callable[[], None]]) -> dict[str, float]:
-    """Median milliseconds of each way from its begin until the device has finished.
+    """Return the median wall time in ms of each alternative, until the device has finished.
 
-    Each is taken once before, as kernels are compiled when they are launched first.
+    Each runs once untimed before, because kernels are compiled at their first launch.
     """
     for way in ways.values():
         way()

@@ -1,12 +1,12 @@
-"""Which OpenCL drivers the loader finds. Runs before pyopencl lists platforms for the first time.
+"""Registration of OpenCL drivers, before pyopencl lists platforms for the first time.
 
 pyopencl's wheel brings its own loader. It reads `/etc/OpenCL/vendors`, or the folder that
-`OCL_ICD_VENDORS` names instead of it, and finds the PoCL wheel by itself. Two drivers it misses:
+`OCL_ICD_VENDORS` names instead, and finds the PoCL wheel by itself. It misses two drivers:
 
 - Intel's CPU runtime from PyPI: its own ICD file names a path that exists nowhere.
 - NVIDIA's driver in containers: the library is mounted, its ICD file often is not.
 
-For these we write a vendors folder of our own, which also holds the system's entries.
+iprt writes a vendors folder with these, which also holds the system's entries.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ NVIDIA = "libnvidia-opencl.so.1"
 
 
 def register_drivers() -> None:
-    """Point `OCL_ICD_VENDORS` at our vendors folder, where the system's own would miss a driver.
+    """Point `OCL_ICD_VENDORS` at iprt's vendors folder if the system's one misses a driver.
 
-    If the user set one of `OVERRIDES`, that choice stands.
+    Does nothing if the user has set one of `OVERRIDES`.
     """
     if any(os.environ.get(name) for name in OVERRIDES):
         return
     system = read_vendors(SYSTEM_VENDORS)
     entries = vendor_entries(system, intel_runtime(), nvidia_library())
     if entries != system:
-        with contextlib.suppress(OSError):  # where nothing can be written, the system's must do
+        with contextlib.suppress(OSError):  # without a writable folder, use the system's
             os.environ["OCL_ICD_VENDORS"] = str(write_vendors(entries, own_folder()))
 
 
 def vendor_entries(
     system: Mapping[str, str], intel: Path | None, nvidia: str | None
 ) -> dict[str, str]:
-    """The system's ICD files and those it lacks, as file name -> library.
+    """Return the system's ICD files plus the missing ones, as file name -> library.
 
-    An entry of the system for Intel's runtime gives way to ours: two versions of that library
-    in one process share their dependencies by name, and crash.
+    The entry for pip's Intel runtime replaces the system's: two versions of that library in one
+    process share their dependencies by name, and crash.
     """
     entries = dict(system)
     if intel is not None:
@@ -62,7 +62,7 @@ def vendor_entries(
 
 
 def read_vendors(folder: Path) -> dict[str, str]:
-    """The ICD files of a vendors folder, as file name -> library; unreadable ones are left out."""
+    """Read the ICD files of a vendors folder, as file name -> library. Skip unreadable ones."""
     entries = {}
     for file in sorted(folder.glob("*.icd")):
         with contextlib.suppress(OSError, UnicodeDecodeError):
@@ -71,10 +71,10 @@ def read_vendors(folder: Path) -> dict[str, str]:
 
 
 def write_vendors(entries: Mapping[str, str], cache: Path) -> Path:
-    """A folder below `cache` that holds `entries`.
+    """Write `entries` to a folder below `cache` and return its path.
 
-    The folder's name is a hash of what it holds, so that processes of different environments
-    never write different things to one place.
+    The folder's name is a hash of its contents, so that processes of different environments never
+    write different entries to one folder.
 
     Raises
     ------
@@ -99,17 +99,17 @@ def _fill(folder: Path, entries: Mapping[str, str]) -> Path:
 
 
 def intel_runtime() -> Path | None:
-    """The library of Intel's CPU runtime, if pip (or conda) installed it where we run."""
+    """Find the library of Intel's CPU runtime, as installed by pip or conda."""
     prefixes = (sysconfig.get_path("data"), sys.prefix, sys.base_prefix, site.getuserbase())
     for prefix in prefixes:
         library = Path(prefix) / "lib" / INTEL
-        if os.path.isfile(library):  # False, too, in a folder that may not be searched
+        if os.path.isfile(library):  # also False in a folder without search permission
             return library
     return None
 
 
 def nvidia_library() -> str | None:
-    """NVIDIA's OpenCL library by its name, if the system can load it."""
+    """Return the name of NVIDIA's OpenCL library if the system can load it."""
     try:
         ctypes.CDLL(NVIDIA)
     except OSError:

@@ -1,4 +1,4 @@
-"""The exact commands that install what is missing."""
+"""Commands that install missing packages."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ GL_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 
 
 def apt_command(*packages: str) -> str:
-    """For Debian and Ubuntu, with `sudo` where we are not root."""
+    """Return the command for Debian and Ubuntu, with `sudo` for users other than root."""
     root = hasattr(os, "geteuid") and os.geteuid() == 0
     return f"{'' if root else 'sudo '}apt-get install -y {' '.join(packages)}"
 
 
 def pip_command(*features: str) -> str:
-    """For the Python environment that runs now."""
+    """Return the pip command for the running Python environment."""
     return shlex.join([sys.executable, "-m", "pip", "install", *features])
 
 
 def requirements(extra: str = "") -> dict[str, str]:
-    """Return the requirements of iprt, or of one of its extras, as pip takes them, by name."""
+    """Return the requirements of iprt, or of one of its extras: pip specifiers by name."""
     found = {}
     for text in metadata.requires("iprt") or ():
         wanted, _, marker = text.partition(";")
@@ -37,7 +37,7 @@ def requirements(extra: str = "") -> dict[str, str]:
 
 
 def installed(name: str) -> str | None:
-    """Return the version of an installed package."""
+    """Return the version of a package, or None if it is not installed."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -45,9 +45,14 @@ def installed(name: str) -> str | None:
 
 
 def opencl_command(*, pocl_fails: bool = False) -> str:
-    """An OpenCL driver for the CPU. Debian's PoCL is two to three times as fast as PyPI's.
+    """Return the command that installs an OpenCL driver for the CPU.
 
-    `pocl_fails`: there is one already, which does not know this processor.
+    Debian's PoCL is two to three times as fast as PyPI's.
+
+    Parameters
+    ----------
+    pocl_fails : bool, optional
+        PoCL is installed already, but does not support this processor.
     """
     if shutil.which("apt-get") and not pocl_fails:
         return apt_command("pocl-opencl-icd")
@@ -55,7 +60,7 @@ def opencl_command(*, pocl_fails: bool = False) -> str:
 
 
 def intel_command() -> str | None:
-    """Intel's OpenCL runtime, which exists for x86-64 only."""
+    """Return the command for Intel's OpenCL runtime, or None: it exists for x86-64 only."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return None
     return pip_command("intel-opencl-rt", "intel-cmplr-lib-rt")

@@ -1,4 +1,4 @@
-"""A kernel of one call site, whose arguments stay bound."""
+"""A kernel of one call site, which keeps its arguments bound between launches."""
 
 from __future__ import annotations
 
@@ -17,48 +17,53 @@ from iprt.device.profile import Kind, Profile
 from iprt.device.signature import Parameter
 
 MOST_BOUND = 2
-"""OpenCL kernels of a call site: passes that read one of two histories and write the other bind
-each way once. More would keep more buffers alive of views that are gone."""
+"""Number of OpenCL kernels per call site. Passes that swap two history buffers bind each order
+once. More kernels would keep buffers of closed views alive."""
 
 _Bindable = tuple[int, Any]
-"""Index of a parameter, and the numpy type of a scalar; None: a buffer or a vector."""
+"""Index of a parameter, and numpy type of a scalar. None: a buffer or a vector."""
 _Range = tuple[tuple[int, ...], tuple[int, ...]]
 _UNBOUND = object()
 
 
 class Queue(Protocol):
-    """The part of `iprt.device.compute.ComputeDevice` that a kernel uses."""
+    """Interface of `iprt.device.compute.ComputeDevice` used by a kernel."""
 
     queue: Any
     profile: Profile
     bands: Bands | None
     building: Callable[[str], None]
 
-    def group_size(self, dimensions: int) -> tuple[int, ...]: ...
+    def group_size(self, dimensions: int) -> tuple[int, ...]:
+        """Return the work-group size."""
 
-    def is_first_launch(self, program: str, kernel: str) -> bool: ...
+    def is_first_launch(self, program: str, kernel: str) -> bool:
+        """Return True at the first call for this kernel, False later."""
 
-    def reported(self, what: str) -> AbstractContextManager[None]: ...
+    def reported(self, what: str) -> AbstractContextManager[None]:
+        """Translate OpenCL errors of a `with` block."""
 
-    def wait(self) -> None: ...
+    def wait(self) -> None:
+        """Wait until all enqueued work is done."""
 
 
 class _Bound:
-    """An OpenCL kernel, and what those of its parameters that vary are bound to.
+    """An OpenCL kernel with the current values of its varying parameters.
 
     Attributes
     ----------
     buffers, scalars : tuples
-        In the order of the parameters of these kinds.
+        Bound values, in the order of the varying parameters of each kind.
     """
 
     def __init__(self, kernel: Any, buffers: int, scalars: int) -> None:
-        """`buffers`, `scalars`: how many parameters of these kinds vary."""
+        """Start without values; `buffers` and `scalars` count the varying parameters."""
         self.kernel = kernel
         self.buffers: tuple[Any, ...] = (_UNBOUND,) * buffers
         self.scalars: tuple[Any, ...] = (_UNBOUND,) * scalars
 
     def take(self, parameter: _Bindable, value: Any) -> None:
+        """Bind a parameter."""
         index, scalar = parameter
         if scalar is not None:
             value = scalar(value)
@@ -67,12 +72,14 @@ class _Bound:
         self.kernel.set_arg(index, value)
 
     def take_buffers(self, parameters: Sequence[_Bindable], buffers: tuple[Any, ...]) -> None:
+        """Bind the buffers that differ from the bound ones, by identity."""
         for parameter, new, old in zip(parameters, buffers, self.buffers, strict=True):
             if new is not old:
                 self.take(parameter, new)
         self.buffers = buffers
 
     def take_scalars(self, parameters: Sequence[_Bindable], scalars: tuple[Any, ...]) -> None:
+        """Bind the scalars that differ from the bound ones."""
         for parameter, new, old in zip(parameters, scalars, self.scalars, strict=True):
             if new != old:
                 self.take(parameter, new)
@@ -80,7 +87,7 @@ class _Bound:
 
 
 def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
-    """A function that takes the values of these keys."""
+    """Return a function that looks up the values of these keys as a tuple."""
     if len(names) > 1:
         return itemgetter(*names)
     return lambda given: tuple(given[name] for name in names)
@@ -95,8 +102,9 @@ def _merged(groups: tuple[Mapping[str, Any], ...], own: Mapping[str, Any]) -> di
 
 
 def fitting(group: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """A group of at most so many work items: the longest side, a power of two, halved as often as
-    that takes.
+    """Shrink a work group to at most `most` work items, by halving its longest side repeatedly.
+
+    Sides are powers of two.
     """
     sides = list(group)
     while math.prod(sides) > max(most, 1):
@@ -106,17 +114,17 @@ def fitting(group: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 
 class Kernel:
-    """A built kernel of one call site. Its arguments stay bound from call to call.
+    """A kernel of one call site. Its arguments stay bound from call to call.
 
     Parameters
     ----------
     device : Queue
     make : callable
-        A new `pyopencl.Kernel`, of which nobody else sets arguments.
+        Returns a new `pyopencl.Kernel`, not shared with other call sites.
     name : str
-        Its name.
+        Name of the kernel.
     program : str
-        The name of its program in the profile.
+        Name of its program in the profile.
     parameters : sequence of Parameter
         `iprt.device.signature.signature` of the kernel.
     """
@@ -136,27 +144,31 @@ class Kernel:
         self.parameters = [parameter.name for parameter in parameters]
         self._bindable = {one.name: (i, one.scalar) for i, one in enumerate(parameters)}
         self._fixed: dict[str, Any] = {}
-        self._bound: list[_Bound] = []  # the last one used comes last
+        self._bound: list[_Bound] = []  # least recently used first
         self._divide()
         self._size: tuple[int, ...] = ()
         self._range: _Range = ((), ())
         self._launched = False
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
-        """Enqueue over `size` work items, x first; the kernel guards the grid's edge.
+        """Enqueue the kernel over `size` work items, x first.
+
+        The grid is rounded up to whole work groups, so the kernel must check its bounds.
 
         Parameters
         ----------
         size : tuple of int
         groups : mappings of str to object
-            What several kernels take, by the names of their parameters; this one takes what it
-            needs of it. Ints and floats, arrays for buffers, None for a null pointer.
-        own : the kernel's own parameters
+            Arguments shared by several kernels, by parameter name. Names that are not parameters
+            of this kernel are ignored. Ints and floats, arrays for buffers, None for a null
+            pointer.
+        own : object
+            Arguments of this kernel only, by parameter name.
 
         Raises
         ------
         TypeError
-            A parameter is given nothing, or `own` holds what is none.
+            A parameter has no argument, or `own` names an unknown parameter.
         """
         self._bind(groups, own)
         device = self.device
@@ -185,12 +197,12 @@ class Kernel:
                 profile.record(event, self.name, Kind.KERNEL, size_bytes)
 
     def fixed(self, *groups: Mapping[str, Any], **own: Any) -> Self:
-        """Give what is the same in all launches, which are then given the rest only.
+        """Bind arguments for all launches and return the kernel. Launches then pass the rest.
 
         Raises
         ------
         TypeError
-            `own` holds what is no parameter.
+            `own` names an unknown parameter.
         """
         assert not self._bound, "before the first launch"
         self._require_known(own, self._bindable)
@@ -200,7 +212,7 @@ class Kernel:
         return self
 
     def _divide(self) -> None:
-        """Tell parameters that vary from those that do not, and buffers from scalars."""
+        """Split the parameters into fixed ones, varying buffers and varying scalars."""
         varying = {name: one for name, one in self._bindable.items() if name not in self._fixed}
         self._varying = frozenset(varying)
         self._buffers = [name for name, (_, scalar) in varying.items() if scalar is None]
@@ -213,12 +225,12 @@ class Kernel:
             raise TypeError(f"{self._described} has no parameter '{', '.join(unknown)}'")
 
     def run_on(self, device: Queue) -> None:
-        """Belong to a device that shares queue and programs with the one that it is of."""
+        """Move the kernel to another device that shares its queue and programs."""
         self.device = device
 
     @property
     def buffers(self) -> Mapping[str, Any]:
-        """Buffers and vectors of the last launch, by parameter."""
+        """Buffers and vectors of the last launch, by parameter name."""
         fixed = {
             name: value for name, value in self._fixed.items() if self._bindable[name][1] is None
         }
@@ -242,7 +254,7 @@ class Kernel:
             self._bound.reverse()
 
     def _rebound(self, buffers: tuple[Any, ...]) -> _Bound:
-        """A new one, or that which was bound to other buffers, longest ago."""
+        """Bind buffers to a new OpenCL kernel, or beyond `MOST_BOUND` to the oldest one."""
         if len(self._bound) < MOST_BOUND:
             new = _Bound(self.make(), len(self._buffers), len(self._scalars))
             for name, value in self._fixed.items():
@@ -253,9 +265,7 @@ class Kernel:
         return bound
 
     def _largest_group(self) -> int:
-        """Work items of a group that the device can run of this kernel: of one that needs many
-        registers, perhaps fewer than of others.
-        """
+        """Return the largest work group of this kernel, limited by its use of registers."""
         what = cl.kernel_work_group_info.WORK_GROUP_SIZE
         most: int = self._bound[-1].kernel.get_work_group_info(what, self.device.queue.device)
         return most
@@ -265,14 +275,14 @@ class Kernel:
         return f"kernel '{self.name}' of cl/{self.program}"
 
     def _bound_bytes(self) -> int:
-        """Bytes of the buffers that are bound, each counted once."""
+        """Sum the bytes of the bound buffers, each counted once."""
         arrays = [value for value in self.buffers.values() if isinstance(value, cla.Array)]
         return sum({id(array): array.nbytes for array in arrays}.values())
 
     def _enqueue(
         self, size: tuple[int, ...], local: tuple[int, ...], offset: tuple[int, ...] = ()
     ) -> Any:
-        # PoCL compiles kernels with an offset anew, also one of zeros.
+        # PoCL compiles a kernel again for a launch with an offset, even if it is zero.
         start = offset if any(offset) else None
         kernel = self._bound[-1].kernel
         try:
@@ -282,7 +292,7 @@ class Kernel:
                 raise error
 
     def _launch_first(self, size: tuple[int, ...], local: tuple[int, ...]) -> Any:
-        """With nothing else on the queue, so that what it takes to compile is seen."""
+        """Launch on an empty queue, so that the compile time can be measured."""
         device = self.device
         device.building(self.program.partition(" ")[0])
         device.wait()
@@ -295,10 +305,7 @@ class Kernel:
 
 
 class KernelWrapper(Kernel):
-    """A kernel that does more when it is called; all else is that of the kernel inside.
-
-    Wrappers may be put around each other.
-    """
+    """Base class of kernels that add to the launch of an inner kernel. Wrappers can be nested."""
 
     def __init__(self, inside: Kernel) -> None:
         self._inside = inside
@@ -307,11 +314,14 @@ class KernelWrapper(Kernel):
         return getattr(self._inside, name)
 
     def fixed(self, *groups: Mapping[str, Any], **own: Any) -> Self:
+        """Bind arguments of the inner kernel for all launches."""
         self._inside.fixed(*groups, **own)
         return self
 
     def run_on(self, device: Queue) -> None:
+        """Move the inner kernel to another device."""
         self._inside.run_on(device)
 
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
+        """Enqueue the inner kernel."""
         self._inside(size, *groups, **own)

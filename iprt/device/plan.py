@@ -1,4 +1,4 @@
-"""A device that builds nothing: it records what a renderer would build and allocate."""
+"""A stand-in device that records the kernels and buffers of a renderer without making them."""
 
 from __future__ import annotations
 
@@ -16,44 +16,47 @@ from iprt.device.program import Define, PlannedKernel
 
 @dataclass(frozen=True)
 class PlannedBuffer:
-    """Shape and dtype of a buffer that would be allocated."""
+    """Shape and dtype of a buffer that a device would allocate."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
     @property
     def ndim(self) -> int:
+        """Number of dimensions."""
         return len(self.shape)
 
     @property
     def nbytes(self) -> int:
+        """Size in bytes."""
         return int(np.prod(self.shape)) * self.dtype.itemsize
 
 
 class UnbuiltKernel:
-    """Does nothing when it is launched."""
+    """A kernel whose launches do nothing."""
 
     def fixed(self, *_: Mapping[str, Any], **__: Any) -> Self:
+        """Ignore the arguments and return the kernel."""
         return self
 
     def __call__(self, *_: Any, **__: Any) -> None:
-        pass
+        """Do nothing."""
 
 
 class PlanDevice(ComputeDevice):
-    """Stands in for a `ComputeDevice` while a renderer is constructed, on any machine.
+    """Stand-in for a `ComputeDevice` while a renderer is constructed, on any machine.
 
     Parameters
     ----------
     is_cpu : bool
-        Kind of device it stands in for.
+        Stand in for a CPU, else for a GPU.
 
     Attributes
     ----------
     buffers : dict of str to int
         Bytes by buffer name.
     kernels : list of PlannedKernel
-        In the order of construction, without defines that are False.
+        Kernels in the order of construction, without defines that are False.
     """
 
     def __init__(self, *, is_cpu: bool = True) -> None:
@@ -65,6 +68,7 @@ class PlanDevice(ComputeDevice):
 
     @property
     def is_cpu(self) -> bool:
+        """True if the device stands in for a CPU."""
         return self._is_cpu
 
     def kernel(  # type: ignore[override]
@@ -76,6 +80,7 @@ class PlanDevice(ComputeDevice):
         items: int = 0,
         later: bool = False,
     ) -> UnbuiltKernel:
+        """Record a kernel."""
         used = {key: value for key, value in (defines or {}).items() if value is not False}
         self.kernels.append(PlannedKernel(file, name, used, items, later))
         return UnbuiltKernel()
@@ -83,20 +88,23 @@ class PlanDevice(ComputeDevice):
     def empty(
         self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32
     ) -> PlannedBuffer:
+        """Record a buffer."""
         buffer = PlannedBuffer(shape, np.dtype(dtype))
         self.buffers[name] = buffer.nbytes
         return buffer
 
     def share(self, name: str, values: NDArray[Any]) -> PlannedBuffer:
+        """Record a shared buffer, which takes memory only on a GPU."""
         if not self.is_cpu:
             return self.empty(name, values.shape, values.dtype)
         return PlannedBuffer(values.shape, values.dtype)
 
     def fill_zero(self, array: Any) -> None:
-        pass
+        """Do nothing."""
 
     def write(self, array: Any, values: NDArray[Any]) -> None:
-        pass
+        """Do nothing."""
 
     def read(self, array: Any) -> NDArray[Any]:
+        """Return zeros in the shape and dtype of the buffer."""
         return np.zeros(array.shape, array.dtype)

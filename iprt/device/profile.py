@@ -1,4 +1,4 @@
-"""Where the time goes: OpenCL events, host work and compile time, per frame, pass and kernel."""
+"""Profile of OpenCL events, host work and compile time, per frame, pass and kernel."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from pyopencl import profiling_info
 QUEUED, START, END = profiling_info.QUEUED, profiling_info.START, profiling_info.END
 
 OTHER = "other"
-"""The pass of what no section names."""
+"""Pass of events outside of all sections."""
 _OUTER = nullcontext()
-"""A section inside another: events belong to that one."""
+"""Context of a nested section: its events belong to the outer one."""
 MOST_FRAMES = 1024
-"""Frames whose costs are kept one by one; of more, so many chosen at random."""
+"""Number of frames whose costs are kept one by one. Of more frames, a random sample is kept."""
 SAMPLED_S = 0.05
-"""Between recorded frames where nobody asked for all. Recording one takes the host up to 0.9 ms, so
-never more than 2% of the time."""
+"""Default seconds between recorded frames. Recording a frame takes up to 0.9 ms of host time, so at
+most 2% of the time."""
 MOST_PENDING = 1024
-"""Events that wait to be read: many at once take a quarter of the time that each frame's take."""
+"""Events that are read in one batch, which takes a quarter of the time of reading every frame."""
 
 
 class Kind(StrEnum):
@@ -33,9 +33,9 @@ class Kind(StrEnum):
     KERNEL = "kernel"
     TRANSFER = "transfer"
     HOST = "host"
-    """Work of the host that a pass consists of, such as rasterization."""
+    """Host work that belongs to a pass, such as rasterization."""
     ENQUEUE = "enqueue"
-    """Host time spent on a pass of the device, which meanwhile may run."""
+    """Host time to enqueue a pass of the device, which may run at the same time."""
 
 
 class Key(NamedTuple):
@@ -48,14 +48,14 @@ class Key(NamedTuple):
 
 @dataclass(slots=True)
 class Cost:
-    """Cost in a frame.
+    """Cost of one source in a frame.
 
     Attributes
     ----------
     ms : float
     launches : int
     bytes : int
-        What a transfer moved. For a kernel: what the buffers bound to it hold, each counted once.
+        Size of a transfer. For a kernel: size of its bound buffers, each counted once.
     """
 
     ms: float = 0.0
@@ -63,17 +63,18 @@ class Cost:
     bytes: int = 0
 
     def add(self, ms: float, launches: int, size: int) -> None:
+        """Add time, launches and bytes."""
         self.ms += ms
         self.launches += launches
         self.bytes += size
 
 
 FrameCosts = dict[Key, Cost]
-"""Costs of a frame, in the order in which they came up."""
+"""Costs of a frame, in the order of their first record."""
 
 
 class Span(NamedTuple):
-    """Something that ran once, in nanoseconds of `time.perf_counter_ns`."""
+    """Time span of one launch, transfer or host section, in ns of `time.perf_counter_ns`."""
 
     key: Key
     frame: int
@@ -83,7 +84,7 @@ class Span(NamedTuple):
 
 
 class _Launch(NamedTuple):
-    """An event, and the host's time just after it was enqueued."""
+    """An event, with the host's clock just after it was enqueued."""
 
     key: Key
     frame: int
@@ -94,15 +95,15 @@ class _Launch(NamedTuple):
 
 @dataclass(frozen=True)
 class PassTime:
-    """Time of one pass over the frames profiled.
+    """Time of one pass, summed over the profiled frames.
 
     Attributes
     ----------
     name : str
     device_ms, host_ms : float
-        Kernel and transfer time by device events, and time of host work (rasterization), summed.
+        Time of kernels and transfers by device events, and time of host work (rasterization).
     launches : int
-        Kernel launches and transfers, summed.
+        Number of kernel launches and transfers.
     """
 
     name: str
@@ -112,25 +113,26 @@ class PassTime:
 
     @property
     def ms(self) -> float:
+        """Device and host time."""
         return self.device_ms + self.host_ms
 
 
 class Profile:
-    """Collects events under the name of the pass that is current; resolves them on demand.
+    """Recorder of events under the name of the current pass. Event times are read on demand.
 
     Attributes
     ----------
     frames : int
-        Those that were recorded and have ended since `reset`.
+        Number of recorded frames that have ended since `reset`.
     waits : int
-        How often since `reset` the host has waited for the device.
+        Number of times since `reset` that the host has waited for the device.
     every_s : float
-        Least seconds from the begin of one recorded frame to the next; 0: all are recorded.
+        Least seconds between the starts of two recorded frames. 0: all are recorded.
     recording : bool
-        The present frame is recorded.
+        The current frame is recorded.
     compiled, first_launches : dict of str to float
-        Milliseconds by program, to build it and beyond what its kernels ran when each was launched
-        first: some drivers compile only then. Never forgotten.
+        Milliseconds by program: time to build it, and overhead of its kernels' first launches, at
+        which some drivers compile. `reset` keeps both.
     """
 
     def __init__(self) -> None:
@@ -140,14 +142,14 @@ class Profile:
         self._keys: dict[tuple[Any, ...], Key] = {}
         self._sections: dict[str, _Section] = {}
         self._trace: list[Span] | None = None
-        self._clock_ns: int | None = None  # of the host, less that of the device's events
+        self._clock_ns: int | None = None  # host clock minus device clock
         self.every_s = 0.0
         self.recording = True
-        self._began_s = time.perf_counter()  # the last frame that was recorded
+        self._began_s = time.perf_counter()  # start of the last recorded frame
         self.reset()
 
     def reset(self) -> None:
-        """Forget passes and frames; compile time stays."""
+        """Forget passes and frames, but keep compile times."""
         self.frames = self.waits = 0
         self._pending: list[_Launch | Span] = []
         self._current: FrameCosts = {}
@@ -160,25 +162,31 @@ class Profile:
 
     @property
     def current(self) -> str:
-        """The pass that events are recorded for now."""
+        """Name of the current pass."""
         return self._pass
 
     @property
     def compile_ms(self) -> float:
-        """All programs together, built and launched first."""
+        """Total time in ms to compile all programs, in builds and first launches."""
         return sum(self.compiled.values()) + sum(self.first_launches.values())
 
     # Recording ------------------------------------------------------------------------------
 
     def section(self, name: str) -> AbstractContextManager[None]:
-        """Device events recorded inside belong to the pass `name`, or to the one around it."""
+        """Record the events of a `with` block under pass `name`, unless another pass encloses it.
+
+        The enqueue time of the block is recorded too.
+        """
         if self._pass != OTHER:
             return _OUTER
         return self._sections.get(name) or self._sections.setdefault(name, _Section(self, name))
 
     @contextmanager
     def host(self, name: str) -> Iterator[None]:
-        """Wall time inside is host work of the pass `name`; enqueue no kernels here."""
+        """Record the wall time of a `with` block as host work of pass `name`.
+
+        The block must not enqueue kernels.
+        """
         start = time.perf_counter_ns()
         try:
             yield
@@ -192,12 +200,12 @@ class Profile:
         self._pending.append(Span(key, self.frames, start, time.perf_counter_ns(), 0))
 
     def _key(self, *parts: Any) -> Key:
-        """Always the same object, which is quicker to look up than to make."""
+        """Return the `Key` of these fields. Looking it up is quicker than making one."""
         return self._keys.get(parts) or self._keys.setdefault(parts, Key(*parts))
 
     @contextmanager
     def compiling(self, program: str) -> Iterator[None]:
-        """Wall time inside goes to compiling `program`."""
+        """Record the wall time of a `with` block as compile time of `program`."""
         start = time.perf_counter()
         try:
             yield
@@ -206,28 +214,28 @@ class Profile:
             self.compiled[program] = self.compiled.get(program, 0.0) + elapsed
 
     def launched_first(self, program: str, event: Any, ms: float) -> None:
-        """A kernel of `program` was launched for the first time, all by itself.
+        """Record the first launch of a kernel of `program`, on an otherwise empty queue.
 
         Parameters
         ----------
         program : str
         event : pyopencl.Event
-            Event of the launch, which is done.
+            Finished event of the launch.
         ms : float
-            The host's time, from before it was enqueued until it was done.
+            Host time from before the enqueue to the end of the launch.
         """
         told = event.get_profiling_info
         beyond = max(ms - (told(END) - told(START)) * 1e-6, 0.0)
         self.first_launches[program] = self.first_launches.get(program, 0.0) + beyond
 
     def record(self, event: Any, name: str, kind: Kind, size: int) -> None:
-        """Take note of what has just been enqueued, in the current pass.
+        """Record a launch or transfer, just after it was enqueued, in the current pass.
 
         Parameters
         ----------
         event : pyopencl.Event
         name : str
-            Name of the kernel, or what kind of transfer it is.
+            Name of the kernel, or kind of transfer.
         kind : Kind
         size : int
             Bytes; see `Cost`.
@@ -238,11 +246,11 @@ class Profile:
         self._pending.append(_Launch(key, self.frames, event, time.perf_counter_ns(), size))
 
     def synchronised(self) -> None:
-        """The host waits for the device."""
+        """Count a wait of the host for the device."""
         self.waits += 1
 
     def end_frame(self) -> None:
-        """End the frame: later records belong to the next one."""
+        """End the frame and decide whether to record the next one."""
         if self.recording:
             self.frames += 1
         now = time.perf_counter()
@@ -251,18 +259,18 @@ class Profile:
             self._began_s = now
 
     def trace(self) -> None:
-        """From now on keep every span, for `spans`: a hundred bytes for each launch."""
+        """Start to keep every span for `spans`, at a hundred bytes per launch."""
         self._trace = []
 
     # Results --------------------------------------------------------------------------------
 
     def finished(self) -> None:
-        """The queue has finished: `resolve`, if it is time to."""
+        """Read event times if enough are pending. Call after the queue has finished."""
         if len(self._pending) >= MOST_PENDING:
             self.resolve()
 
     def resolve(self) -> None:
-        """Add up the events recorded so far. Call after the queue has finished."""
+        """Read the times of all pending events. Call after the queue has finished."""
         for entry in self._pending:
             if entry.frame > self._current_frame:
                 self._close_frames(entry.frame)
@@ -277,10 +285,11 @@ class Profile:
         self._close_frames(self.frames)
 
     def _timed(self, launch: _Launch) -> Span:
-        """In the device's own time."""
+        """Return the span of a launch, in the device's clock."""
         told = launch.event.get_profiling_info  # `event.profile` takes ten times as long
         if self._trace is not None:
-            # The event was queued before the host looked at its own clock, once just before.
+            # The host reads its clock after the event is queued. The least difference of the two
+            # clocks is the best estimate of their offset.
             least = launch.enqueued_ns - told(QUEUED)
             self._clock_ns = least if self._clock_ns is None else min(self._clock_ns, least)
         return Span(launch.key, launch.frame, told(START), told(END), launch.bytes)
@@ -292,7 +301,7 @@ class Profile:
             for key, cost in costs.items():
                 total = self._totals.setdefault(key, Cost())
                 total.add(cost.ms, cost.launches, cost.bytes)
-            # Reservoir sampling: every frame is as likely to be kept as any other.
+            # Reservoir sampling: all frames are kept with the same probability.
             kept = (self._current_frame, costs)
             if len(self._kept) < MOST_FRAMES:
                 self._kept.append(kept)
@@ -302,12 +311,12 @@ class Profile:
             self._current_frame += 1
 
     def kept_frames(self) -> list[FrameCosts]:
-        """Costs of each frame that has ended, in order, or of `MOST_FRAMES` of them."""
+        """Return the costs of the ended frames in order, at most `MOST_FRAMES` sampled ones."""
         self.resolve()
         return [costs for _, costs in sorted(self._kept, key=lambda kept: kept[0])]
 
     def totals(self) -> FrameCosts:
-        """Costs since `reset`, summed; those of a frame that has not ended included."""
+        """Sum the costs since `reset`, including the current frame."""
         self.resolve()
         sums = {key: Cost(cost.ms, cost.launches, cost.bytes) for key, cost in self._totals.items()}
         for key, cost in self._current.items():
@@ -315,17 +324,17 @@ class Profile:
         return sums
 
     def passes(self) -> list[PassTime]:
-        """Times per pass, summed, in the order in which the passes first ran."""
+        """Return the summed time of each pass, in the order in which the passes first ran."""
         return [pass_time(name, costs) for name, costs in by_pass(self.totals()).items()]
 
     def prepared(self) -> float:
-        """Milliseconds that passes took so far, which are forgotten: the frames begin now."""
+        """Return the ms of all passes so far and reset, so that the next frame is the first."""
         elapsed = sum(entry.ms for entry in self.passes())
         self.reset()
         return elapsed
 
     def spans(self) -> list[Span]:
-        """All that ran since `trace` or `reset`, in the order of recording, by the host's clock."""
+        """Return all spans since `trace` or `reset`, as recorded, in the host's clock."""
         self.resolve()
         shift = self._clock_ns or 0
         return [
@@ -337,7 +346,7 @@ class Profile:
 
 
 class _Section:
-    """Context of a pass, to which recorded costs belong. A generator would take twice the time."""
+    """Context manager of a pass. A generator-based one would take twice the time."""
 
     __slots__ = ("_name", "_profile", "_start")
 
@@ -357,7 +366,7 @@ class _Section:
 
 
 def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:
-    """The same costs, those of each pass for themselves."""
+    """Group costs by pass."""
     passes: dict[str, FrameCosts] = {}
     for key, cost in costs.items():
         passes.setdefault(key.pass_name, {})[key] = cost
@@ -365,7 +374,7 @@ def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:
 
 
 def pass_time(name: str, costs: FrameCosts) -> PassTime:
-    """The sum of what a pass consists of."""
+    """Sum the costs of a pass."""
     device = [costs[key] for key in costs if key.kind in (Kind.KERNEL, Kind.TRANSFER)]
     host = [costs[key] for key in costs if key.kind is Kind.HOST]
     return PassTime(

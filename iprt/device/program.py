@@ -1,4 +1,4 @@
-"""Programs: files of `cl/` for one set of defines."""
+"""OpenCL programs: files of `cl/` with a set of defines."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ Define = int | float | bool | str
 OPTIONS = ("-cl-std=CL1.2", "-cl-kernel-arg-info")
 
 CACHE_RACE = "unable to rename temporary"
-"""In the log of a build while another process put the same program into PoCL's cache."""
+"""Text in the build log if another process wrote the same program to PoCL's cache meanwhile."""
 BUILD_TRIES, BUILD_PAUSE_S = 4, 0.2
-"""How often such a build is tried, and the seconds in between."""
+"""Number of tries of such a build, and seconds between them."""
 
 
 class PlannedKernel(NamedTuple):
-    """A kernel that may be launched; see `ComputeDevice.kernel`."""
+    """Description of a kernel before it is built; see `ComputeDevice.kernel`."""
 
     file: str
     name: str
@@ -42,20 +42,20 @@ class PlannedKernel(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A program before it is built. Equal ones are compiled once.
+    """A program before it is built. Equal programs are compiled once.
 
     Attributes
     ----------
     text : str
         OpenCL C with includes and conditions resolved.
     options : tuple of str
-        Options of the compiler, with the defines that occur in the text.
+        Compiler options, with the defines that occur in the text.
     file : str
-        File of `cl/`.
+        Path below `cl/`.
     name : str
-        Name in the profile: the file and the defines.
+        Name in the profile: file and defines.
     source : KernelSource
-        Parsed source of the text, which gives the parameters of kernels.
+        Parsed source, from which kernel parameters are read.
     """
 
     text: str
@@ -74,11 +74,11 @@ class Program:
 
     @classmethod
     def of_text(cls, text: str, name: str, defines: Mapping[str, Define] | None = None) -> Program:
-        """Return the program of OpenCL C that is no file of `cl/` but may include some."""
+        """Return the program of OpenCL C source, which may include files of `cl/`."""
         return _program(name, text, _literals(defines or {}))
 
     def signature(self, kernel: str) -> tuple[Parameter, ...]:
-        """Return the parameters of one of its kernels, in order."""
+        """Return the parameters of a kernel, in order."""
         if kernel not in self._signatures:
             self._signatures[kernel] = signature(self.source, kernel)
         return self._signatures[kernel]
@@ -101,19 +101,19 @@ def _program(file: str, text: str | None, defines: tuple[tuple[str, str], ...]) 
 
 
 def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> Any:
-    """Build a program for the only device of a context, to be given to `pyopencl.Kernel`.
+    """Build a program for the only device of a context; returns what `pyopencl.Kernel` takes.
 
     Raises
     ------
     KernelError
-        It did not build.
+        The program does not build.
     """
     try:
         with warnings.catch_warnings():
-            # Some compilers report success at length; a failure raises with its log.
+            # Some compilers log a lot on success; a failure raises with its log.
             warnings.simplefilter("ignore", cl.CompilerWarning)
-            # `cl.Program.build` would add the folder of pyopencl's headers to the options, and with
-            # it to the key of the driver's cache: every environment would compile it again.
+            # `cl.Program.build` would add the folder of pyopencl's headers to the options and so to
+            # the driver's cache key: every Python environment would compile the program again.
             return create_built_program_from_source_cached(
                 context,
                 program.text,
@@ -128,7 +128,7 @@ def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> An
 
 
 def _report(device: cl.Device, program: Program, message: str) -> str:
-    # pyopencl puts the routine's name before the compiler's log, and options after it.
+    # pyopencl puts the routine's name before the compiler's log and the options after it.
     log = re.sub(
         r"\A.*?Build on <[^\n]*>:|^\((options|source saved).*?\)$", "", message, flags=re.S | re.M
     )

@@ -1,8 +1,8 @@
-"""When a device fails: OpenCL's errors as our own, waiting with a limit, and a second try.
+"""Recovery from device failures: error translation, waiting with a limit, and a second try.
 
-A hung kernel cannot be stopped from outside, so the wait for it ends instead. What the driver
-reports as lost is worth one more try in a new context: that helps against a reset of the driver
-and against other programs that held the device, and not against a fault of ours.
+A hung kernel cannot be stopped, so only the wait for it ends. A lost context is retried once with
+a new one. That helps after a driver reset, or if other programs held the device, but not against
+a defect of a kernel.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Result = TypeVar("Result")
 
 _STATUS = cl.status_code
 NVIDIA_FAULT = -9999
-"""NVIDIA's own code for a kernel that read or wrote where it must not; the context is gone."""
+"""NVIDIA's error code for an invalid memory access in a kernel, which loses the context."""
 LOST = frozenset(
     (
         _STATUS.OUT_OF_RESOURCES,
@@ -42,23 +42,25 @@ SHORTEST_PAUSE_S, LONGEST_PAUSE_S = 5e-5, 1e-2
 
 @contextmanager
 def reported(device: str, what: str, buffers: Mapping[str, int]) -> Iterator[None]:
-    """OpenCL errors of the block as errors of the package; those that tell of a defect stay.
+    """Translate OpenCL errors of a `with` block to errors of the package.
+
+    Errors that indicate a defect of the package pass through.
 
     Parameters
     ----------
     device, what : str
-        Names of the device and of what the block does.
+        Name of the device, and name of the operation for messages.
     buffers : mapping of str to int
-        Bytes by name of what the device holds.
+        Bytes of the device's buffers by name.
 
     Raises
     ------
     DeviceLostError
-        The context is of no use any more.
+        The context is lost.
     DeviceError
-        Memory did not suffice.
+        The memory does not suffice.
     KernelError
-        The driver compiled the kernel only now, and could not.
+        The driver compiles the kernel at its launch, and fails.
     """
     try:
         yield
@@ -77,19 +79,19 @@ def reported(device: str, what: str, buffers: Mapping[str, int]) -> Iterator[Non
 def _status(error: cl.Error) -> str:
     try:
         return str(_STATUS.to_string(error.code))
-    except ValueError:  # a code of the vendor's own
+    except ValueError:  # a vendor-specific code
         return str(error.code)
 
 
 def wait(device: str, queue: cl.CommandQueue, limit_s: float) -> None:
-    """Until all that is enqueued is done.
+    """Wait until all enqueued work is done.
 
-    Time in which this process was itself stopped or starved does not count.
+    Time in which this process is stopped or gets no CPU does not count.
 
     Raises
     ------
     DeviceHangError
-        It took longer than `limit_s` seconds.
+        The work takes longer than `limit_s` seconds.
     """
     done = cl.enqueue_marker(queue)
     queue.flush()
@@ -103,24 +105,25 @@ def wait(device: str, queue: cl.CommandQueue, limit_s: float) -> None:
         pause = min(max(0.02 * waited, SHORTEST_PAUSE_S), LONGEST_PAUSE_S)
         time.sleep(pause)
         waited += pause
-    done.wait()  # raises what the work ended with
+    done.wait()  # raises the error that ended the work
 
 
 def with_second_try(
     attempt: Callable[[], Result], progress: Callable[[], int] = lambda: 0
 ) -> Result:
-    """The result of `attempt`, which makes its own context; again from the start if that is lost.
+    """Return the result of `attempt`, which is repeated if its context is lost.
 
     Parameters
     ----------
     attempt : callable
+        Makes its own context.
     progress : callable
-        How much is done for good: a context that got further may be lost again.
+        Returns the amount of finished work. An attempt that got further may be repeated again.
 
     Raises
     ------
     DeviceLostError
-        The second context was lost too.
+        The context was lost twice without progress.
     """
     done = -1
     while True:
@@ -132,5 +135,5 @@ def with_second_try(
                     f"{error}, for the second time: choose another --device, or lower --size"
                 ) from error
             LOG.warning("%s: starting again in a new context", error)
-        # Out here nothing holds the attempt's buffers any more.
+        # Outside of the handler, no traceback holds the attempt's buffers.
         done = progress()

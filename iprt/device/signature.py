@@ -1,6 +1,6 @@
-"""Parameters of kernels, read from their source.
+"""Parameters of kernels, parsed from their source.
 
-Not every driver tells the parameters of programs that come from its cache.
+Some drivers do not report the parameters of cached programs.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class Parameter:
     ----------
     name : str
     scalar : numpy type or None
-        None: a buffer or a vector.
+        Type of a scalar. None: a buffer or a vector.
     kind : str
-        What it is, or points to, such as `float4`.
+        OpenCL type of the value, or of a buffer's elements, such as `float4`.
     is_buffer : bool
     """
 
@@ -40,17 +40,17 @@ class Parameter:
 
     @property
     def components(self) -> int:
-        """Components of a number or vector; 0: a buffer."""
+        """Number of components of a scalar or vector; 0 for a buffer."""
         return 0 if self.is_buffer else int(self.kind.lstrip(string.ascii_letters) or 1)
 
 
 def signature(source: KernelSource, kernel: str) -> tuple[Parameter, ...]:
-    """Return the parameters of a kernel, in order.
+    """Parse the parameters of a kernel, in order.
 
     Raises
     ------
     KernelError
-        There is no such kernel.
+        The source has no such kernel.
     """
     text = source.text
     start = re.search(rf"\bvoid\s+{kernel}\s*\(", text)

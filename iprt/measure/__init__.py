@@ -1,0 +1,1 @@
+"""Measurement of speed, accuracy and stability, and its reports."""

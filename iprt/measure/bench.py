@@ -1,4 +1,4 @@
-"""Times per view frame of what a reel shows, and what kernels had to do for it."""
+"""Benchmark of a reel: times per frame, and the work of kernels."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from iprt.renderer import Renderer
 
 WARM_UP = 16
-"""Frames before the first that counts: one cycle of the tracing grid, in which the mask has also
-learned where objects have influence."""
+"""Untimed frames at the start: one cycle of the tracing grid, after which the mask also knows the
+pixels that objects influence."""
 COUNTED_FRAMES = 4
-"""Frames, after as many warm-ups, whose rays and steps are counted: these vary little."""
+"""Frames after the warm-up whose rays and steps are counted. The counts vary little."""
 FEWEST_ROUNDS, MOST_ROUNDS = 4, 1000
-"""Frames of each of several reels that take turns."""
+"""Limits for the number of frames of each of several interleaved reels."""
 
 Progress = Callable[[int], None]
-"""Called with the number of frames done so far, those of the warm-up included."""
+"""Function called with the number of frames done so far, including the warm-up."""
 
 
 @dataclass
 class _Run:
-    """A reel that is shown, and what its frames took: see `CostReport`."""
+    """A playing reel and the measurements of its frames; see `CostReport`."""
 
     device: ComputeDevice
     renderer: Renderer
@@ -45,12 +45,13 @@ class _Run:
     @classmethod
     @contextmanager
     def of(cls, device: ComputeDevice, reel: Reel, count: int) -> Iterator[_Run]:
+        """Open the renderer of a reel for `count` frames."""
         with reel.renderer(device) as renderer, reel.steps(device, count) as steps:
             device.finish()
             yield cls(device, renderer, steps)
 
     def frame(self, *, counts: bool) -> None:
-        """Show the next frame; the first ones do not count."""
+        """Render the next frame; keep its measurements if `counts`."""
         profile = self.device.profile
         start, of_thread, waited = time.perf_counter(), time.thread_time(), profile.waits
         next(self.steps)(self.renderer)
@@ -66,6 +67,7 @@ class _Run:
             self.traced += _traced_fraction(self.renderer)
 
     def report(self, reel: Reel, scene: str, prepare_ms: float) -> CostReport:
+        """Build the report of the measured frames."""
         return CostReport.of(
             self.device,
             scene=scene,
@@ -87,7 +89,7 @@ def timed(
     frames: int,
     progress: Progress | None = None,
 ) -> CostReport:
-    """Time `frames` frames of `reel`, of the scene of that name, after `WARM_UP` others."""
+    """Time `frames` frames of `reel` after a warm-up of `WARM_UP`; `scene` is a name."""
     profile = device.profile
     profile.reset()
     count = WARM_UP + frames
@@ -111,16 +113,16 @@ def timed_against(
     frames: int,
     progress: Progress | None = None,
 ) -> tuple[CostReport, Ratio]:
-    """Time `reel` as `timed` does, each of its frames after one of `base`.
+    """Time `reel` as `timed` does, interleaved with the frames of `base`.
 
-    What slows the machine down slows both, so that their ratio holds where times do not.
+    A slowdown of the machine affects both, so the ratio is more reliable than the times.
 
     Returns
     -------
     report : CostReport
-        Of `reel` alone.
+        Report of `reel` alone.
     ratio : Ratio
-        Of the wall times of `reel` to those of `base`.
+        Wall time of `reel` divided by the wall time of `base`.
     """
     profile = device.profile
     profile.reset()
@@ -143,18 +145,19 @@ def timed_against(
 def timed_together(
     device: ComputeDevice, reels: Sequence[Reel], enough: Callable[[int], bool]
 ) -> list[list[float]]:
-    """Milliseconds of frames of several reels, which take turns frame by frame after a warm-up.
+    """Time several reels, interleaved frame by frame, after a warm-up.
 
     Parameters
     ----------
     enough : callable
-        Called after each round with the number of those that count; True ends it, even in the
-        warm-up, where there are half of that and `FEWEST_ROUNDS`.
+        Called after each round with the number of rounds after the warm-up. True ends the
+        measurement. During the warm-up it takes effect once half the warm-up and `FEWEST_ROUNDS`
+        are done.
 
     Returns
     -------
     list of list of float
-        Per reel the wall times of its frames, at least `FEWEST_ROUNDS`.
+        Wall times in ms of each reel's frames, at least `FEWEST_ROUNDS`.
     """
     profile = device.profile
     least = WARM_UP // 2 + FEWEST_ROUNDS
@@ -172,7 +175,7 @@ def timed_together(
 
 
 def count_work(device: ComputeDevice, reel: Reel, progress: Progress | None = None) -> Counted:
-    """Work of kernels per frame, in the `COUNTED_FRAMES` after `WARM_UP` others."""
+    """Count the work of kernels per frame, over `COUNTED_FRAMES` after a warm-up of `WARM_UP`."""
     from iprt.device.counting import CountingDevice
 
     counting = CountingDevice(device)
@@ -191,10 +194,10 @@ def count_work(device: ComputeDevice, reel: Reel, progress: Progress | None = No
 
 
 def _traced_fraction(renderer: Renderer) -> list[float]:
-    """The fraction, in a list; an empty list where no rays relight the real layer."""
+    """Return the fraction of traced pixels in a list; empty if no rays relight the real layer."""
     count = None if renderer.method is None else renderer.method.traced_count
     if count is None:
         return []
     view = renderer.view
-    # Not by the device: this is no part of a frame.
+    # Without the device's `read`, whose transfer the profile would record.
     return [float(count.get()[0]) / (view.width * view.height)]

@@ -1,4 +1,4 @@
-"""Measures the entries of the ladder: their times on a device, and their SSIM against truth."""
+"""Measurement of the ladder's entries: frame times on a device, and SSIM against truth."""
 
 from __future__ import annotations
 
@@ -32,21 +32,22 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
 
 SIDES = (192, 384, 768, 1536)
-"""Pictures that are timed have as many pixels as squares of these sides; four times from one to
-the next. Two of them always are, the others where there is time and memory."""
+"""Timed picture sizes, as the sides of squares with the same number of pixels. Each has four times
+the pixels of the one before. The first two are always timed, the others if time and memory allow.
+"""
 ROUNDS = 40
-"""Frames of each entry at most, whose median counts."""
+"""Largest number of frames of each entry. Their median is used."""
 TIMES_S = 90.0
-"""Seconds for all times, if two sizes can be timed in less."""
+"""Target for the seconds of all timings. The first two sizes may exceed it."""
 FIRST_SHARE = 0.4
-"""Share of `TIMES_S` for the first size, for which kernels are compiled."""
+"""Share of `TIMES_S` for the first size, which includes compiling kernels."""
 SSIM_FRAMES = (1, 4, 16, 64)
 """Numbers of frames after which SSIM is measured."""
 MEMORY_SHARE = 0.5
-"""Share of the device's memory that the renderers of all entries may take together."""
+"""Share of the device's memory for the renderers of all entries together."""
 
 Progress = Callable[[float], None]
-"""Called with the seconds spent so far."""
+"""Function called with the seconds spent so far."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,10 @@ class Subject:
     view: View
 
     def reels(self, side: int) -> dict[str, Turn]:
-        """A head that turns in this view, with each entry's settings, `BALANCED` first."""
+        """Return a turning view for each entry's settings, `BALANCED` first.
+
+        Pictures have as many pixels as a square of `side` pixels.
+        """
         scale = side / math.sqrt(self.view.width * self.view.height)
         width, height = (max(1, round(scale * n)) for n in (self.view.width, self.view.height))
         view = self.view.resized(width, height)
@@ -69,7 +73,7 @@ class Subject:
         }
 
     def bytes(self, side: int) -> int:
-        """Memory that the renderers of all entries need together."""
+        """Return the bytes that the renderers of all entries need together."""
         return sum(
             RenderPlan.of(reel.frame, reel.instances, reel.view, reel.settings).bytes
             for reel in self.reels(side).values()
@@ -78,19 +82,28 @@ class Subject:
 
 @dataclass(frozen=True)
 class Times:
-    """Times of all entries in a view of a size."""
+    """Frame times of all entries in a view of one size.
+
+    Attributes
+    ----------
+    pixels : int
+    base_s : float
+        Median seconds of a frame of `BALANCED`.
+    ratios : mapping of str to Ratio
+        Time of each entry divided by the time of `BALANCED`.
+    """
 
     pixels: int
     base_s: float
     ratios: Mapping[str, Ratio]
 
     def seconds(self, name: str) -> float:
-        """Seconds that a frame takes with an entry's settings."""
+        """Return the seconds per frame of an entry."""
         return self.base_s * self.ratios[name].value
 
 
 def ladder_settings(name: str) -> Settings:
-    """The settings of an entry."""
+    """Return the settings of an entry."""
     return changed(Settings(), entry_settings(name))
 
 
@@ -101,10 +114,10 @@ def measure_times(
     progress: Progress,
     clock: Callable[[], float] = time.monotonic,
 ) -> dict[str, list[Times]]:
-    """Times of each subject by name, from the smallest size up, at least two.
+    """Time all entries on each subject, and return the times by the subject's name.
 
-    It takes `TIMES_S` at most, compiling included, unless the fewest frames of the first two sizes
-    take longer.
+    Sizes are in rising order, at least two. The measurement takes at most `TIMES_S` including
+    compilation, unless the fewest frames of the first two sizes take longer.
     """
     start, before_s = clock(), 0.0
     found: dict[str, list[Times]] = {subject.name: [] for subject in subjects}
@@ -143,7 +156,7 @@ def measure_ssim(
     device: ComputeDevice,
     progress: Callable[[int], None],
 ) -> dict[str, dict[str, list[float]]]:
-    """By entry and view, the mean SSIM of the cuts after each of `SSIM_FRAMES`."""
+    """Measure the mean SSIM of the cuts after each of `SSIM_FRAMES`, by entry and view."""
     chosen = [Combination({"entry": name}, ladder_settings(name)) for name in LADDER]
     curves = run_convergence(
         scene, targets, chosen, SSIM_FRAMES, device=device, seeds=1, progress=progress
@@ -165,16 +178,16 @@ def tradeoff_of(
     ssim: Mapping[str, Mapping[str, Sequence[float]]],
     frames: Sequence[int],
 ) -> Tradeoff:
-    """The table of what was measured.
+    """Build the table of the measurements.
 
     Parameters
     ----------
     scene, truth : str
-        The scenes of `times` and of `ssim`.
+        Names of the scenes of `times` and of `ssim`.
     times : mapping of str to sequence of Times
-        By view, from the smallest size up.
+        Times by view, in rising order of size.
     ssim : mapping of str to mapping of str to sequence of float
-        By entry and view, after each of `frames`.
+        SSIM after each of `frames`, by entry and view.
     """
     entries = [
         Entry(
@@ -197,7 +210,7 @@ def tradeoff_of(
 
 
 def _ratio(of_views: Sequence[Ratio]) -> list[float]:
-    """The geometric mean over views, the lowest end of their intervals and the highest."""
+    """Return the geometric mean over views, and the lowest and highest ends of the intervals."""
     mean = math.exp(fmean(math.log(ratio.value) for ratio in of_views))
     low = min(ratio.value if ratio.low is None else ratio.low for ratio in of_views)
     high = max(ratio.value if ratio.high is None else ratio.high for ratio in of_views)
@@ -205,7 +218,7 @@ def _ratio(of_views: Sequence[Ratio]) -> list[float]:
 
 
 def _line(name: str, small: Times, large: Times) -> list[float]:
-    """Seconds of a frame without its pixels, and per pixel, neither below 0."""
+    """Fit a line to the frame time: seconds at zero pixels and seconds per pixel, both >= 0."""
     few, many = small.seconds(name), large.seconds(name)
     slope = (many - few) / (large.pixels - small.pixels)
     slope = min(max(slope, 0.0), many / large.pixels)

@@ -1,4 +1,4 @@
-"""Frames to time: a head that turns, or a video that plays."""
+"""Frame sequences for timing: a turning view, or a playing video."""
 
 from __future__ import annotations
 
@@ -22,39 +22,35 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene, SceneView
 
 TURN_DEG = 0.2
-"""Yaw per frame: at 60 frames a second 12 degrees a second, a slow look around."""
+"""Yaw in degrees per frame: 12 degrees per second at 60 frames per second, a slow look around."""
 SWING = 25
-"""Frames from the middle of the swing to its end, so that the objects stay in view."""
+"""Frames from the middle of the swing to its end. Small enough to keep the objects in view."""
 
 Step = Callable[["Renderer"], None]
-"""A function that takes a renderer to its next frame, without rendering it."""
+"""Function that advances a renderer to its next frame, without rendering it."""
 
 
 class Reel(Protocol):
-    """Frames to time. Each run of them is the same.
-
-    Attributes
-    ----------
-    view : View
-        That of the first frame.
-    """
+    """A reproducible sequence of frames."""
 
     @property
-    def view(self) -> View: ...
+    def view(self) -> View:
+        """View of the first frame."""
 
     @property
-    def settings(self) -> Settings: ...
+    def settings(self) -> Settings:
+        """Settings of the renderer."""
 
     def renderer(self, device: ComputeDevice) -> Renderer:
-        """One that shows the first frame. The caller closes it."""
+        """Return a renderer of the first frame. The caller closes it."""
 
     def steps(self, device: ComputeDevice, count: int) -> AbstractContextManager[Iterator[Step]]:
-        """`count` of them, the first of which leads to the first frame again."""
+        """Return `count` steps. The first one leads to the first frame again."""
 
 
 @dataclass(frozen=True)
 class Turn:
-    """A still frame, around which the view turns to and fro by `TURN_DEG` a frame."""
+    """A still frame whose view turns back and forth by `TURN_DEG` per frame."""
 
     frame: Frame
     instances: Sequence[Instance]
@@ -62,19 +58,21 @@ class Turn:
     settings: Settings
 
     def renderer(self, device: ComputeDevice) -> Renderer:
+        """Return a renderer of the first frame."""
         from iprt.renderer import Renderer
 
         return Renderer(device, self.frame, self.instances, self.view, self.settings)
 
     @contextmanager
     def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
+        """Yield `count` steps, each of which turns the view."""
         del device
         yield (methodcaller("look", turned(self.view, index)) for index in range(count))
 
 
 @dataclass(frozen=True)
 class Playback:
-    """A video with all that moves in it; to and fro where it has too few frames."""
+    """A video with its moving camera and objects, played back and forth if it is too short."""
 
     scene: Scene
     scene_view: SceneView | View
@@ -83,6 +81,7 @@ class Playback:
 
     @property
     def view(self) -> View:
+        """View of the first frame."""
         return self._view_at(self.scene.frame_indices[0])
 
     def _view_at(self, index: int) -> View:
@@ -94,7 +93,7 @@ class Playback:
         return self.scene.instances_at(self.scene.time_of(index), self.objects)
 
     def renderer(self, device: ComputeDevice) -> Renderer:
-        """See `Reel`.
+        """Return a renderer of the first frame.
 
         Raises
         ------
@@ -114,7 +113,7 @@ class Playback:
 
     @contextmanager
     def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
-        """See `Reel`. Waiting for a frame to be read is host work of the pass `read video`."""
+        """Yield `count` steps. Waiting for a video frame is host work of the pass `read video`."""
         indices = to_and_fro(self.scene.frame_indices, count)
 
         def play() -> Iterator[Step]:
@@ -134,7 +133,7 @@ class Playback:
 
 
 def turned(view: View, index: int) -> View:
-    """The view of frame `index`: to and fro about `view`, by `TURN_DEG` a frame."""
+    """Return the view of frame `index`: it swings about `view` by `TURN_DEG` per frame."""
     if view.projection == "equirect":
         return view
     phase = (index + SWING) % (4 * SWING)
@@ -143,6 +142,6 @@ def turned(view: View, index: int) -> View:
 
 
 def to_and_fro(indices: range, count: int) -> list[int]:
-    """`count` of `indices`, from the first to the last and back, as often as it takes."""
+    """Return `count` frame indices that run through `indices` forwards and backwards."""
     there = [*indices, *indices[-2:0:-1]]
     return [there[number % len(there)] for number in range(count)]

@@ -1,4 +1,4 @@
-"""Changes between two runs of frames, and whether they exceed the noise."""
+"""Changes between two timings, with a test of their significance."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from iprt.measure.profile_file import OldReport, OldTime
 from iprt.output.metadata import dotted
 
 FALSE_ALARMS = 0.05
-"""Probability that any row at all is marked where nothing has changed."""
+"""Probability that at least one row is marked although nothing has changed."""
 MIN_ERROR_MS = 1e-3
 """Resolution of device clocks."""
 WALL, FRAME = "wall", "all passes"
-"""Rows of the frame as a whole."""
+"""Names of the rows of the whole frame."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,12 @@ class Change:
     Attributes
     ----------
     name, part : str
-        The pass, or `WALL`, or `FRAME`; the kernel, transfer or host work in it, else empty.
+        Name of the pass, or `WALL` or `FRAME`. `part` is the kernel, transfer or host work in it,
+        or empty.
     before_ms, after_ms : float or None
-        Medians; None: was not there.
+        Medians. None: the pass or part did not run.
     noise_ms : float or None
-        Smaller differences than this are to be expected of noise. None: not known, too few frames.
+        Differences up to this are not significant. None: unknown, too few frames.
     """
 
     name: str
@@ -43,17 +44,18 @@ class Change:
 
     @property
     def difference_ms(self) -> float:
+        """Time after minus time before."""
         return (self.after_ms or 0.0) - (self.before_ms or 0.0)
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether it has changed, beyond the known noise."""
+        """True if the difference exceeds the known noise, or the row is new or gone."""
         if self.before_ms is None or self.after_ms is None:
             return True
         return self.noise_ms is not None and abs(self.difference_ms) > self.noise_ms
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the change as plain data."""
         return {
             **asdict(self),
             "difference_ms": self.difference_ms,
@@ -62,12 +64,12 @@ class Change:
 
 
 def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -> None:
-    """Times of other pictures, or of other devices, cannot be compared.
+    """Check that scene, device and view of an earlier report are the given ones.
 
     Raises
     ------
     IprtError
-        It names what differs. The caller adds the file's name.
+        They differ; the message says in which respect. The caller adds the file's name.
     """
     for what, before, now in (
         ("scene", old.scene, scene),
@@ -79,7 +81,7 @@ def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -
 
 
 def changes(old: OldReport, new: CostReport) -> list[Change]:
-    """All rows of both, those of passes in the order of `new`; what is gone comes last."""
+    """Return the changes of all rows, in the order of `new`; rows only in `old` come last."""
     before, after = (dict(_rows(of)) for of in (old, OldReport.model_validate(new.record())))
     places = [*after, *(place for place in before if place not in after)]
     count = sum(_error(before.get(place), after.get(place)) is not None for place in places)
@@ -87,7 +89,7 @@ def changes(old: OldReport, new: CostReport) -> list[Change]:
 
 
 def changed_settings(old: OldReport, new: CostReport) -> list[str]:
-    """Settings that differ, in words."""
+    """Describe the settings that differ."""
     before, after = dotted(old.settings), dotted(new.settings.model_dump(mode="json"))
     return [
         f"{key} = {after.get(key)}, was {before.get(key)}"
@@ -103,8 +105,8 @@ def _change(
 
     error, noise = _error(before, after), None
     if error is not None:
-        # Welch's test of medians of blocks; with Bonferroni's correction for `count` of them.
-        # Its degrees of freedom are at least those of the noisier run.
+        # Welch's t-test of medians over blocks, with Bonferroni's correction for `count` tests.
+        # Its degrees of freedom are at least BLOCKS - 1, the value of the noisier run.
         noise = float(t.isf(0.5 * FALSE_ALARMS / count, BLOCKS - 1)) * error
     return Change(
         *place,
@@ -115,7 +117,7 @@ def _change(
 
 
 def _error(before: OldTime | None, after: OldTime | None) -> float | None:
-    """Standard error of the difference, where it is known."""
+    """Return the standard error of the difference in ms, or None if unknown."""
     if before is None or after is None or before.error_ms is None or after.error_ms is None:
         return None
     return max(math.hypot(before.error_ms, after.error_ms), MIN_ERROR_MS)

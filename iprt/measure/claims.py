@@ -30,22 +30,23 @@ if TYPE_CHECKING:
     from iprt.settings.model import Settings
 
 Values = Mapping[str, Any]
-"""Settings by dotted key, a method among them."""
+"""Settings by dotted key, including the method."""
 NEAR = 0.04
-"""Pixels are near an object within this share of the picture's height."""
+"""Largest distance of pixels near an object, as a share of the picture's height."""
 SEEN = 0.02
-"""Differences of displayed values from which on they count as seen."""
+"""Least visible difference of displayed values."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What was measured of a claim.
+    """The measurement of a claim.
 
     Attributes
     ----------
     measured : str
-        The figures.
+        The figures, as text.
     holds : bool
+        The claim holds.
     """
 
     measured: str
@@ -54,16 +55,18 @@ class Found:
 
 @dataclass(frozen=True)
 class Claim:
-    """What a paper says.
+    """A claim of a paper.
 
     Attributes
     ----------
+    paper, text : str
+        Name of the paper, and the claim.
     published : str
-        The paper's figures, where it has them, and the device that they were measured on.
+        The paper's figures, if any, and the device used.
     measure : callable
-        Measures it on a view.
+        Measures the claim on a view.
     unless : str
-        Why it may not hold here.
+        The reason why it may not hold here.
     """
 
     paper: str
@@ -75,14 +78,14 @@ class Claim:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim on a view."""
+    """The result of a claim on a view."""
 
     claim: Claim
     view: str
     found: Found
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the verdict as plain data."""
         claim = self.claim
         return {
             "paper": claim.paper,
@@ -95,12 +98,12 @@ class Verdict:
 
 
 class Subject:
-    """A view to measure on; pictures are made once for each of the settings.
+    """A view to measure on. Each combination of settings is rendered once.
 
     Parameters
     ----------
     frames : int
-        Frames that are timed, and that pictures accumulate.
+        Number of timed frames, and of frames accumulated in a picture.
     """
 
     def __init__(
@@ -112,18 +115,18 @@ class Subject:
         self._learned: Learned | None = None
 
     def times(self, *variants: Values) -> list[list[float]]:
-        """Milliseconds of the frames of each, which take turns while a head turns slowly."""
+        """Time interleaved frames of each variant while the view turns; milliseconds."""
         instances = self._scene.instances_named(self._target.objects)
         reels = [Turn(self._frame, instances, self._target.view, _settings(v)) for v in variants]
         return timed_together(self._device, reels, lambda count: count >= self._frames)
 
     def ratio(self, values: Values, base: Values) -> Ratio:
-        """Ratio of the times of their frames, `values` over `base`."""
+        """Measure the ratio of frame times, `values` over `base`."""
         times, others = self.times(values, base)
         return Ratio.of(times, others)
 
     def picture(self, values: Values) -> Radiance:
-        """Linear radiance (H, W, 3)."""
+        """Render the view; linear radiance (H, W, 3)."""
         settings = still_settings(_settings(values), 0)
         key = settings.model_dump_json()
         if key not in self._pictures:
@@ -133,12 +136,17 @@ class Subject:
         return self._pictures[key]
 
     def scores(self, values: Values) -> Scores:
-        """Scores of the picture against the truth."""
+        """Score the picture against the truth."""
         return scored(self._target, self.picture(values), str(dict(values)))
 
     def errors(self, values: Values) -> tuple[float, float]:
-        """Mean errors, as displayed, of real surfaces that objects change to be seen: of those
-        within `NEAR` of an object in the picture, and of all others.
+        """Measure the error of real surfaces that objects change visibly.
+
+        Returns
+        -------
+        near, far : float
+            Mean absolute errors of displayed values: of pixels within `NEAR` of an object in the
+            picture, and of all others.
         """
         target = self._target
         truth = target.shown
@@ -146,14 +154,14 @@ class Subject:
             display(self.picture(v), target.exposure) for v in (values, {"method": "ibl"})
         )
         away = distance_transform_edt(self._coverage() == 0.0)
-        # Image-based lighting leaves real surfaces as they are.
+        # Image-based lighting does not change real surfaces.
         changed = (np.abs(truth - plain).max(axis=-1) > SEEN) & (away > 0.0)
         near = away <= NEAR * len(truth)
         error = np.abs(shown - truth).mean(axis=-1)
         return float(error[changed & near].mean()), float(error[changed & ~near].mean())
 
     def _coverage(self) -> NDArray[np.float32]:
-        """(H, W) share of each pixel that objects cover."""
+        """Render the coverage of each pixel by objects, (H, W) in [0, 1]."""
         from iprt.renderer import Renderer
 
         instances = self._scene.instances_named(self._target.objects)
@@ -164,7 +172,7 @@ class Subject:
             return renderer.render(1, ["coverage"]).aovs["coverage"]
 
     def learned(self) -> Learned:
-        """What `oil` learns of the panorama in as many frames as are timed."""
+        """Measure the radiance models that `oil` learns of the panorama in `frames` frames."""
         if self._learned is None:
             exposure = self._target.exposure
             self._learned = learn_frame(
@@ -173,7 +181,7 @@ class Subject:
         return self._learned
 
     def likeness(self, values: Values, other: Values) -> float:
-        """SSIM of two pictures as displayed."""
+        """Compute the SSIM of two displayed pictures."""
         exposure = self._target.exposure
         return metrics.ssim(*(display(self.picture(v), exposure) for v in (values, other)))
 
@@ -184,7 +192,7 @@ def _settings(values: Values) -> Settings:
 
 
 def cuts(scores: Scores) -> tuple[float, ...]:
-    """SSIM of the cuts, or of a view without any."""
+    """Return the SSIM of each cut, or of the whole view if it has none."""
     return scores.ssim_cuts or (scores.ssim,)
 
 
@@ -202,7 +210,7 @@ def run_claims(
     Parameters
     ----------
     frames : int
-        See `Subject`.
+        Number of timed and accumulated frames; see `Subject`.
     progress : callable, optional
         Called with the number of claims measured so far.
     """
@@ -217,7 +225,7 @@ def run_claims(
 
 
 def claims_grid(verdicts: Sequence[Verdict]) -> Grid:
-    """A row per claim and view."""
+    """Build a table with a row per claim and view."""
     rows = [verdict.record() for verdict in verdicts]
     keys = ("paper", "claim", "published", "view", "measured")
     return Grid(

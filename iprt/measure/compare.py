@@ -1,4 +1,4 @@
-"""Render a scene's views and score them against its path-traced truth."""
+"""Comparison of a scene's rendered views with its path-traced truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from iprt.settings.model import Settings
 
 DIFFERENCE_GAIN = 4.0
-"""Factor that makes small differences visible in `difference`."""
+"""Factor of `difference`, which makes small errors visible."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Comparison:
     Attributes
     ----------
     view, method, background : str
-        What was rendered, and over what.
+        Names of the view, the method and the background.
     ms : dict of str to float
-        Milliseconds per frame of each pass; the panorama's own, once per video frame, apart.
+        Milliseconds per frame of each pass, without the passes that run once per video frame.
     bytes : int
-        Buffers on the device; 0 for a picture from elsewhere.
+        Size of the device's buffers; 0 for a picture from another renderer.
     """
 
     view: str
@@ -45,7 +45,7 @@ class Comparison:
     bytes: int
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the comparison as plain data."""
         return {
             "view": self.view,
             "method": self.method,
@@ -58,7 +58,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Compared:
-    """A comparison with its picture, linear (H, W, 3), and what that was scored against."""
+    """A comparison with its target and its picture, linear radiance (H, W, 3)."""
 
     comparison: Comparison
     target: Target
@@ -66,17 +66,17 @@ class Compared:
 
     @property
     def render(self) -> metrics.Image:
-        """The picture as displayed, (H, W, 3) float64 in [0, 1]."""
+        """The displayed picture, (H, W, 3) float64 in [0, 1]."""
         return display(self.color, self.target.exposure)
 
     def panels(self) -> metrics.Image:
-        """(H, 3W, 3): render, truth, and their difference."""
+        """Join render, truth and their difference side by side, (H, 3W, 3)."""
         render, truth = self.render, self.target.shown
         return np.concatenate([render, truth, difference(render, truth)], axis=1)
 
 
 def difference(render: metrics.Image, truth: metrics.Image) -> metrics.Image:
-    """Absolute difference of two displayed images times `DIFFERENCE_GAIN`, clipped to [0, 1]."""
+    """Compute the absolute difference times `DIFFERENCE_GAIN`, clipped to [0, 1]."""
     return np.clip(DIFFERENCE_GAIN * np.abs(render - truth), 0.0, 1.0)
 
 
@@ -91,25 +91,26 @@ def compare_views(
     size: tuple[int, int] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[Compared]:
-    """Render each view with each of the settings, accumulating `frames` frames, and score it.
+    """Render each view with each variant of the settings over `frames` frames, and score it.
 
-    Truths are read, and faults in them reported, before anything is rendered.
+    All truths are read and checked before anything is rendered.
 
     Parameters
     ----------
     views : sequence of str
         See `iprt.measure.view_truth.views_with_truth`.
     background : {"panorama", "truth"}
-        Which background the objects are composited over.
+        Background that the objects are composited over.
     size : (int, int) or None
         Width and height of the pictures; see `read_target`.
     progress : callable, optional
-        Called with the number of frames of the current picture done so far.
+        Called with the number of finished frames of the current picture.
 
     Raises
     ------
     IprtError
-        As `read_target`; or a picture needs more memory than the device has.
+        A target cannot be read (see `read_target`), or a picture needs more memory than the device
+        has.
     """
     targets = [read_target(scene, name, background, size) for name in views]
     for target, frame in with_frames(scene, targets):
@@ -124,7 +125,7 @@ def compare_views(
 
 @dataclass(frozen=True)
 class Drawn:
-    """A picture (H, W, 3), linear, milliseconds per frame of each pass, and bytes of buffers."""
+    """A linear picture (H, W, 3), milliseconds per frame of each pass, and bytes of buffers."""
 
     color: Radiance
     ms: dict[str, float]
@@ -140,7 +141,7 @@ def render_target(
     frames: int,
     progress: Callable[[int], None] | None = None,
 ) -> Drawn:
-    """The picture of a target."""
+    """Render the picture of a target."""
     from iprt.memory import require_memory
     from iprt.renderer import Renderer
 
@@ -158,12 +159,12 @@ def render_target(
 
 
 def scored(target: Target, color: Radiance, what: str) -> Scores:
-    """Scores of a picture; a fault in it names the view and `what` it is.
+    """Score a picture. `what` describes it in messages, beside the view.
 
     Raises
     ------
     FormatError
-        The picture holds NaN or infinity.
+        The picture contains NaN or infinity.
     """
     try:
         return target.score(color)

@@ -1,4 +1,4 @@
-"""Accuracy against time: how a still picture gets better the longer it is rendered."""
+"""Convergence of a still picture: accuracy against rendering time."""
 
 from __future__ import annotations
 
@@ -26,15 +26,17 @@ MAX_COUNT = 2**16
 
 @dataclass(frozen=True)
 class Point:
-    """A picture on the way.
+    """Time and accuracy after a number of frames.
 
     Attributes
     ----------
     count : int
-        Frames accumulated, or samples per pixel of a path tracer.
+        Accumulated frames, or samples per pixel of a path tracer.
     seconds : Estimate
-        From what is in memory to the picture: preparation and all frames so far, without
+        Time from the loaded scene to the picture: preparation and all frames so far, without
         compiling kernels.
+    ssim, ssim_cuts : Estimate, tuple of Estimate
+        SSIM of the view, and of each cut.
     """
 
     count: int
@@ -43,30 +45,30 @@ class Point:
     ssim_cuts: tuple[Estimate, ...]
 
     def reached(self, cut: int | None) -> float:
-        """Mean SSIM of a cut, or of the whole view."""
+        """Return the mean SSIM of a cut, or of the whole view for None."""
         return self.ssim.mean if cut is None else self.ssim_cuts[cut].mean
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Pictures of one view in the order in which they were reached."""
+    """Convergence of one view with one combination of settings, in order of time."""
 
     view: str
     label: str
     points: tuple[Point, ...]
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the curve as plain data."""
         return asdict(self)
 
 
 def parse_counts(text: str) -> list[int]:
-    """Whole numbers that rise, `1,2,4`; after `...` doubling goes on to the last: `1,2,...,64`.
+    """Parse a list of rising integers such as `1,2,4`. `1,2,...,64` continues by doubling.
 
     Raises
     ------
     IprtError
-        `text` is no such list.
+        `text` is not such a list.
     """
     words = [word.strip() for word in text.split(",")]
     try:
@@ -100,14 +102,14 @@ def run_convergence(
     seeds: int,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[Curve]:
-    """A curve per view and combination of settings.
+    """Measure a curve per view and combination of settings.
 
     Parameters
     ----------
     counts : sequence of int
-        Frames after which the picture is scored, rising.
+        Numbers of frames after which the picture is scored, rising.
     seeds : int
-        Runs that scores and times are the means of: the settings' seed and those after it.
+        Number of runs to average, with consecutive seeds from the settings' seed on.
     progress : callable, optional
         Called with the number of frames rendered so far.
     """
@@ -119,7 +121,7 @@ def run_convergence(
 
     for target, frame in with_frames(scene, targets):
         for combination in chosen:
-            # Drivers compile when a kernel first runs, which must not count.
+            # Drivers compile when a kernel first runs; do this before the clock starts.
             _pictures(scene, frame, target, still_settings(combination.settings, 0), [1], device)
             runs = []
             for seed in range(seeds):
@@ -135,7 +137,7 @@ def run_convergence(
 def curve(
     view: str, label: str, counts: Sequence[int], runs: Sequence[Sequence[tuple[float, Scores]]]
 ) -> Curve:
-    """The means over runs, each with (seconds, scores) per count."""
+    """Average runs, each of which has (seconds, scores) per count."""
     points = []
     for count, at in zip(counts, zip(*runs, strict=True), strict=True):
         scores = [score for _, score in at]
@@ -159,7 +161,7 @@ def _pictures(
     device: ComputeDevice,
     progress: Callable[[int], None] | None = None,
 ) -> list[tuple[float, Radiance]]:
-    """(seconds, linear picture) after each count of frames; scoring is left for later."""
+    """Render (seconds, linear picture) after each count of frames, without scoring."""
     from iprt.memory import require_memory
     from iprt.renderer import Renderer
 
@@ -178,16 +180,16 @@ def _pictures(
             done = count
             elapsed = time.perf_counter() - start - (profile.compile_ms - compiled) * 1e-3
             pictures.append((elapsed, color))
-            profile.reset()  # else the events of all frames are kept
+            profile.reset()  # else it would keep the events of all frames
             if progress is not None:
                 progress(done)
     return pictures
 
 
 def seconds_to(points: Sequence[Point], cut: int | None, ssim: float) -> float | None:
-    """The least seconds after which a curve has an SSIM; None if it never has.
+    """Return the seconds after which a curve first reaches an SSIM; None if it never does.
 
-    Between two pictures SSIM is taken as linear in the logarithm of time.
+    Between two pictures, SSIM is interpolated linearly in the logarithm of time.
     """
     before: Point | None = None
     for point in sorted(points, key=lambda point: point.seconds.mean):

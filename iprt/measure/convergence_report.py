@@ -1,4 +1,4 @@
-"""Curves of accuracy against time as tables and plots."""
+"""Tables and plots of convergence curves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iprt.output.grid import Grid
 
 
 def convergence_grid(curves: Sequence[Curve]) -> Grid:
-    """A row per picture; at least one curve."""
+    """Build a table with a row per picture. `curves` must not be empty."""
     cuts = max(len(curve.points[0].ssim_cuts) for curve in curves)
     rows = [
         (
@@ -44,7 +44,7 @@ def convergence_grid(curves: Sequence[Curve]) -> Grid:
 
 
 def reach_grid(curves: Sequence[Curve], levels: Sequence[float]) -> Grid:
-    """Seconds until each cut has an SSIM of each of the levels; a row per curve and cut."""
+    """Build a table of the seconds to reach each SSIM level, with a row per curve and cut."""
     rows = []
     for curve in curves:
         for cut in cuts_of(curve):
@@ -68,7 +68,7 @@ def reach_grid(curves: Sequence[Curve], levels: Sequence[float]) -> Grid:
 
 
 def convergence_plots(curves: Sequence[Curve]) -> list[Plot]:
-    """Seconds against SSIM, a plot per view and cut."""
+    """Plot SSIM over seconds, one plot per view and cut."""
     plots = []
     for view in dict.fromkeys(curve.view for curve in curves):
         mine = [curve for curve in curves if curve.view == view]
@@ -94,10 +94,10 @@ def _series(curve: Curve, cut: int | None) -> Series:
 
 
 def cuts_of(curve: Curve) -> list[int | None]:
-    """The cuts of a curve's view; of a view without cuts the whole of it."""
+    """Return the indices of the view's cuts, or [None], the whole view, if it has none."""
     return list(range(len(curve.points[0].ssim_cuts))) or [None]
 
 
 def cut_name(cut: int | None) -> str:
-    """`cut 1` for 0."""
+    """Return a cut's name, such as `cut 1` for index 0."""
     return "whole view" if cut is None else f"cut {cut + 1}"

@@ -1,4 +1,4 @@
-"""Costs per frame: of passes, and of the kernels, transfers and host work they consist of."""
+"""Costs per frame of passes, kernels, transfers and host work."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from iprt.device.counting import Work
 from iprt.device.profile import Cost, FrameCosts, Key, Kind, by_pass, pass_time
 
 BLOCKS = 8
-"""Runs of frames that are taken together when it is asked how sure a median is."""
+"""Number of blocks of consecutive frames for the bootstrap of a median."""
 RESAMPLES = 400
-"""Draws of as many of these runs, with replacement."""
+"""Number of bootstrap samples, each of `BLOCKS` blocks drawn with replacement."""
 FEWEST_FRAMES = 2 * BLOCKS
-"""Fewer are too few to report."""
+"""Least number of frames for a standard error."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Milliseconds of each frame, in short.
+    """Statistics of the milliseconds of frames.
 
     Attributes
     ----------
     ms, p95_ms, mean_ms : float
-        Median, 95th percentile and mean. Medians of parts do not add up to that of the whole;
-        means do.
+        Median, 95th percentile and mean. Unlike means, medians of parts do not add up to the
+        median of the whole.
     error_ms : float or None
-        Standard error of the median, by a bootstrap of `BLOCKS` runs of frames, so that what
-        lasts for several frames counts as noise, too. None of fewer than `FEWEST_FRAMES`.
+        Standard error of the median, by a block bootstrap with `BLOCKS` blocks of consecutive
+        frames, which accounts for correlated noise. None for fewer than `FEWEST_FRAMES` frames.
     """
 
     ms: float
@@ -41,7 +41,7 @@ class Timing:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Timing:
-        """From the times of frames, in order; at least one."""
+        """Compute the statistics of at least one frame time, in order."""
         error = _median_error(np.array(values)) if len(values) >= FEWEST_FRAMES else None
         return cls(float(median(values)), float(np.percentile(values, 95)), fmean(values), error)
 
@@ -51,21 +51,23 @@ def _median_error(values: NDArray[np.float64]) -> float:
     blocks = values[len(values) - BLOCKS * length :].reshape(BLOCKS, length)
     drawn = np.random.default_rng(0).integers(BLOCKS, size=(RESAMPLES, BLOCKS))
     medians = np.median(blocks[drawn].reshape(RESAMPLES, -1), axis=1)
-    # Half of what one standard deviation to either side holds of a normal distribution: a run that
-    # something else disturbed, drawn often now and then, would rule their own deviation.
+    # Half the distance between the quantiles of a normal distribution at -1 and +1 standard
+    # deviations. The sample's standard deviation would be dominated by one disturbed block.
     return 0.5 * float(np.diff(np.quantile(medians, (0.1587, 0.8413)))[0])
 
 
 @dataclass(frozen=True)
 class WorkRow:
-    """The work of a kernel per frame; see `iprt.device.counting`.
+    """Work of a kernel per frame; see `iprt.device.counting`.
 
     Attributes
     ----------
+    items, active, groups, active_groups : float
+        Work items and work groups: launched, and with work to do.
     rays, object_rays : float
-        Through the panorama, and towards objects.
+        Rays through the panorama, and rays towards objects.
     steps, object_steps : float
-        Steps of a ray, on average.
+        Average steps of a ray.
     most_steps, most_object_steps : int
         Steps of the longest march in all frames.
     """
@@ -83,7 +85,7 @@ class WorkRow:
 
     @classmethod
     def of(cls, work: Work, frames: int) -> WorkRow:
-        """From the sum over frames."""
+        """Divide the sum over `frames` frames."""
         real, objects = work.real, work.objects
         return cls(
             items=work.items / frames,
@@ -101,19 +103,19 @@ class WorkRow:
 
 @dataclass(frozen=True)
 class PartRow:
-    """A kernel of a pass, a kind of transfer, or work of the host.
+    """Cost of a kernel, a kind of transfer or a host section in a pass.
 
     Attributes
     ----------
     share : float
         Fraction of the mean time of a frame, in [0, 1].
     launches, bytes : float
-        Per frame, on average; see `Cost`.
+        Averages per frame; see `Cost`.
     gb_per_s : float or None
-        Bytes by time, in 10^9 a second. None of host work, and of kernels that read where rays or
-        lists lead them: the buffers' sizes do not say what these move.
+        Bandwidth in 10^9 bytes per second. None for host work, and for kernels that follow rays
+        or lists, whose traffic does not follow from the sizes of their buffers.
     work : WorkRow or None
-        What a kernel that counts had to do, where it was counted.
+        Counted work of the kernel, if any.
     """
 
     name: str
@@ -128,18 +130,18 @@ class PartRow:
 
 @dataclass(frozen=True)
 class PassRow:
-    """A pass.
+    """Cost of a pass.
 
     Attributes
     ----------
     timing : Timing
         Device and host together.
     share, launches : float
-        As of `PartRow`; transfers are launches.
+        See `PartRow`; transfers count as launches.
     device_ms, host_ms : float
-        Medians of what the device did, and of host work.
+        Medians of device time and host work.
     enqueue_ms : float
-        Median of the time that the host spent on it while the device may have run.
+        Median of the host time to enqueue the pass, during which the device may run.
     """
 
     name: str
@@ -153,6 +155,7 @@ class PassRow:
 
     @property
     def ms(self) -> float:
+        """Median in ms."""
         return self.timing.ms
 
 
@@ -161,14 +164,14 @@ Counted = Mapping[tuple[str, str], WorkRow]
 
 
 def frame_timing(frames: Sequence[FrameCosts]) -> Timing:
-    """The time of all passes of a frame together."""
+    """Compute the statistics of the total time of all passes of a frame."""
     return Timing.of([_ms(costs.items()) for costs in frames])
 
 
 def pass_rows(frames: Sequence[FrameCosts], counted: Counted | None = None) -> list[PassRow]:
-    """A row per pass, in the order in which they first ran; none of no frames.
+    """Build a row per pass, in the order in which the passes first ran.
 
-    A pass that a frame lacks took no time in it.
+    A pass that is missing from a frame counts as zero time.
     """
     names: dict[str, dict[Key, None]] = {}
     split = [by_pass(costs) for costs in frames]
@@ -219,7 +222,7 @@ def _part_row(key: Key, frames: Sequence[FrameCosts], total: float, counted: Cou
 
 
 PASS_KINDS = frozenset({Kind.KERNEL, Kind.TRANSFER, Kind.HOST})
-"""The kinds of cost that add up to the time of a pass."""
+"""Kinds of cost that add up to the time of a pass."""
 
 
 def _ms(costs: Iterable[tuple[Key, Cost]], kinds: Iterable[Kind] = PASS_KINDS) -> float:

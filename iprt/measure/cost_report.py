@@ -1,4 +1,4 @@
-"""Costs of a run of frames, as a whole and by pass, also as plain data."""
+"""Report of the costs of a sequence of frames, as a whole and by pass."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from iprt.device.profile import Profile
 
 SCHEMA = 1
-"""The version of the plain data, raised when what is there comes to mean something else."""
+"""Version of the plain data. Raise it when the meaning of an existing field changes."""
 
 
 @dataclass(frozen=True)
 class CostReport:
-    """Costs of frames.
+    """Costs of a sequence of frames.
 
     Attributes
     ----------
@@ -36,25 +36,25 @@ class CostReport:
     view : View
         View of the first frame.
     wall : Timing or None
-        From asking for a frame until the device has finished it, as one clock shows it: passes,
-        Python, and waiting. The picture stays on the device. None where pictures were read.
+        Wall time from the request of a frame until the device has finished it: passes, Python and
+        waiting. The picture stays on the device. None if pictures were read.
     host : Timing or None
-        Of the processor, for the thread that asks for frames; None where `wall` is.
+        CPU time of the requesting thread. None if `wall` is None.
     synchronisations : float or None
-        How often per frame, before it ends, that thread waits for the device.
+        Number of waits of that thread for the device, per frame, before the frame's end.
     frame : Timing
         All passes of a frame together.
     traced : float or None
-        Fraction of the pixels at which rays relight the real surface; None where none are traced,
-        or it was not looked at.
+        Fraction of the pixels at which rays relight the real surface. None if no rays are traced,
+        or the fraction was not measured.
     prepare_ms : float
         Time of passes before the first frame.
     compiled, first_launches : mapping of str to float
         Milliseconds by program; see `Profile`.
     buffers : mapping of str to int
-        Bytes by name, those of OpenGL included.
+        Bytes by name, including OpenGL's memory.
     memory : int
-        Bytes that the device has.
+        Bytes of the device's memory.
     """
 
     scene: str
@@ -88,14 +88,14 @@ class CostReport:
         synchronisations: float | None = None,
         traced: float | None = None,
     ) -> CostReport:
-        """Costs of the frames that the device's profile holds, at least one.
+        """Build the report of the frames in the device's profile, at least one.
 
         Parameters
         ----------
         walls, hosts : sequences of float
             Milliseconds of each frame; see `wall` and `host`.
         synchronisations : float or None
-            See there.
+            See the attribute.
         """
         profile = device.profile
         frames = profile.kept_frames()
@@ -119,12 +119,12 @@ class CostReport:
         )
 
     def with_work(self, profile: Profile, counted: Counted) -> CostReport:
-        """The same, of the same `profile`, with what kernels had to do."""
+        """Return the report with the counted work of kernels; `profile` is the report's own."""
         return replace(self, passes=tuple(pass_rows(profile.kept_frames(), counted)))
 
     @property
     def compile_ms(self) -> float:
-        """All programs together, built and launched first."""
+        """Total time in ms to compile all programs, in builds and first launches."""
         return sum(self.compiled.values()) + sum(self.first_launches.values())
 
     @property
@@ -134,12 +134,12 @@ class CostReport:
 
     @property
     def wall_ms(self) -> float:
-        """Median. There must be a `wall`."""
+        """Median wall time. `wall` must not be None."""
         assert self.wall is not None
         return self.wall.ms
 
     def record(self) -> dict[str, Any]:
-        """The same as plain data, as JSON takes it."""
+        """Return the report as plain data for JSON."""
         return {
             "schema": SCHEMA,
             "version": __version__,
@@ -166,9 +166,9 @@ class CostReport:
         }
 
     def flat(self) -> list[dict[str, Any]]:
-        """A row of plain values per pass (no `part`), per part, and per program (no `pass`).
+        """Return rows of plain values per pass (no `part`), part and program (no `pass`).
 
-        All have the same keys.
+        All rows have the same keys.
         """
         rows: list[dict[str, Any]] = []
         for row in map(_pass_record, self.passes):
@@ -199,7 +199,7 @@ def _pass_record(row: PassRow) -> dict[str, Any]:
 
 
 def _plain(record: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a row, with those of its timing behind its name and kind."""
+    """Flatten a row: name and kind first, then the fields of its timing, then the others."""
     named = {"name": record.pop("name")}
     if "kind" in record:
         named["kind"] = record.pop("kind").value

@@ -1,4 +1,4 @@
-"""What methods or settings make of equal time, and what a frame of each costs."""
+"""Comparison of methods or settings at equal time, with their costs per frame."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ if TYPE_CHECKING:
 
 MAX_SECONDS = 3600.0
 ROUNDS = 10
-"""Frames of each kind that a cost is the median of."""
+"""Number of measurements of each kind. Their median is the cost."""
 AFTER = 3
-"""Frames from a change until nothing is left of it to do: objects move, stop, and are at rest."""
+"""Frames until all work of a change is done: objects move, stop, and are at rest."""
 NUDGE_M = 0.01
-"""How far objects move while their cost is measured, in a room (median depth 2 m)."""
+"""Displacement of moving objects in metres, in a room with a median depth of 2 m."""
 
 
 @dataclass(frozen=True)
 class Costs:
-    """Milliseconds of frames in which the view turns, and bytes.
+    """Milliseconds per frame while the view turns, and memory.
 
     Attributes
     ----------
     frame : float
         Median time of a frame.
     video, objects : float
-        Median time that is added, to the frame and to those after it, where the video's next frame
-        has come in, which looks the same; or where all objects have moved and stopped.
+        Median additional time, over all affected frames, of a new but equal video frame, and of
+        all objects moving and stopping.
     bytes : int
-        Buffers on the device.
+        Size of the device's buffers.
     """
 
     frame: float
@@ -63,16 +63,16 @@ class Costs:
 
 @dataclass(frozen=True)
 class TimedPicture:
-    """The last picture that was finished in time.
+    """The last picture finished within a time budget.
 
     Attributes
     ----------
     budget : float or None
-        Seconds that it was given; None: so many frames as were asked for.
+        Time budget in seconds. None: a given number of frames instead.
     frames : int
-        Accumulated; 1 where even the first took longer than the budget.
+        Accumulated frames; 1 if even the first one exceeds the budget.
     seconds : float
-        What they took, from what is in memory to the picture; see `TimedRenderer.picture`.
+        Time from the loaded scene to the picture; see `TimedRenderer.picture`.
     """
 
     budget: float | None
@@ -83,7 +83,7 @@ class TimedPicture:
 
 @dataclass(frozen=True)
 class EqualTime:
-    """One combination of settings on one view; `pictures` in the order of their budgets."""
+    """Result of one combination of settings on one view, with pictures by rising budget."""
 
     combination: Combination
     target: Target
@@ -91,7 +91,7 @@ class EqualTime:
     pictures: tuple[TimedPicture, ...]
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the result as plain data."""
         return {
             "view": self.target.name,
             "values": dict(self.combination.values),
@@ -104,12 +104,12 @@ class EqualTime:
 
 
 def parse_seconds(text: str) -> list[float]:
-    """Rising times separated by commas.
+    """Parse rising times in seconds, separated by commas.
 
     Raises
     ------
     IprtError
-        `text` is no such list.
+        `text` is not such a list.
     """
     try:
         found = [float(word) for word in text.split(",")]
@@ -133,14 +133,14 @@ def run_equal_time(
     frames: int,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[tuple[EqualTime, list[Radiance]]]:
-    """Measure every combination on every view, with its pictures, linear, as in `pictures`.
+    """Measure every combination on every view; yield results with their linear pictures.
 
     Parameters
     ----------
     budgets : sequence of float
         Seconds per picture, rising.
     frames : int
-        Frames of one more picture, which has all the time that it takes.
+        Number of frames of one more picture, without a time budget.
     progress : callable, optional
         Called with the number of combinations and views done so far.
     """
@@ -166,9 +166,9 @@ def run_equal_time(
 def pictures_within(
     renderer: TimedRenderer, budgets: Sequence[float]
 ) -> list[tuple[int, float, Radiance]]:
-    """Frames, seconds and linear radiance of the last picture finished within each budget.
+    """Return frames, seconds and linear radiance of the last picture within each budget.
 
-    The first picture counts however long it took. `budgets` rise.
+    The first picture counts even if it exceeds the budget. `budgets` are rising.
     """
     count, found = 1, []
     seconds, color = renderer.picture(count, 0)
@@ -188,12 +188,12 @@ def costs_of(
     view: View,
     settings: Settings,
 ) -> Costs:
-    """Costs of a frame while a head turns slowly; the medians of `ROUNDS` frames of each kind.
+    """Measure the costs of a frame while the view turns; medians of `ROUNDS` measurements.
 
     Raises
     ------
     DeviceError
-        Too little device memory.
+        The picture needs more memory than the device has.
     """
     from iprt.renderer import Renderer
 
@@ -210,7 +210,7 @@ def costs_of(
             device.wait()
 
         def with_video() -> None:
-            renderer.load(replace(frame))  # equal, but another one
+            renderer.load(replace(frame))  # an equal frame, but a new object
 
         def with_objects() -> None:
             renderer.move(moved if renderer.instances[0] is instances[0] else instances)
@@ -227,7 +227,7 @@ def costs_of(
                 change()
                 for _ in range(AFTER):
                     step()
-                if number:  # the first of its kind compiles kernels
+                if number:  # the first round compiles kernels
                     times[name].append(1e3 * (perf_counter() - start))
         device.profile.reset()
     medians = {name: median(values) for name, values in times.items()}
@@ -250,7 +250,7 @@ def _nudge() -> NDArray[np.float64]:
 
 
 def costs_grid(results: Sequence[EqualTime]) -> Grid:
-    """A row per combination and view; at least one."""
+    """Build a table with a row per combination and view. `results` must not be empty."""
     return Grid(
         title="Cost of a frame",
         columns=("view", "settings", "ms/frame", "video ms", "objects ms", "MB"),
@@ -275,7 +275,7 @@ def costs_grid(results: Sequence[EqualTime]) -> Grid:
 
 
 def equal_time_grid(results: Sequence[EqualTime]) -> Grid:
-    """SSIM of the cuts and FLIP by seconds per picture; a row per combination and view."""
+    """Build a table of SSIM and FLIP by time budget, with a row per combination and view."""
     names = [_budget_name(picture) for picture in results[0].pictures]
     flip = any(p.scores.flip is not None for result in results for p in result.pictures)
     return Grid(
@@ -298,7 +298,7 @@ def equal_time_grid(results: Sequence[EqualTime]) -> Grid:
 
 
 def equal_time_figures(result: EqualTime, colors: Sequence[Radiance]) -> Figures:
-    """The cuts of all pictures beside the truth, and the last one's difference from it."""
+    """Show the cuts of all pictures, the truth, and the last picture's difference from it."""
     target = result.target
     *_, last = colors
     shown = [

@@ -1,4 +1,4 @@
-"""A strip of a played video's frames, side by side, for people to look at."""
+"""Film strip of a played video: frames side by side for visual inspection."""
 
 from __future__ import annotations
 
@@ -16,15 +16,14 @@ COLUMNS = 8
 
 
 class Strip:
-    """Up to eight frames at even distances, cut to the last of a view's crops.
+    """Up to eight evenly spaced frames, cropped to the last of a view's cuts.
 
-    Below each frame stands what it would be without noise or past, and their difference, where
-    that is known.
+    Below each frame are its converged picture and their difference, if known.
 
     Parameters
     ----------
     indices : sequence of int
-        The frames that are played.
+        Indices of the played frames.
     cuts : sequence of (x0, y0, x1, y1)
         Crops in pixels of the pictures.
     """
@@ -37,7 +36,7 @@ class Strip:
         self._columns: dict[int, metrics.Image] = {}
 
     def add(self, index: int, shown: metrics.Image, converged: metrics.Image | None) -> None:
-        """Keep a frame (H, W, 3), if it is one of the strip's."""
+        """Keep a frame (H, W, 3) if it belongs to the strip."""
         if index not in self._wanted:
             return
         parts = [shown]

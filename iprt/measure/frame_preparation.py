@@ -1,4 +1,4 @@
-"""How fast frames of a video come in: from what was decoded to a world that is ready to render."""
+"""Timing of frame preparation: from a decoded video frame to a world ready to render."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ if TYPE_CHECKING:
     from iprt.settings.model import Settings
 
 HELD = 4
-"""Frames of the video that are held decoded, and shown again and again."""
+"""Number of decoded frames kept in memory and repeated."""
 WARM_UP = 4
-"""Frames before those that are timed; the first is timed by itself."""
+"""Frames before the timed ones. The first is timed separately."""
 BRIGHTER, FARTHER = 0.01, 1e-4
-"""By how much each frame made of a still picture differs from the one before."""
+"""Relative change of radiance and depth between the frames made from a still picture."""
 
 
 @dataclass(frozen=True)
 class PreparationTimes:
-    """Times of a video's frames, decoding left out.
+    """Preparation times of a video's frames, without decoding.
 
     Attributes
     ----------
     size : (int, int)
         Width and height of the panorama.
     first_ms : float
-        From the first frame as decoded until it can be rendered. Kernels are compiled before.
+        Time from the first decoded frame until it can be rendered, with kernels compiled before.
     ms : float
-        Mean of the frames that follow, which are prepared ahead while others are loaded.
+        Mean time of the following frames, which are prepared while others are loaded.
     preparing_ms : float
-        The part of the thread that prepares ahead: holes, drift, clipped lights, medians.
+        Time per frame of the preparing thread: holes, drift, clipped lights, medians.
     loading_ms : float
-        The part of the thread that loads what is prepared, most of which waits for the device.
+        Time per frame of the loading thread, which mostly waits for the device.
     passes : tuple of PassTime
-        What the device does, per frame.
+        Device time per frame.
     """
 
     scene: str
@@ -67,14 +67,15 @@ class PreparationTimes:
 
     @property
     def frames_per_s(self) -> float:
+        """Frames per second."""
         return 1e3 / self.ms
 
     def record(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return the times as plain data for JSON."""
         return {**asdict(self), "frames_per_s": self.frames_per_s}
 
     def grid(self) -> Grid:
-        """As a table."""
+        """Build a table of the times."""
         width, height = self.size
         rows = [
             ("first frame", f"{self.first_ms:.0f}"),
@@ -100,7 +101,7 @@ def time_preparation(
     size: tuple[int, int] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> PreparationTimes:
-    """Time `frames` frames of a scene's video, which are enlarged to `size` where that is given."""
+    """Time `frames` frames of a scene's video, resized to `size` (width, height) if given."""
     held = _decoded(scene, size)
     height, width = held[0].depth.shape
     with_kernels = _world(device, scene, scene.preparation()(held[0]), settings)
@@ -155,7 +156,7 @@ def _world(device: ComputeDevice, scene: Scene, frame: Frame, settings: Settings
 
 
 def _decoded(scene: Scene, size: tuple[int, int] | None) -> list[RawFrame]:
-    """The first frames of the video; of a still picture, some that differ a little."""
+    """Read the first `HELD` frames; make missing ones from the first with small changes."""
     indices = scene.frame_indices[:HELD]
     raws = [_enlarged(scene.raw_frame(index), size) for index in indices]
     for index in range(len(raws), HELD):
@@ -167,7 +168,7 @@ def _decoded(scene: Scene, size: tuple[int, int] | None) -> list[RawFrame]:
 
 
 def _enlarged(raw: RawFrame, size: tuple[int, int] | None) -> RawFrame:
-    """Texels repeated or left out."""
+    """Resize a frame to (width, height) by nearest-neighbour sampling."""
     if size is None:
         return raw
     height, width = raw.depth.shape

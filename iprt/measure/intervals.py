@@ -11,19 +11,19 @@ import numpy as np
 
 CONFIDENCE = 0.95
 BLOCKS = 8
-"""Runs of pairs that a ratio is the mean of."""
+"""Number of blocks of consecutive pairs that a ratio averages."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean and the half width of its confidence interval; None of one value."""
+    """A mean and the half width of its confidence interval, which is None for a single value."""
 
     mean: float
     half: float | None
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Estimate:
-        """From independent values, at least one: mean ± t s/√n, with Student's t of n - 1."""
+        """Estimate from n independent values: mean ± t s/√n, Student's t with n - 1 degrees."""
         if len(values) == 1:
             return cls(values[0], None)
         from scipy.stats import t
@@ -32,14 +32,14 @@ class Estimate:
         return cls(fmean(values), quantile * stdev(values) / math.sqrt(len(values)))
 
     def text(self, digits: int = 4) -> str:
-        """`0.9512 ± 0.0004`."""
+        """Format the estimate, such as `0.9512 ± 0.0004`."""
         mean = f"{self.mean:.{digits}f}"
         return mean if self.half is None else f"{mean} ± {self.half:.{digits}f}"
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """A ratio of times, and its confidence interval; None where there is one pair only."""
+    """A ratio of times and its confidence interval, which is None for a single pair."""
 
     value: float
     low: float | None
@@ -47,10 +47,11 @@ class Ratio:
 
     @classmethod
     def of(cls, times: Sequence[float], base: Sequence[float]) -> Ratio:
-        """From pairs of times, at least one, that were taken one after the other.
+        """Estimate the ratio from at least one pair of consecutive measurements.
 
-        The mean of the logarithms of their quotients, of `BLOCKS` runs of pairs where there are
-        so many, each by its median: what disturbs one pair, or some in a row, counts once.
+        The logarithms of the ratios are split into up to `BLOCKS` blocks of consecutive pairs. The
+        estimate averages the blocks' medians, so that a disturbance of one or several pairs
+        affects one block.
         """
         logarithms = np.log(np.divide(times, base))
         blocks = np.array_split(logarithms, min(BLOCKS, len(logarithms)))
@@ -62,11 +63,11 @@ class Ratio:
 
     @property
     def differs(self) -> bool:
-        """1 is outside the interval."""
+        """True if the interval excludes 1."""
         return self.low is not None and self.high is not None and not self.low <= 1.0 <= self.high
 
     def text(self) -> str:
-        """`0.82 (0.80 to 0.84)`, or that no difference was seen."""
+        """Format the ratio, such as `0.82 (0.80 to 0.84)`, or say that no difference was seen."""
         if self.low is None or self.high is None:
             return f"{self.value:.2f}"
         interval = f"({self.low:.2f} to {self.high:.2f})"

@@ -1,4 +1,4 @@
-"""How well, how fast and in how much memory `oil` learns the radiance of a panorama's surfaces."""
+"""Accuracy, time and memory of `oil`'s learned surface radiance of a panorama."""
 
 from __future__ import annotations
 
@@ -19,28 +19,27 @@ from iprt.world.real.panorama import Panorama
 Float = NDArray[np.float32]
 
 VOXEL_BYTES = 16
-"""Sums of three channels and a count, of 4 bytes each."""
+"""Bytes of a voxel: sums of three channels and a count, 4 bytes each."""
 TABLE_BYTES = 12
-"""A voxel's key or place in a hash table, and the link to the next one, at least."""
+"""Least bytes of a hash table per voxel: the key or position, and the link to the next entry."""
 
 
 @dataclass(frozen=True)
 class Learned:
-    """What came of learning from a panorama.
+    """Accuracy and cost of learning from a panorama.
 
     Attributes
     ----------
     error, dense_error, sparse_error : float
-        Root of the mean squared error on samples that were held out, as displayed, white being 1:
-        of the models; of the means of a dense grid of voxels of at least
-        equal memory, as in the paper's Figure 10; and of a grid that stores only the voxels that
-        samples lie in.
+        RMSE of displayed values (white is 1) on held-out samples: of the models, of the means of a
+        dense voxel grid of at least equal memory, as in the paper's Figure 10, and of a sparse
+        grid, which stores only voxels that contain samples.
     megabytes : tuple of float
         Memory of the models and their grid after each frame.
     ms : float
-        Median time of a frame's learning.
+        Median learning time of a frame.
     known : float
-        Share of what was held out at which something was learned.
+        Share of the held-out samples for which the models give a value.
     """
 
     error: float
@@ -54,7 +53,7 @@ class Learned:
 def learn_frame(
     device: ComputeDevice, frame: Frame, own: LearningSettings, frames: int, exposure: float
 ) -> Learned:
-    """Learn from so many frames that show the same, and ask at texels that were held out."""
+    """Learn from `frames` copies of a frame and evaluate at held-out texels."""
     panorama = Panorama(device, frame.width, frame.height)
     panorama.load(frame)
     learner = Learner(device, own.samples, own.models)
@@ -90,15 +89,15 @@ def learn_frame(
 
 
 def voxel_means(samples: Float, asked: Float, nbytes: int, *, dense: bool) -> Float:
-    """(N, 3) mean radiance of the samples in the voxels that others lie in.
+    """Return the mean radiance of `samples` in the voxels of the points `asked`, (N, 3).
 
-    The voxels are the largest cubes that take `nbytes` or more; those without samples are 0.
+    The voxels are the largest cubes whose grid takes at least `nbytes`. Empty voxels are 0.
 
     Parameters
     ----------
     samples, asked : (N, SAMPLE_PARTS, 4) float32
     dense : bool
-        All voxels of the bounding box are stored, else only those that samples lie in.
+        Store all voxels of the bounding box, else only the ones that contain samples.
     """
     low, high = samples[:, 0, :3].min(axis=0), samples[:, 0, :3].max(axis=0)
     size = float((high - low).max())
@@ -122,7 +121,7 @@ def voxel_means(samples: Float, asked: Float, nbytes: int, *, dense: bool) -> Fl
 def _voxels(
     samples: Float, low: Float, size: float, counts: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """(N,) numbers of the voxels that samples lie in."""
+    """Return the indices of the voxels that contain the samples, (N,)."""
     cell = np.clip(np.floor((samples[:, 0, :3] - low) / size).astype(np.int64), 0, counts - 1)
     return np.asarray((cell[:, 2] * counts[1] + cell[:, 1]) * counts[0] + cell[:, 0])
 
@@ -132,7 +131,7 @@ def _surfaces(samples: Float) -> Float:
 
 
 def _keys(samples: Float) -> NDArray[np.void]:
-    """(N,) one value per texel: its position."""
+    """Return one hashable value per texel, its position, (N,)."""
     points = np.ascontiguousarray(samples[:, 0, :3])
     return points.view(np.dtype((np.void, points.itemsize * 3))).ravel()
 

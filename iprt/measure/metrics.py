@@ -1,7 +1,7 @@
-"""How far a picture is from its truth: SSIM, PSNR, MSE and FLIP of display-referred images.
+"""Image metrics: SSIM, PSNR, MSE and FLIP of display-referred images, RMSE of linear radiance.
 
-Radiance is compared as a viewer sees it: after exposure, clipping and the sRGB curve, in [0, 1].
-A picture that cannot be scored raises; it never gets a number.
+Display-referred images are in [0, 1], after exposure, clipping and the sRGB curve. All functions
+raise `FormatError` for images that cannot be compared.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ Cut = tuple[int, int, int, int]
 
 SSIM_SIGMA = 1.5
 SSIM_WINDOW = 11
-"""Pixels across the Gaussian window of SSIM: sigma 1.5 truncated at 3.5 sigma."""
+"""Side in pixels of SSIM's Gaussian window: sigma 1.5 truncated at 3.5 sigma."""
 
 FLIP_PPD = 67.0
-"""Pixels per degree that FLIP assumes: a 0.7 m wide 3840-pixel display seen from 0.7 m."""
+"""Pixels per degree for FLIP: a 0.7 m wide 3840-pixel display seen from 0.7 m."""
 
 
 def mse(test: Image, truth: Image) -> float:
-    """Mean squared error over pixels and channels of two display-referred images."""
+    """Compute the mean squared error of two display-referred images over pixels and channels."""
     _require_comparable(test, truth)
     return float(np.mean(np.square(test - truth)))
 
 
 def rmse(test: NDArray[Any], truth: NDArray[Any]) -> float:
-    """Root of the mean squared error over pixels and channels of two images of linear radiance."""
+    """Compute the root mean squared error of two linear images over pixels and channels."""
     _require_same_size(test, truth)
     return float(np.sqrt(np.mean(np.square(test.astype(np.float64) - truth))))
 
 
 def psnr(test: Image, truth: Image) -> float:
-    """Peak signal-to-noise ratio in dB of two display-referred images; inf if they are equal."""
+    """Compute the PSNR in dB of two display-referred images; inf if they are equal."""
     error = mse(test, truth)
     return math.inf if error == 0.0 else -10.0 * math.log10(error)
 
 
 def ssim(test: Image, truth: Image) -> float:
-    """Mean structural similarity of two display-referred images, Gaussian window of 11 pixels.
+    """Compute the mean SSIM of two display-referred images, with a Gaussian window of 11 pixels.
 
     Source: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
     structural similarity", IEEE TIP 2004, with its parameters (sigma 1.5, population covariance),
-    per colour channel.
+    averaged over colour channels.
 
     Raises
     ------
@@ -74,12 +74,14 @@ def ssim(test: Image, truth: Image) -> float:
 
 
 def ssim_cuts(test: Image, truth: Image, cuts: Sequence[Cut]) -> tuple[float, ...]:
-    """SSIM of each crop `x0, y0, x1, y1`, cropped first: no pixel outside a cut counts in it.
+    """Compute the SSIM of each cut `x0, y0, x1, y1`.
+
+    Images are cropped first, so that pixels outside of a cut have no influence.
 
     Raises
     ------
     FormatError
-        As `ssim`, or a cut leaves the image.
+        The images cannot be compared (see `ssim`), or a cut exceeds the image.
     """
     _require_comparable(test, truth)
     height, width = truth.shape[:2]
@@ -88,12 +90,12 @@ def ssim_cuts(test: Image, truth: Image, cuts: Sequence[Cut]) -> tuple[float, ..
 
 
 def check_cuts(cuts: Sequence[Cut], width: int, height: int) -> None:
-    """Fail if a cut `x0, y0, x1, y1` cannot be scored in an image of `width` x `height` pixels.
+    """Check the cuts `x0, y0, x1, y1` of an image of `width` x `height` pixels.
 
     Raises
     ------
     FormatError
-        The cut leaves the image, or a side is shorter than the window of SSIM.
+        A cut exceeds the image, or one of its sides is shorter than the window of SSIM.
     """
     for cut in cuts:
         x0, y0, x1, y1 = cut
@@ -103,9 +105,10 @@ def check_cuts(cuts: Sequence[Cut], width: int, height: int) -> None:
 
 
 def flip(test: Image, truth: Image) -> float | None:
-    """Mean LDR-FLIP of two display-referred images at 67 pixels per degree, 0 (equal) to 1.
+    """Compute the mean LDR-FLIP of two display-referred images at 67 pixels per degree.
 
-    None where the package `flip_evaluator` (the extra `metrics`) is not installed.
+    The result is in [0, 1], 0 for equal images. It is None if the package `flip_evaluator` (extra
+    `metrics`) is not installed.
 
     Source: Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
     """
@@ -114,17 +117,17 @@ def flip(test: Image, truth: Image) -> float | None:
 
 
 def flip_map(test: Image, truth: Image) -> Image | None:
-    """(H, W, 3) where and how much two images differ by `flip`, in the colours of magma.
+    """Compute the FLIP error map of two images in the magma colormap, (H, W, 3).
 
-    None where the package `flip_evaluator` is not installed.
+    The result is None if the package `flip_evaluator` is not installed.
     """
     evaluated = _evaluate_flip(test, truth, colours=True)
     return None if evaluated is None else np.asarray(evaluated[0], np.float64)
 
 
 def _evaluate_flip(test: Image, truth: Image, *, colours: bool) -> Any:
-    """Error map, mean error and parameters; None without the evaluator."""
-    # The evaluator drops NaN pixels from its mean in silence, so both images are checked here.
+    """Return error map, mean error and parameters; None if the evaluator is not installed."""
+    # The evaluator silently drops NaN pixels from its mean, so both images are checked here.
     _require_comparable(test, truth)
     try:
         import flip_evaluator
@@ -151,7 +154,7 @@ def _require_comparable(test: Image, truth: Image) -> None:
     if truth.ndim != 3 or truth.shape[2] != 3 or truth.size == 0:
         raise FormatError(f"expected images of shape (H, W, 3), got {truth.shape}")
     for image in (test, truth):
-        # Written so that NaN, which compares false, is rejected too.
+        # `not` of a comparison also rejects NaN, which compares false.
         if not (image.min() >= 0.0 and image.max() <= 1.0):
             raise FormatError("the images are not display-referred: values outside [0, 1] or NaN")
 

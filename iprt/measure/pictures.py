@@ -1,4 +1,4 @@
-"""Pictures that others rendered, scored against a scene's truth as ours are."""
+"""Scores of other renderers' pictures against a scene's truth."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 
 def picture_names(scene: Scene, views: Sequence[str]) -> dict[str, tuple[str, int]]:
-    """Names of the files to score, with the view and the number of the video's frame.
+    """Map the expected file names to view and video frame.
 
-    A view `table` is in `table.exr`; of a video, frame 7, if it has a truth, in `table.0007.exr`.
+    The picture of a view `table` is `table.exr`, and of frame 7 of a video `table.0007.exr`. Only
+    frames with a truth are expected.
     """
     moving = len(scene.frame_indices) > 1
     return {
@@ -35,12 +36,12 @@ def picture_names(scene: Scene, views: Sequence[str]) -> dict[str, tuple[str, in
 def require_pictures(
     scene: Scene, views: Sequence[str], folder: Path
 ) -> dict[Path, tuple[str, int]]:
-    """The files of a folder, each with its view and frame.
+    """Find the pictures of a folder, and map each path to view and frame.
 
     Raises
     ------
     IprtError
-        There is no such folder, a picture is missing, or one has the name of no view.
+        The folder does not exist, a picture is missing, or a file's name matches no view.
     """
     if not folder.is_dir():
         raise IprtError(f"{folder}: there is no such folder of pictures")
@@ -59,18 +60,18 @@ def require_pictures(
 def compare_pictures(
     scene: Scene, views: Sequence[str], folder: Path, background: Background
 ) -> Iterator[Compared]:
-    """Score the pictures of a folder, whose name stands for the method.
+    """Score the pictures of a folder. Its name is reported as the method.
 
     Parameters
     ----------
     background : {"panorama", "truth"}
-        What they were composited over, which the pictures cannot tell.
+        Background of the pictures, for the report.
 
     Raises
     ------
     IprtError
-        As `require_pictures` and `read_target`; or a picture has another size than the truth, holds
-        NaN or infinity, or is no EXR.
+        The folder or a target cannot be read (see `require_pictures` and `read_target`), or a
+        picture is not an EXR file, differs from the truth in size, or contains NaN or infinity.
     """
     method = folder.resolve().name
     moving = len(scene.frame_indices) > 1

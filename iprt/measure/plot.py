@@ -1,4 +1,4 @@
-"""Small plots for `report.html`: points with error bars and lines, as SVG."""
+"""Small SVG plots for `report.html`: points with error bars, and lines."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ STYLE: Any = {
 
 @dataclass(frozen=True)
 class Mark:
-    """A point: x, y and the half width of y's interval, in the plot's quantities.
+    """A point with the half width of its confidence interval in y.
 
     Attributes
     ----------
     hint : str
-        Shown where the pointer rests on it.
+        Tooltip.
     label : str
-        Written beside it.
+        Text beside the point.
     solid : bool
-        Filled and on the line of its series, or a ring beside it.
+        Draw a filled point on the line of the series, else a ring off the line.
     """
 
     x: float
@@ -47,7 +47,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Series:
-    """Marks of one colour; the line through the solid ones is straight, or rises in steps."""
+    """Marks of one colour. A polyline or, with `steps`, a step line joins the solid ones."""
 
     name: str
     marks: tuple[Mark, ...]
@@ -56,7 +56,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot with a logarithmic x axis; x > 0. There is at least one mark."""
+    """A plot with a logarithmic x axis (x > 0) and at least one mark."""
 
     title: str
     x_label: str
@@ -66,7 +66,7 @@ class Plot:
 
     @property
     def data(self) -> str:
-        """The drawing, an SVG file, as a data URI. The same plot gives the same file."""
+        """The plot as an SVG file in a data URI. Equal plots give equal files."""
         import matplotlib
 
         ElementTree.register_namespace("", SVG)
@@ -83,7 +83,7 @@ class Plot:
         return "data:image/svg+xml;base64," + base64.b64encode(ElementTree.tostring(root)).decode()
 
     def figure(self) -> Figure:
-        """The drawing."""
+        """Draw the plot with matplotlib."""
         from matplotlib.figure import Figure
         from matplotlib.ticker import LogLocator, StrMethodFormatter
 

@@ -1,4 +1,4 @@
-"""Costs of frames as files and texts: JSON, CSV, and what a JSON file of before says."""
+"""Cost reports as JSON and CSV, and the reader of earlier JSON files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iprt.measure.cost_report import SCHEMA, CostReport
 
 
 def json_text(report: CostReport, changes: Sequence[Mapping[str, Any]] | None = None) -> str:
-    """`CostReport.record`, and the `changes` since another, if any, as `Change.record`s."""
+    """Format a report as JSON, with its `changes` (records of `Change`) if given."""
     record = report.record()
     if changes is not None:
         record["changes"] = list(changes)
@@ -25,7 +25,7 @@ def json_text(report: CostReport, changes: Sequence[Mapping[str, Any]] | None = 
 
 
 def csv_text(report: CostReport) -> str:
-    """`CostReport.flat`, with a first line of names; what does not apply is left empty."""
+    """Format `CostReport.flat` as CSV with a header line. Values that do not apply are empty."""
     rows = report.flat()
     text = io.StringIO(newline="")
     table = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
@@ -35,7 +35,7 @@ def csv_text(report: CostReport) -> str:
 
 
 def write_profile(path: Path, report: CostReport) -> None:
-    """Write `json_text`, atomically.
+    """Write a report as JSON, atomically.
 
     Raises
     ------
@@ -50,14 +50,14 @@ Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class OldTime(BaseModel):
-    """A median over frames and its standard error, if known."""
+    """A median over frames, and its standard error if known."""
 
     ms: Milliseconds
     error_ms: Milliseconds | None
 
 
 class OldPart(OldTime):
-    """A kernel, a kind of transfer, or host work, as `PartRow`."""
+    """A kernel, a kind of transfer, or host work; see `PartRow`."""
 
     name: str
     kind: str
@@ -71,7 +71,7 @@ class OldPass(OldTime):
 
 
 class OldReport(BaseModel):
-    """The part of an earlier `CostReport` that a comparison needs."""
+    """The fields of an earlier `CostReport` that a comparison needs."""
 
     version: str
     scene: str
@@ -87,12 +87,12 @@ class OldReport(BaseModel):
 
 
 def read_profile(path: Path) -> OldReport:
-    """Read what `iprt profile --json`, `iprt bench --json` or `iprt render --profile` wrote.
+    """Read a file of `iprt profile --json`, `iprt bench --json` or `iprt render --profile`.
 
     Raises
     ------
     FormatError
-        It cannot be read, or holds something else.
+        The file cannot be read, or has another format.
     """
     try:
         record = json.loads(path.read_text(encoding="utf-8"))

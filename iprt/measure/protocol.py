@@ -1,4 +1,4 @@
-"""What figures were made by: the version of `docs/protocol.md`, and the contents of the scene."""
+"""Provenance of figures: the version of `docs/protocol.md`, and a hash of the scene."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
 
 VERSION = 1
-"""Version of the protocol: raised with every change of it that changes a figure."""
+"""Version of the protocol. Raise it with every change that affects a figure."""
 DIGITS = 16
 _TRUTHS = ("truth", "truth_background", "truth_mask")
 
 
 def scene_hash(scene: Scene) -> str:
-    """Digits that tell two scenes apart by all that comparisons depend on.
+    """Hash the contents of a scene that comparisons depend on, as `DIGITS` hexadecimal digits.
 
-    They depend on what the manifest says, except for its settings, and not on how it is written;
-    and on the bytes of the files that it names, truths among them. Copies have the same digits, on
-    any machine.
+    The hash covers the parsed manifest without name and settings, and the bytes of all files that
+    it names, including truths. Copies of a scene have the same hash on any machine.
     """
     said = scene.manifest.model_dump_json(exclude={"name", "settings"})
     digest = hashlib.sha256(said.encode())
@@ -38,7 +37,7 @@ def scene_hash(scene: Scene) -> str:
 
 
 def provenance(scene: Scene) -> dict[str, Any]:
-    """What every result says of itself, as plain data."""
+    """Return the provenance of a result as plain data."""
     return {
         "protocol": VERSION,
         "scene": scene.name,
@@ -48,7 +47,7 @@ def provenance(scene: Scene) -> dict[str, Any]:
 
 
 def provenance_line(found: dict[str, Any]) -> str:
-    """The same for tables and pages."""
+    """Format a provenance for tables and pages."""
     return (
         f"Protocol {found['protocol']}, scene {found['scene']} ({found['scene_hash']}), "
         f"iprt {found['iprt']}."

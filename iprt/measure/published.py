@@ -1,4 +1,4 @@
-"""What the papers behind the methods claim, and how each claim is measured."""
+"""Claims of the papers behind the methods, with the measurement of each claim."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _impostor_costs(subject: Subject) -> Found:
 
 
 def _cache_costs(subject: Subject) -> Found:
-    """What a direction more costs, which leaves out all else in the frame."""
+    """Compare the marginal cost of a direction, which excludes the fixed costs of a frame."""
     few, many = 32, 128
     cost = {}
     for way in ("cached", "all"):
@@ -143,7 +143,7 @@ def _with_place(subject: Subject) -> Found:
 
 
 def _grows(subject: Subject) -> Found:
-    """Real surfaces and objects get more cones alike."""
+    """Fit a line to the time over the number of cones, equal for real surfaces and objects."""
     counts = (2, 4, 8, 16)
     variants = [
         {"method": "dvct", "trace.rays": n, "trace.object_rays": n, "dvct.cones": 16}

@@ -1,4 +1,4 @@
-"""Reports as one HTML file: tables, plots and pictures, nothing fetched from elsewhere."""
+"""Self-contained HTML reports with tables, plots and pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG within the page: `data` is its data URI."""
+    """A PNG in the page; `data` is its data URI."""
 
     label: str
     width: int
@@ -51,7 +51,7 @@ class Report:
     Attributes
     ----------
     lines : list of str
-        How the figures were made.
+        Notes on the origin of the figures.
     """
 
     title: str
@@ -61,11 +61,11 @@ class Report:
     figures: list[Figures] = field(default_factory=list)
 
     def html(self) -> str:
-        """The page."""
+        """Render the page."""
         return _template().render(vars(self))
 
     def write(self, path: Path) -> None:
-        """Write the page, whole or not at all.
+        """Write the page, atomically.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Report:
 
 
 def compared_figures(compared: Compared) -> Figures:
-    """Render, truth, difference and FLIP's map of a comparison."""
+    """Show render, truth, difference and FLIP map of a comparison."""
     result = compared.comparison
     scores = result.scores
     flip = "" if scores.flip is None else f", FLIP {scores.flip:.4f}"
@@ -94,14 +94,14 @@ def compared_figures(compared: Compared) -> Figures:
 
 
 def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> tuple[Picture, ...]:
-    """A picture, its truth, their difference, and FLIP's map where FLIP is installed.
+    """Show a picture, its truth, their difference, and the FLIP map if FLIP is installed.
 
     Parameters
     ----------
     color : (H, W, 3) float32
         Linear radiance.
     crop : bool
-        Show what the target's cuts hold, if it has any.
+        Show only the bounding box of the target's cuts, if it has any.
     """
     render, truth = display(color, target.exposure), target.shown
     shown = {
@@ -122,7 +122,7 @@ def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> t
 
 
 def png_picture(label: str, image: metrics.Image) -> Picture:
-    """A display-referred image (H, W, 3) in [0, 1] as 8-bit PNG."""
+    """Encode a display-referred image (H, W, 3) in [0, 1] as an 8-bit PNG."""
     from PIL import Image
 
     stream = io.BytesIO()

@@ -1,7 +1,7 @@
-"""How steady a played video is: flicker after motion compensation, and trails of what has left.
+"""Temporal stability of a played video: motion-compensated flicker, and ghost trails.
 
-Everything here works on pictures as displayed, in [0, 1], and on what the renderer knows of each
-pixel; nothing renders. Both meters take one frame after the other and keep the last one only.
+All functions take displayed pictures in [0, 1] and the renderer's AOVs. Both meters take frames in
+order and keep only the last one.
 """
 
 from __future__ import annotations
@@ -18,42 +18,42 @@ Image = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 Kind = Literal["untouched", "relit", "object"]
-"""Pixels by the objects' effect: none, to the last bit; lit or darkened; covered."""
+"""Kind of pixel by the objects' effect: exactly none, relit (brighter or darker), or covered."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 Cause = Literal["object", "real", "light"]
-"""Things that leave a pixel: an object, a real thing, or the shadow or light of an object."""
+"""Thing that leaves a pixel: an object, a real surface, or the shadow or light of an object."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 
 NEIGHBOURHOOD = 3
-"""Side in pixels of the squares over which errors are averaged before trails are looked for: a
-trail is the same in neighbours, noise is not."""
+"""Side in pixels of the box filter for errors before trails are measured. Trails are correlated
+between neighbours, noise is not."""
 LEVEL = 1.0 / 255.0
-"""One step of an 8-bit display: smaller changes of a picture are not seen."""
+"""One step of an 8-bit display. Smaller changes are invisible."""
 SURE = 2.0
-"""Standard errors by which a ghost must exceed what noise alone could make it."""
+"""Significance threshold of a ghost, in standard errors of the noise."""
 MOVED_DEPTH = 0.05
-"""Share by which depth changes where another real surface is seen than before."""
+"""Least relative change of depth that indicates another real surface."""
 INFLUENCE, NO_INFLUENCE = 0.06, 0.015
-"""Changes of a real pixel's light that are seen, and that are not."""
+"""Relative changes of a real pixel's light: visible above the first, invisible below the second."""
 MIN_PIXELS = 200
-"""Fewer pixels of an age say nothing."""
+"""Least number of pixels of an age for a result."""
 
 
 def pixel_kinds(
     coverage: NDArray[np.floating], ratio: NDArray[np.floating], change: NDArray[np.floating]
 ) -> dict[Kind, Mask]:
-    """Where each kind of pixel is.
+    """Classify pixels; returns a mask (H, W) for each kind.
 
     Parameters
     ----------
     coverage : (H, W)
-        Fraction of the pixel that objects cover. Pixels that they cover in part are of no kind:
-        they mix two surfaces, which move apart.
+        Fraction of the pixel that objects cover. Partly covered pixels have no kind, because they
+        mix two surfaces with different motion.
     ratio : (H, W, 3)
-        E_RV / E_R.
+        Irradiance ratio E_RV / E_R.
     change : (H, W) or (H, W, 3)
-        What objects change in the highlights of glossy real surfaces; 0 where there are none.
+        Change of the highlights of glossy real surfaces by objects; 0 without any.
     """
     change = np.abs(change).reshape(*coverage.shape, -1).max(axis=-1)
     real = coverage == 0.0
@@ -62,22 +62,22 @@ def pixel_kinds(
 
 
 def compensated(previous: Image, motion: NDArray[np.floating]) -> tuple[Image, Mask]:
-    """The previous picture as the present one would show it, and where it shows anything.
+    """Warp the previous picture to the current one; returns it with a mask of valid pixels.
 
     Parameters
     ----------
     previous : (H, W, C)
     motion : (H, W, 2)
-        Where each pixel's surface was in the previous picture: x, y in pixels, of which the centre
-        of the first has 0.5, 0.5; outside of the picture: nowhere.
+        Position x, y of each pixel's surface in the previous picture, in pixels. The centre of the
+        first pixel is 0.5, 0.5. Positions outside of the picture are invalid.
     """
     height, width = previous.shape[:2]
     x, y = motion[..., 0].astype(np.float64) - 0.5, motion[..., 1].astype(np.float64) - 0.5
-    # Rounding of a projection there and back must not lose the border.
+    # Rounding errors of the reprojection must not lose the border.
     slack = 1e-3
     inside = (x > -slack) & (x < width - 1 + slack) & (y > -slack) & (y < height - 1 + slack)
     place = np.stack([np.where(inside, y, 0.0), np.where(inside, x, 0.0)])
-    # Nor may it blend neighbours into pixels that did not move.
+    # They must not blend neighbours into pixels that did not move either.
     whole = np.rint(place)
     place = np.where(np.abs(place - whole) < slack, whole, place)
     channels = [
@@ -88,7 +88,7 @@ def compensated(previous: Image, motion: NDArray[np.floating]) -> tuple[Image, M
 
 
 def was_so(before: Mask, motion: NDArray[np.floating]) -> Mask:
-    """Pixels (H, W) all of whose surface, as interpolated, showed what is marked in `before`."""
+    """Mask the pixels (H, W) whose surface, warped bilinearly, lay entirely in `before`."""
     share, inside = compensated(before[..., None].astype(np.float64), motion)
     return np.asarray(inside & (share[..., 0] > 1.0 - 1e-9))
 
@@ -100,10 +100,10 @@ class Flicker:
     Attributes
     ----------
     output, reference : float
-        The difference in the pictures, and in what they are held against on the same pixels: the
-        input, or the truth. NaN where there are no pixels.
+        Difference in the pictures, and in the reference (the input or the truth) on the same
+        pixels. NaN without pixels.
     pixels : int
-        That were looked at, over all frames.
+        Number of evaluated pixels over all frames.
     """
 
     output: float
@@ -112,18 +112,18 @@ class Flicker:
 
     @property
     def excess(self) -> float:
-        """By how much the pictures flicker more."""
+        """Flicker of the pictures minus flicker of the reference."""
         return self.output - self.reference
 
     @property
     def ratio(self) -> float:
-        """How many times as much; 1 where neither does, NaN where there are no pixels."""
+        """Flicker of the pictures over flicker of the reference; 1 if equal, NaN without pixels."""
         if self.output == self.reference:
             return 1.0
         return self.output / self.reference if self.reference > 0.0 else np.inf
 
     def record(self) -> dict[str, object]:
-        """The same as plain data, NaN as None."""
+        """Return the flicker as plain data, with NaN as None."""
         values = {
             "output": self.output,
             "reference": self.reference,
@@ -138,7 +138,7 @@ _Picture = tuple[Image, Image | None, Mapping[Kind, Mask]]
 
 
 class FlickerMeter:
-    """Adds up flicker by kind of pixel, of pictures and of what they are held against."""
+    """Accumulator of the flicker of pictures and their reference, by kind of pixel."""
 
     def __init__(self) -> None:
         self._sums = {kind: np.zeros(3) for kind in KINDS}
@@ -158,9 +158,9 @@ class FlickerMeter:
         shown : (H, W, 3)
             The picture.
         reference : (H, W, 3) or None
-            What it is held against. None: changes from and to this picture do not count.
+            Reference picture. None: changes from and to this picture are not counted.
         kinds : mapping of kind to (H, W) bool
-            See `pixel_kinds`. Only pixels that were of their kind in the last picture too count.
+            See `pixel_kinds`. A pixel counts only if it had the same kind in the last picture.
         motion : (H, W, 2)
             See `compensated`.
         """
@@ -174,6 +174,7 @@ class FlickerMeter:
             self._sums[kind] += (change[counted].sum(), expected[counted].sum(), counted.sum())
 
     def result(self, kind: Kind) -> Flicker:
+        """Return the flicker of a kind of pixel."""
         output, reference, pixels = self._sums[kind]
         if pixels == 0:
             return Flicker(np.nan, np.nan, 0)
@@ -183,13 +184,13 @@ class FlickerMeter:
 def left_behind(
     before: Mapping[str, NDArray[np.floating]], now: Mapping[str, NDArray[np.floating]]
 ) -> dict[Cause, Mask]:
-    """Pixels (H, W) that something has just left, by what it was.
+    """Mask the pixels (H, W) that something has just left, by cause.
 
     Parameters
     ----------
     before, now : mapping of str to array
-        Auxiliary pictures of the picture before and of this one, once converged, by the renderer's
-        names: coverage (H, W), depth (H, W) and ratio (H, W, 3).
+        Converged AOVs of the previous and the current picture: coverage (H, W), depth (H, W) and
+        ratio (H, W, 3).
     """
     free = now["coverage"] == 0.0
     uncovered = free & (before["coverage"] > 0.0)
@@ -201,28 +202,30 @@ def left_behind(
 
 
 def taken(now: Mapping[str, NDArray[np.floating]]) -> Mask:
-    """Pixels (H, W) that an object covers, or whose light it changes visibly; see `left_behind`."""
+    """Mask the pixels (H, W) that objects cover or visibly relight; AOVs as in `left_behind`."""
     return np.asarray((now["coverage"] > 0.0) | (_influence(now) > INFLUENCE))
 
 
 def _influence(picture: Mapping[str, NDArray[np.floating]]) -> NDArray[np.floating]:
-    """(H, W) by how much objects change the light of a pixel, as a share."""
+    """Return the relative change of a pixel's light by objects, (H, W)."""
     return np.asarray(np.abs(picture["ratio"] - 1.0).max(axis=-1))
 
 
 @dataclass(frozen=True)
 class Age:
-    """Pixels that were left so many frames ago.
+    """Error statistics of the pixels that were left a given number of frames ago.
 
     Attributes
     ----------
+    pixels : int
+        Number of pixels.
     error : float
-        RMS difference from the converged picture: noise, and what is left of before.
+        RMS difference from the converged picture: noise and ghosts.
     ghost : float
-        Which share of what was there before is still seen: the least-squares coefficient of the
-        difference on that between the old and the new picture.
+        Visible share of the old picture: the least-squares coefficient of the error on the
+        difference between the old and the new converged picture.
     contrast : float
-        RMS of that difference.
+        RMS difference between the old and the new converged picture.
     """
 
     pixels: int
@@ -232,32 +235,34 @@ class Age:
 
     @property
     def known(self) -> bool:
-        """There are pixels enough to say anything."""
+        """True if there are enough pixels for a result."""
         return self.pixels >= MIN_PIXELS
 
     @property
     def seen(self) -> bool:
-        """The ghost is more than a step of a display, and more than noise would make it."""
+        """True if the ghost exceeds both a step of the display and the noise."""
         noise = SURE * self.error * NEIGHBOURHOOD / np.sqrt(max(self.pixels, 1))
         return bool(self.ghost * self.contrast > max(LEVEL, noise))
 
 
 @dataclass(frozen=True)
 class Trail:
-    """Ghosts of things that have left.
+    """Ghost trail of things that have left.
 
     Attributes
     ----------
     ages : tuple of Age
-        By the number of frames since something left.
+        Statistics by the number of frames since something left.
     """
 
     ages: tuple[Age, ...]
 
     @property
     def frames(self) -> int | None:
-        """Frames after which no ghost is seen any more; None: nothing left, or not so long before
-        the end that it is known."""
+        """Number of frames after which no ghost is visible.
+
+        None: nothing left, or the video ends before the ghost has vanished.
+        """
         known = [index for index, age in enumerate(self.ages) if age.known]
         if not known:
             return None
@@ -265,12 +270,12 @@ class Trail:
         return length if length <= known[-1] else None
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the trail as plain data."""
         return {"frames": self.frames, "ages": [asdict(age) for age in self.ages]}
 
 
 class TrailMeter:
-    """Follows pixels that one kind of thing has left, and adds up how wrong they are, by age."""
+    """Accumulator of the error of pixels that one kind of thing has left, by age."""
 
     def __init__(self) -> None:
         self._age: NDArray[np.int64] | None = None
@@ -279,16 +284,16 @@ class TrailMeter:
         self._sums: list[NDArray[np.float64]] = []
 
     def add(self, shown: Image, converged: Image, *, left: Mask, taken: Mask) -> None:
-        """Add the next picture of a film; the first is that with which it began.
+        """Add the next picture of a film, starting with its first.
 
         Parameters
         ----------
         shown, converged : (H, W, 3)
-            The picture as it is, and as it would be without noise or past.
+            The picture, and its converged version without noise or temporal lag.
         left : (H, W) bool
             Pixels that something has just left; see `left_behind`.
         taken : (H, W) bool
-            Pixels that something has come to, which are followed no longer; see `taken`.
+            Pixels that are followed no longer, because something has moved into them; see `taken`.
         """
         if self._age is None or self._old is None or self._last is None:
             self._age = np.full(left.shape, -1)
@@ -310,6 +315,7 @@ class TrailMeter:
         self._last = converged
 
     def result(self) -> Trail:
+        """Return the trail of all pictures so far."""
         return Trail(tuple(map(_age_of, self._sums)))
 
 

@@ -1,4 +1,4 @@
-"""Speed against accuracy: the same views with many combinations of settings."""
+"""Sweeps over settings: speed and accuracy of the same views with many combinations."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
 
 QUALITY = "quality"
-"""The key of the preset in sweeps; all others are settings."""
+"""Key of the preset in sweeps. All other keys are settings."""
 MAX_COMBINATIONS = 1000
 LEAST_TIMED = 40
-"""Frames that are timed at least: a ratio of fewer is known to 10% at best."""
+"""Least number of timed frames. With fewer, a ratio is accurate to 10% at best."""
 
 
 class _BenchArguments(TypedDict):
-    """What runs of frames are given."""
+    """Keyword arguments of `timed` and `timed_against`."""
 
     scene: str
     frames: int
@@ -42,35 +42,35 @@ class _BenchArguments(TypedDict):
 
 @dataclass(frozen=True)
 class Combination:
-    """Settings to measure, and the swept values in them by setting."""
+    """Settings to measure, and their swept values by key."""
 
     values: Mapping[str, Any]
     settings: Settings
 
     @property
     def label(self) -> str:
-        """`trace.rays=4, mask.sparse=false`; `base` where nothing was changed."""
+        """Label such as `trace.rays=4, mask.sparse=false`; `base` without swept values."""
         return ", ".join(f"{k}={value_text(v)}" for k, v in self.values.items()) or "base"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One combination on one view.
+    """Result of one combination on one view.
 
     Attributes
     ----------
     bench : CostReport
-        Times of a head that turns.
+        Times of a turning view.
     ratio : Ratio or None
-        Of these times to those of the first combination, measured frame by frame beside it; None
-        of that itself.
+        Time relative to the first combination, from interleaved frames. None for the first
+        combination.
     ms : float
-        Median time of a frame of the first combination, times the ratio: what disturbs the machine
-        in one of the runs drops out.
-    ssim, rmse : Estimate
-        Over seeds, of the still picture; see `Scores`.
+        Median frame time of the first combination times the ratio, which cancels slowdowns of the
+        machine between the runs.
+    ssim, ssim_cuts, rmse : Estimate or tuple of Estimate
+        Scores of the still picture over seeds; see `Scores`.
     flip : Estimate or None
-        None where FLIP is not installed.
+        FLIP over seeds. None if FLIP is not installed.
     """
 
     combination: Combination
@@ -85,12 +85,12 @@ class Outcome:
 
     @property
     def error(self) -> float:
-        """The error traded for time: 1 - SSIM, the mean over the cuts, or of a view without any."""
+        """Error of the Pareto front: 1 - SSIM, averaged over the cuts, else of the whole view."""
         cuts = [cut.mean for cut in self.ssim_cuts] or [self.ssim.mean]
         return 1.0 - sum(cuts) / len(cuts)
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the outcome as plain data."""
         return {
             **self.bench.record(),
             "view": self.target.name,
@@ -113,16 +113,21 @@ def combinations(
     one_at_a_time: bool = False,
     still: bool = True,
 ) -> list[Combination]:
-    """The combinations of `sweeps`, texts such as `trace.rays=1,2,4`; all are checked.
+    """Expand sweeps such as `trace.rays=1,2,4` into combinations and validate them.
 
     Parameters
     ----------
-    quality, given
-        What is the same in all, unless it is swept.
+    quality : str
+        Preset of all combinations, unless swept.
+    given : sequence of Assignment
+        Assignments common to all combinations.
+    sweeps : sequence of str
+        Sweeps, `KEY=VALUE,VALUE,...`.
     one_at_a_time : bool
-        Change one setting at a time, after a combination that changes none; else the product.
+        Start with a combination without changes and change one setting at a time. Else form the
+        Cartesian product.
     still : bool
-        They are for pictures in which nothing moves.
+        The combinations are for still pictures.
 
     Raises
     ------
@@ -148,7 +153,7 @@ def combinations(
 
 
 def _axis(text: str, *, still: bool) -> list[Assignment]:
-    """The assignments that a sweep goes through."""
+    """Parse the assignments of a sweep."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not equals or not key or not values:
         raise IprtError(f"sweep {text}: expected KEY=VALUE,VALUE,..., such as trace.rays=1,2,4")
@@ -178,12 +183,15 @@ def _combination(
 
 
 def value_text(value: object) -> str:
-    """A swept value as it was given."""
+    """Format a swept value as on the command line."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def frames_per_view(combinations: int, frames: int, seeds: int) -> int:
-    """Frames rendered of one view: all but the first combination are timed beside that."""
+    """Count the frames rendered of one view.
+
+    All combinations but the first are timed together with the first one.
+    """
     timed_frames = WARM_UP + max(frames, LEAST_TIMED)
     return combinations * seeds * frames + (2 * combinations - 1) * timed_frames
 
@@ -198,22 +206,23 @@ def run_sweep(
     seeds: int,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[tuple[Outcome, Radiance]]:
-    """Measure every combination on every view: outcomes, with the first seed's linear picture.
+    """Measure every combination on every view; yield outcomes with the first seed's linear picture.
 
     Parameters
     ----------
     frames : int
-        Frames accumulated in each picture that is scored, and frames timed, if not fewer than
+        Number of frames accumulated in each scored picture, and of timed frames, if at least
         `LEAST_TIMED`.
     seeds : int
-        Pictures per combination and view: with the settings' seed and those after it.
+        Number of pictures per combination and view, with consecutive seeds from the settings' seed
+        on.
     progress : callable, optional
         Called with the number of frames rendered so far.
 
     Raises
     ------
     IprtError
-        A picture needs more memory than the device has, or holds NaN.
+        A picture needs more memory than the device has, or contains NaN.
     """
     done = 0
 
@@ -253,7 +262,7 @@ def run_sweep(
 
 
 def still_settings(settings: Settings, seed: int) -> Settings:
-    """The settings for a still picture, of the seed that comes `seed` after theirs."""
+    """Return the settings for a still picture, with `seed` added to the settings' own seed."""
     return changed(settings, {**STILL, "seed": (settings.seed + seed) % 2**31})
 
 
@@ -280,12 +289,12 @@ def _outcome(
 
 
 def cut_estimates(scores: Sequence[Scores]) -> tuple[Estimate, ...]:
-    """Over pictures, for each cut."""
+    """Estimate the SSIM of each cut over several pictures."""
     return tuple(map(Estimate.of, zip(*(score.ssim_cuts for score in scores), strict=True)))
 
 
 def on_front(outcomes: Sequence[Outcome]) -> list[bool]:
-    """Whether no other combination on the same view is both as quick and as accurate."""
+    """Mark the outcomes on the Pareto front of time and error of their view."""
     marks = [False] * len(outcomes)
     for name in dict.fromkeys(outcome.target.name for outcome in outcomes):
         places = [i for i, outcome in enumerate(outcomes) if outcome.target.name == name]

@@ -1,4 +1,4 @@
-"""A sweep's outcomes as tables, plots and pictures."""
+"""Tables, plots and pictures of a sweep's outcomes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ FRONT = "*"
 
 
 def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
-    """A row per outcome; at least one."""
+    """Build a table with a row per outcome. `outcomes` must not be empty."""
     first = outcomes[0]
     swept = list(dict.fromkeys(key for outcome in outcomes for key in outcome.combination.values))
-    # With one setting changed at a time most cells would say nothing.
+    # If one setting changes at a time, a column per setting would be mostly empty.
     labelled = any(outcome.combination.values.keys() != set(swept) for outcome in outcomes)
     names = ["settings"] if labelled else swept
     several = len({outcome.target.name for outcome in outcomes}) > 1
@@ -71,7 +71,7 @@ def sweep_grid(outcomes: Sequence[Outcome]) -> Grid:
 
 
 def passes_grid(outcomes: Sequence[Outcome]) -> Grid:
-    """Milliseconds of each pass, a column per outcome by its number."""
+    """Build a table of the milliseconds of each pass, with a column per outcome number."""
     names = dict.fromkeys(row.name for outcome in outcomes for row in outcome.bench.passes)
     tables = [{row.name: row.ms for row in outcome.bench.passes} for outcome in outcomes]
     return Grid(
@@ -85,7 +85,7 @@ def passes_grid(outcomes: Sequence[Outcome]) -> Grid:
 
 
 def sweep_plots(outcomes: Sequence[Outcome]) -> list[Plot]:
-    """Time against SSIM of the cuts, a plot per view."""
+    """Plot the SSIM of the cuts over time, one plot per view."""
     marks = on_front(outcomes)
     numbered = list(zip(range(1, len(outcomes) + 1), outcomes, marks, strict=True))
     plots = []
@@ -115,7 +115,7 @@ def sweep_plots(outcomes: Sequence[Outcome]) -> list[Plot]:
 
 
 def sweep_figures(number: int, outcome: Outcome, color: Radiance) -> Figures:
-    """The pictures of one outcome, `color` linear, around its objects."""
+    """Show the pictures of one outcome, cropped to its cuts; `color` is linear."""
     cuts = " / ".join(cut.text() for cut in outcome.ssim_cuts)
     return Figures(
         title=f"{number}: {outcome.target.name}, {outcome.combination.label}",
@@ -125,6 +125,6 @@ def sweep_figures(number: int, outcome: Outcome, color: Radiance) -> Figures:
 
 
 def _half(outcome: Outcome) -> float:
-    """Half width of the interval of the cuts' mean, at most: as if they erred together."""
+    """Return an upper bound of the half width for the cuts' mean, assuming full correlation."""
     halves = [cut.half or 0.0 for cut in outcome.ssim_cuts] or [outcome.ssim.half or 0.0]
     return sum(halves) / len(halves)

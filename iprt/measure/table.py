@@ -1,4 +1,4 @@
-"""Time and memory as tables for people."""
+"""Tables of times, memory and compilation."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from iprt.output.grid import Grid
 TIMES = ("ms", "p95", "mean", "share", "host", "launches")
 WORK = ("MB", "GB/s", "rays", "steps", "most", "object rays", "steps", "most", "active", "groups")
 WORTH_A_ROW = 0.01
-"""Share of the whole from which on buffers and programs are named one by one."""
+"""Least share of the total for which a buffer or program has its own row."""
 CHANGED = "*"
 
 
 def pass_grid(report: CostReport) -> Grid:
-    """Milliseconds per frame and pass; what is done once stands below."""
+    """Build a table of milliseconds per frame and pass, with one-time costs in the notes."""
     rows = [("all passes", *_times(report.frame, _sum(report.passes)))]
     rows += [(row.name, *_pass_times(row)) for row in report.passes]
     return Grid(_title(report), ("per frame", *TIMES), tuple(rows), _notes(report))
 
 
 def part_grid(report: CostReport) -> Grid:
-    """The same, with the kernels, transfers and host work of each pass, and what they had to do."""
+    """Build a table of passes with their kernels, transfers and host work, and counted work."""
     empty = ("",) * len(WORK)
     rows = [("all passes", *_times(report.frame, _sum(report.passes)), *empty)]
     for row in report.passes:
@@ -46,7 +46,7 @@ def part_grid(report: CostReport) -> Grid:
 
 
 def memory_grid(report: CostReport) -> Grid:
-    """Bytes by buffer, largest first; the small ones together."""
+    """Build a table of buffer sizes, largest first, with small ones combined."""
     total = sum(report.buffers.values())
     ranked = sorted(report.buffers.items(), key=lambda entry: -entry[1])
     rows = _ranked([(name, (size,)) for name, size in ranked], lambda size: f"{size / 2**20:.2f}")
@@ -57,7 +57,7 @@ def memory_grid(report: CostReport) -> Grid:
 
 
 def compile_grid(report: CostReport) -> Grid:
-    """Milliseconds by source file, all of its variants together."""
+    """Build a table of compile times by source file, with all variants of a file combined."""
     files: dict[str, tuple[float, ...]] = {}
     for program in {**report.compiled, **report.first_launches}:
         file = program.partition(" ")[0]
@@ -74,7 +74,10 @@ def compile_grid(report: CostReport) -> Grid:
 
 
 def change_grid(changes: Sequence[Change], settings: Sequence[str], before: str) -> Grid:
-    """Changes since a report that was called `before`; `settings` in words."""
+    """Build a table of changes since the report named `before`.
+
+    `settings` describes the settings that differ.
+    """
     rows = []
     for change in changes:
         indented = f"  {change.part}" if change.part else change.name
@@ -131,7 +134,7 @@ def _notes(report: CostReport) -> tuple[str, ...]:
 
 
 def _sum(passes: Sequence[PassRow]) -> tuple[float, float, float]:
-    """Share, milliseconds of the host, launches."""
+    """Sum share, enqueue milliseconds and launches of passes."""
     return (
         sum(row.share for row in passes),
         sum(row.enqueue_ms for row in passes),
@@ -181,7 +184,7 @@ def _rays(count: float, steps: float, most: int) -> tuple[str, str, str]:
 def _ranked(
     ranked: Sequence[tuple[str, tuple[float, ...]]], text: Callable[[float], str]
 ) -> tuple[tuple[str, ...], ...]:
-    """Rows of name, values and share of their sum; what is small comes together, last."""
+    """Format rows of name, values and share of the total, with small entries combined last."""
     total = sum(sum(values) for _, values in ranked)
     named = [entry for entry in ranked if sum(entry[1]) >= WORTH_A_ROW * total]
     others = [values for _, values in ranked[len(named) :]]

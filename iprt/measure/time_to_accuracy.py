@@ -1,4 +1,4 @@
-"""Time to accuracy of several renderers, each in a process of its own, on the same cores."""
+"""Time to accuracy of several renderers, each in its own process, on the same cores."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from iprt.measure.view_truth import Radiance, Scores, Target
 Picture = tuple[float, Radiance]
 """Seconds and linear radiance; see `TimedRenderer.picture`."""
 QUICK_S, TRIES = 4.0, 3
-"""Pictures made in less are made so often, and the median time counts: little disturbs them."""
+"""Pictures that take less than `QUICK_S` are rendered `TRIES` times for a median time."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """How one renderer did on a view.
+    """Result of one renderer on a view.
 
     Attributes
     ----------
     once : float
-        Seconds from the start of its process to its first picture, of one frame or one sample per
-        pixel, less those of a second such picture.
+        One-time cost: seconds from the start of the process to the first picture (one frame or one
+        sample per pixel), minus the seconds of a second such picture.
     curve : Curve
-        Accuracy against seconds per picture, of what is in memory after the first one.
+        Accuracy against seconds per picture, with the scene in memory.
     color : (H, W, 3) float32
-        Its last picture, linear.
+        Linear radiance of the last picture.
     """
 
     once: float
@@ -45,33 +45,36 @@ class Result:
     color: Radiance
 
     def record(self) -> dict[str, object]:
-        """All but the picture as plain data."""
+        """Return the result as plain data, without the picture."""
         return {"once": self.once, **self.curve.record()}
 
 
 class RendererProcess:
-    """A renderer in a process of its own, which is warm.
+    """A warmed-up renderer in its own process.
 
     Attributes
     ----------
     once : float
-        See `Result`.
+        One-time cost; see `Result`.
     """
 
     def __init__(self, label: str, pipe: Connection, start: float) -> None:
-        """`start`: when its process was started, by `time.perf_counter`."""
+        """Wait for the renderer and time its first pictures.
+
+        `start` is the `time.perf_counter` of the process's start.
+        """
         self.label, self._pipe = label, pipe
         self._receive()
         first = time.perf_counter() - start
         self.once = first - self.picture(1, 0)[0]
 
     def picture(self, count: int, seed: int) -> Picture:
-        """See `TimedRenderer.picture`.
+        """Render a picture; see `TimedRenderer.picture`.
 
         Raises
         ------
         IprtError
-            As it was raised there; or the process has ended.
+            The renderer raised it, or the process has ended.
         """
         self._pipe.send((count, seed))
         picture = self._receive()
@@ -79,7 +82,7 @@ class RendererProcess:
         return picture
 
     def _receive(self) -> Picture | None:
-        """A picture; None: the renderer is ready."""
+        """Receive a picture, or None once the renderer is ready."""
         try:
             answer: Picture | IprtError | None = self._pipe.recv()
         except EOFError:
@@ -93,8 +96,8 @@ class RendererProcess:
 
 @contextmanager
 def renderer_process(entry: Entry, subject: Subject) -> Iterator[RendererProcess]:
-    """Start a renderer's process, and end it after the block."""
-    # It lets signals through when it starts, which `end_on_signals` keeps from all threads.
+    """Start a renderer's process, and end it after the `with` block."""
+    # Starting the resource tracker unblocks signals that `end_on_signals` blocks in all threads.
     kept = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     resource_tracker.ensure_running()
     signal.pthread_sigmask(signal.SIG_SETMASK, kept)
@@ -103,8 +106,8 @@ def renderer_process(entry: Entry, subject: Subject) -> Iterator[RendererProcess
     process = context.Process(target=_serve, args=(theirs, entry, subject), daemon=True)
     start = time.perf_counter()
     process.start()
-    theirs.close()  # or its end would go unnoticed
-    # Signals are kept from the process too.
+    theirs.close()  # else the end of the process would not close the pipe
+    # The process inherits the blocked signals, so it must be killed explicitly.
     with ours, at_termination(process.kill):
         try:
             yield RendererProcess(entry.label, ours, start)
@@ -114,7 +117,7 @@ def renderer_process(entry: Entry, subject: Subject) -> Iterator[RendererProcess
 
 
 def _serve(pipe: Connection, entry: Entry, subject: Subject) -> None:
-    """What the process does: pictures that are asked for, until nobody is there."""
+    """Render requested pictures until the pipe is closed."""
     try:
         renderer = entry.renderer(subject)
         renderer.prepare(0)
@@ -136,20 +139,20 @@ def run_race(
     seeds: int,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[tuple[Target, list[Result]]]:
-    """The results of each view, in the order of `entries`.
+    """Measure all renderers on each view; yield the results in the order of `entries`.
 
-    Renderers take turns picture by picture, so that what slows the machine down slows all.
+    Renderers are interleaved picture by picture, so that a slowdown of the machine affects all.
 
     Parameters
     ----------
     counts : sequence of int
-        Frames of iprt, samples per pixel of the others; rising.
+        Frames of iprt, or samples per pixel of the others, rising.
     enough : float
-        A renderer whose SSIM is so high in all cuts is not asked for more.
+        SSIM in all cuts at which a renderer stops.
     seeds : int
-        Pictures per count that scores and times are the means of.
+        Number of pictures per count to average.
     progress : callable, optional
-        Called with the number of pictures made so far; those not asked for count.
+        Called with the number of pictures done so far, including skipped ones.
     """
     done = 0
     for subject in subjects:
@@ -176,7 +179,7 @@ def run_race(
 
 
 def _timed(process: RendererProcess, count: int, seed: int) -> Picture:
-    """A picture and the seconds that it took; it is the same each time."""
+    """Render a picture, and repeat a quick one for its median time."""
     seconds, color = process.picture(count, seed)
     if seconds < QUICK_S:
         seconds = median([seconds, *(process.picture(count, seed)[0] for _ in range(TRIES - 1))])
@@ -184,12 +187,12 @@ def _timed(process: RendererProcess, count: int, seed: int) -> Picture:
 
 
 class Track:
-    """The pictures of one renderer.
+    """Scores of one renderer's pictures.
 
     Attributes
     ----------
-    counts : sequence of int
-        Those worth asking for; they end where the first seed's pictures are good enough.
+    counts : list of int
+        Counts to render, up to the first one that is accurate enough for the first seed.
     """
 
     def __init__(self, counts: Sequence[int], enough: float) -> None:
@@ -198,7 +201,7 @@ class Track:
         self._runs: list[list[tuple[float, Scores]]] = []
 
     def add(self, seed: int, seconds: float, scores: Scores, color: Radiance) -> None:
-        """The picture of the next of `counts`, for the first seed, and then for the others."""
+        """Add the picture of the next of `counts`. Seeds follow each other."""
         if seed == len(self._runs):
             self._runs.append([])
         run = self._runs[seed]
@@ -208,5 +211,5 @@ class Track:
             del self.counts[len(run) :]
 
     def result(self, view: str, label: str, once: float) -> Result:
-        """All pictures together; there is at least one."""
+        """Combine all pictures, at least one."""
         return Result(once, curve(view, label, self.counts, self._runs), self._color)

@@ -1,4 +1,4 @@
-"""Time to accuracy of several renderers as a table and pictures."""
+"""Table and pictures of the time to accuracy of several renderers."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from iprt.measure.view_truth import Target
 from iprt.output.grid import Grid
 
 Race = Mapping[str, Sequence[Result]]
-"""Results by view, ours first."""
+"""Results by view, iprt first."""
 
 
 def race_grid(race: Race, levels: Sequence[float], how: Sequence[str]) -> Grid:
-    """Seconds per picture until each cut has an SSIM of each of the levels; at least one view.
+    """Build a table of the seconds per picture to reach each SSIM level in each cut.
 
     Parameters
     ----------
+    race : mapping of str to sequence of Result
+        At least one view.
+    levels : sequence of float
     how : sequence of str
-        What the figures depend on, for the notes.
+        Additional notes on the conditions of the measurement.
     """
     labels = [result.curve.label for result in next(iter(race.values()))]
     rows = []
@@ -67,7 +70,7 @@ def _cells(results: Sequence[Result], cut: int | None, level: float) -> list[str
 
 
 def race_figures(target: Target, results: Sequence[Result]) -> list[Figures]:
-    """The last picture of each renderer beside the truth."""
+    """Show the last picture of each renderer with the truth."""
     figures = []
     for result in results:
         last = result.curve.points[-1]

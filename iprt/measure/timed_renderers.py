@@ -1,4 +1,4 @@
-"""Renderers that make the same picture: iprt and Mitsuba, each with all that it keeps in memory."""
+"""Renderers to compare on the same picture: iprt and Mitsuba, each with its scene in memory."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ FULL, PANORAMA = "Mitsuba, full geometry", "Mitsuba, panorama"
 
 @dataclass(frozen=True)
 class Subject:
-    """What is to be shown: a view of a scene folder.
+    """A view to render.
 
     Attributes
     ----------
     root : Path
+        Scene folder.
     allow_outside : bool
-        As for `Scene.open`.
+        See `Scene.open`.
     target : Target
     """
 
@@ -46,11 +47,11 @@ class Subject:
         return Scene.open(self.root, allow_outside=self.allow_outside)
 
     def frame(self) -> Frame:
-        """The frame of the video, read."""
+        """Read the video frame."""
         return self._scene.frame(self.target.index)
 
     def instances(self) -> tuple[Instance, ...]:
-        """The objects, read."""
+        """Read the objects."""
         return self._scene.instances_named(self.target.objects)
 
 
@@ -58,40 +59,42 @@ class TimedRenderer(Protocol):
     """A renderer with a scene in memory."""
 
     def prepare(self, seed: int) -> None:
-        """Do once what need not be done for each picture of this seed, by making one."""
+        """Render one picture to do all work that is shared by the pictures of this seed."""
 
     def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
-        """A picture of `count` frames or samples per pixel, linear, and its seconds.
+        """Render `count` frames or samples per pixel; return seconds and linear radiance.
 
-        They count from what is in memory after `prepare` to the picture in memory. Nothing that
-        was sampled for another picture enters.
+        The time runs from the state after `prepare` to the picture in host memory. Samples of
+        other pictures are not reused.
         """
 
 
 class Entry(Protocol):
-    """What a process needs to know to become a renderer; it can be pickled."""
+    """A picklable description of a renderer, from which a process can build it."""
 
     @property
-    def label(self) -> str: ...
+    def label(self) -> str:
+        """Name of the renderer in reports."""
 
     def renderer(self, subject: Subject) -> TimedRenderer:
-        """Import, load and build all that it takes."""
+        """Import, load and build the renderer."""
 
 
 @dataclass(frozen=True)
 class IprtEntry:
-    """iprt with these settings. `device` is as for `choose_device`."""
+    """iprt with a combination of settings; for `device` see `choose_device`."""
 
     combination: Combination
     device: str | None
 
     @property
     def label(self) -> str:
-        """`iprt`, and what was changed."""
+        """`iprt`, with the swept values if there are any."""
         changed = self.combination.values
         return f"{OURS}, {self.combination.label}" if changed else OURS
 
     def renderer(self, subject: Subject) -> TimedRenderer:
+        """Open the device and load the scene."""
         from iprt.device.choose import choose_device
         from iprt.device.compute import ComputeDevice
 
@@ -102,29 +105,31 @@ class IprtEntry:
 
 @dataclass(frozen=True)
 class FullEntry:
-    """Mitsuba's path tracer in the full geometry, that of the Python module `model`."""
+    """Mitsuba's path tracer with the full geometry, built by the Python module `model`."""
 
     model: str
     label: str = field(default=FULL, init=False)
 
     def renderer(self, subject: Subject) -> TimedRenderer:
+        """Load the full geometry and the objects."""
         return _Full(self.model, subject)
 
 
 @dataclass(frozen=True)
 class PanoramaEntry:
-    """Mitsuba in the world that the panorama describes, over the target's background."""
+    """Mitsuba with the geometry and light of the panorama, over the target's background."""
 
     label: str = field(default=PANORAMA, init=False)
 
     def renderer(self, subject: Subject) -> TimedRenderer:
+        """Load the panorama and the objects."""
         return _Panorama(subject)
 
 
 class TimedIprt:
     """iprt in this process.
 
-    A picture goes on where the last one ended, if that has fewer frames and the same seed.
+    A picture continues the last one if that has fewer frames and the same seed.
     """
 
     def __init__(
@@ -145,6 +150,7 @@ class TimedIprt:
         self._seed, self._done, self._seconds = -1, 0, 0.0
 
     def prepare(self, seed: int) -> None:
+        """Render one picture, and keep its world for the pictures of this seed."""
         from iprt.memory import require_memory
 
         self._drop()
@@ -153,11 +159,12 @@ class TimedIprt:
         require_memory(self._device, self._frame, self._instances, self._target.view, settings)
         renderer = self._renderer = self._new()
         renderer.render(1)
-        # `_worlds` forgets what nobody else refers to.
+        # `_worlds` holds weak references only.
         self._kept = renderer.world if self._instances else renderer.real_world
         self._drop()
 
     def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        """Render `count` frames; return seconds and linear radiance."""
         if seed != self._seed:
             self.prepare(seed)
         if count <= self._done:
@@ -168,7 +175,7 @@ class TimedIprt:
         color = self._renderer.render(count - self._done).color
         self._seconds += time.perf_counter() - start
         self._done = count
-        self._device.profile.reset()  # else the events of all frames are kept
+        self._device.profile.reset()  # else it would keep the events of all frames
         return self._seconds, color
 
     def _new(self) -> Renderer:
@@ -190,12 +197,12 @@ class TimedIprt:
     def _drop(self) -> None:
         if self._renderer is not None:
             self._renderer.close()
-        # Gone before there is another one, which finds the memory mapped.
+        # Released before the next renderer is made, which can then reuse the mapped memory.
         self._renderer, self._done, self._seconds = None, 0, 0.0
 
 
 class _Full:
-    """All of the picture is path-traced, the background too."""
+    """Mitsuba's path tracer for the whole picture, including the background."""
 
     def __init__(self, model: str, subject: Subject) -> None:
         from iprt.truth.model import load_parts, load_scene
@@ -205,9 +212,11 @@ class _Full:
         self._scene = load_scene({**load_parts(model), **instance_shapes(subject.instances())})
 
     def prepare(self, seed: int) -> None:
+        """Render one picture."""
         self.picture(1, seed)
 
     def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        """Render `count` samples per pixel; return seconds and linear radiance."""
         from iprt.truth.model import render_color
 
         start = time.perf_counter()
@@ -216,7 +225,7 @@ class _Full:
 
 
 class _Panorama:
-    """Differential: what objects change of the target's background, and the objects."""
+    """Differential rendering with Mitsuba: objects over the relit background of the target."""
 
     def __init__(self, subject: Subject) -> None:
         from iprt.truth.panorama import load_world
@@ -225,9 +234,11 @@ class _Panorama:
         self._world = load_world(subject.frame(), subject.instances())
 
     def prepare(self, seed: int) -> None:
+        """Render one picture."""
         self.picture(1, seed)
 
     def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        """Render `count` samples per pixel; return seconds and linear radiance."""
         from iprt.truth.panorama import render_reference
 
         start = time.perf_counter()

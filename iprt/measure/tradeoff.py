@@ -1,8 +1,8 @@
-"""What time buys: the entries of the ladder with their times and SSIM, and the choice among them.
+"""Trade-off table: time and SSIM of the ladder's entries, and the choice of an entry.
 
-A table holds what was measured on one device: the seconds of a frame, of each of some views as
-fixed + per_pixel · pixels, and the SSIM that pictures have after some numbers of frames. Both
-differ from view to view, and an estimate is their mean with the least and the greatest.
+A table holds measurements on one device for several views: the seconds of a frame, as
+fixed + per_pixel · pixels, and the SSIM after several numbers of frames. An estimate is the mean
+over the views, with the minimum and the maximum.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from iprt.files.toml_text import parse_toml, printable, read_text
 from iprt.settings.ladder import LADDER
 
 SHIPPED = Path(__file__).with_name("tradeoff.toml")
-"""Made by `iprt calibrate scenes360/room --ssim -o iprt/measure/tradeoff.toml`."""
+"""The package's table, made by
+`iprt calibrate scenes360/room --ssim -o iprt/measure/tradeoff.toml`."""
 MOST_S = 1e6
-"""Seconds that no frame takes."""
+"""Upper bound for plausible seconds of a frame."""
 
 Seconds = Annotated[float, Field(ge=0.0, le=MOST_S)]
 Positive = Annotated[float, Field(gt=0.0, le=MOST_S)]
@@ -34,7 +35,7 @@ Count = Annotated[int, Field(ge=1, le=2**20)]
 
 @dataclass(frozen=True)
 class Range:
-    """A mean over views, with the least and the greatest of them."""
+    """Mean, minimum and maximum over views."""
 
     mean: float
     low: float
@@ -42,15 +43,15 @@ class Range:
 
     @classmethod
     def of(cls, values: list[float]) -> Range:
-        """From the values of views, at least one."""
+        """Compute the range of at least one value."""
         return cls(math.fsum(values) / len(values), min(values), max(values))
 
     def scaled(self, factor: float) -> Range:
-        """In another unit."""
+        """Return the range in another unit, multiplied by `factor`."""
         return Range(factor * self.mean, factor * self.low, factor * self.high)
 
     def text(self, digits: int) -> str:
-        """`0.078 (0.071 to 0.085)`, so many significant digits each."""
+        """Format the range with significant `digits`, such as `0.078 (0.071 to 0.085)`."""
         mean, low, high = (f"{value:.{digits}g}" for value in (self.mean, self.low, self.high))
         return mean if low == high else f"{mean} ({low} to {high})"
 
@@ -60,19 +61,19 @@ class _Table(BaseModel):
 
 
 class Entry(_Table):
-    """An entry of the ladder, measured.
+    """Measurements of one entry of the ladder.
 
     Attributes
     ----------
     name : str
-        In `LADDER`.
+        Key in `LADDER`.
     ratio : list of float
-        Time of a frame of the largest pictures relative to that of the entry `balanced`, and the
-        ends of its interval: over views the geometric mean, the lowest end and the highest.
+        Frame time of the largest pictures relative to the entry `balanced`: geometric mean over
+        the views, and the lowest and highest ends of their confidence intervals.
     seconds : dict of str to list of float
-        By view: seconds of a frame without its pixels, and those per pixel.
+        Fixed seconds of a frame and seconds per pixel, by view.
     ssim : dict of str to list of float
-        By view: mean SSIM of the cuts after each of the table's numbers of frames.
+        Mean SSIM of the cuts after each of the table's numbers of frames, by view.
     """
 
     name: str
@@ -83,14 +84,14 @@ class Entry(_Table):
     ssim: Annotated[dict[str, list[Similarity]], Field(min_length=1)]
 
     def seconds_of(self, pixels: int) -> Range:
-        """Estimated seconds of a frame of so many pixels."""
+        """Estimate the seconds of a frame of `pixels` pixels."""
         return Range.of([fixed + slope * pixels for fixed, slope in self.seconds.values()])
 
     def ssim_after(self, frames: int, measured: list[int]) -> Range:
-        """Estimated SSIM of a picture of so many frames.
+        """Estimate the SSIM of a picture of `frames` frames.
 
-        Between `measured` numbers of frames it is taken as linear in the logarithm of their
-        number; beyond the last it stays.
+        SSIM is interpolated linearly in the logarithm of the number of frames between the
+        `measured` ones, and is constant beyond them.
         """
         at = [math.log(count) for count in measured]
         values = [float(np.interp(math.log(frames), at, line)) for line in self.ssim.values()]
@@ -98,20 +99,22 @@ class Entry(_Table):
 
 
 class Tradeoff(_Table):
-    """All entries, measured on a device.
+    """Measurements of all entries on a device.
 
     Attributes
     ----------
     version : str
-        That of iprt.
+        Version of iprt.
     device, driver : str
         See `TimedDevice`.
     scene : str
-        Whose views were timed.
+        Scene of the timed views.
     truth : str
-        The scene whose views have the SSIM.
+        Scene of the views with SSIM.
     frames : list of int
         Numbers of frames after which SSIM was measured, rising.
+    entries : list of Entry
+        Entries in the order of `LADDER`.
     """
 
     format: Literal[1] = 1
@@ -136,12 +139,12 @@ class Tradeoff(_Table):
 
     @classmethod
     def parse(cls, text: str) -> Tradeoff:
-        """A table from its TOML.
+        """Parse a table from TOML.
 
         Raises
         ------
         ValueError
-            It is none, in one line.
+            The text is not a valid table. The message is one line.
         """
         try:
             return cls.model_validate(parse_toml(text))
@@ -153,12 +156,12 @@ class Tradeoff(_Table):
 
     @classmethod
     def read(cls, path: Path) -> Tradeoff:
-        """The table in a file.
+        """Read a table from a file.
 
         Raises
         ------
         FormatError
-            It cannot be read, or is none.
+            The file cannot be read, or is not a valid table.
         """
         try:
             return cls.parse(read_text(path))
@@ -168,21 +171,21 @@ class Tradeoff(_Table):
             raise FormatError(f"{path}: {error}") from None
 
     def text(self, title: str) -> str:
-        """The table as TOML under a comment."""
+        """Format the table as TOML, with `title` as a leading comment."""
         return f"# {title}\n{tomlkit.dumps(self.model_dump())}"
 
     def ssim(self, entry: Entry, frames: int) -> Range:
-        """Estimated SSIM of an entry's picture of so many frames."""
+        """Estimate the SSIM of an entry's picture of `frames` frames."""
         return entry.ssim_after(frames, self.frames)
 
     def within(self, seconds: float, pixels: int, frames: int) -> tuple[Entry, bool]:
-        """The most accurate entry whose frames take so long at most; else the quickest.
+        """Choose the most accurate entry with at most `seconds` per frame, else the fastest one.
 
         Returns
         -------
         Entry
         bool
-            Its estimated time fits.
+            True if the estimated time is within `seconds`.
         """
         fitting = [e for e in self.entries if e.seconds_of(pixels).mean <= seconds]
         if fitting:
@@ -190,13 +193,13 @@ class Tradeoff(_Table):
         return min(self.entries, key=lambda entry: entry.seconds_of(pixels).mean), False
 
     def reaching(self, ssim: float, pixels: int, frames: int) -> tuple[Entry, bool]:
-        """The quickest entry whose pictures have this SSIM on average; else the most accurate.
+        """Choose the fastest entry with a mean SSIM of at least `ssim`, else the most accurate one.
 
         Returns
         -------
         Entry
         bool
-            Its estimated SSIM is enough.
+            True if the estimated SSIM is at least `ssim`.
         """
         enough = [entry for entry in self.entries if self.ssim(entry, frames).mean >= ssim]
         if enough:
@@ -206,5 +209,5 @@ class Tradeoff(_Table):
 
 @cache
 def shipped() -> Tradeoff:
-    """The table that comes with the package."""
+    """Return the table that comes with the package."""
     return Tradeoff.read(SHIPPED)

@@ -1,4 +1,4 @@
-"""The user's own tables of what time buys, one per device, in the cache folder."""
+"""The user's own trade-off tables, one per device, in the cache folder."""
 
 from __future__ import annotations
 
@@ -23,14 +23,16 @@ LOG = logging.getLogger("iprt.measure")
 
 @dataclass(frozen=True)
 class TimedDevice:
-    """What times hold for, besides the version of iprt.
+    """Identity of a timed device.
+
+    Times are valid for one device, driver and version of iprt.
 
     Attributes
     ----------
     device : str
-        Names of the device and of its platform.
+        Names of the device and its platform.
     driver : str
-        Version of the driver.
+        Driver version.
     """
 
     device: str
@@ -38,17 +40,18 @@ class TimedDevice:
 
     @classmethod
     def of(cls, device: cl.Device) -> Self:
+        """Read the identity of a pyopencl device."""
         name, platform = device.name.strip(), device.platform.name.strip()
         return cls(f"{name} ({platform})", device.driver_version.strip())
 
     @property
     def file(self) -> Path:
-        """Where the device's table is kept."""
+        """Path of the device's table."""
         digest = hashlib.blake2b(self.device.encode(), digest_size=10).hexdigest()
         return own_folder() / "tradeoff" / f"{digest}.toml"
 
     def made(self, table: Tradeoff) -> bool:
-        """Whether the table's times are those of this device, driver and version of iprt."""
+        """Return True if the table is from this device, driver and version of iprt."""
         now = (self.device, self.driver, __version__)
         return (table.device, table.driver, table.version) == now
 
@@ -66,9 +69,9 @@ def keep(table: Tradeoff, path: Path) -> None:
 
 
 def tradeoff_for(timed: TimedDevice) -> Tradeoff:
-    """The device's own table, or the shipped one where there is none that holds.
+    """Return the device's own table if it is valid, else the shipped one.
 
-    One that cannot be read, or is of another driver or version, is ignored with a warning.
+    A table that cannot be read, or is from another driver or version, is ignored with a warning.
     """
     file = timed.file
     if not os.path.lexists(file):

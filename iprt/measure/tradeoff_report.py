@@ -1,4 +1,4 @@
-"""The table of what time buys, for people."""
+"""Report of a trade-off table."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from iprt.output.grid import Grid
 from iprt.settings.ladder import LADDER
 
 SIDE = 512
-"""Side of the picture whose time is shown."""
+"""Side in pixels of the picture whose time is shown."""
 FRONT = "*"
 
 
 def settings_text(name: str) -> str:
-    """`light_scale=4, atrous.levels=3`: what an entry changes in the default settings."""
+    """List an entry's changes of the default settings, such as `light_scale=4, atrous.levels=3`."""
     return ", ".join(f"{key}={value}" for key, value in LADDER[name].items()) or "the defaults"
 
 
 def tradeoff_grid(table: Tradeoff) -> Grid:
-    """A row per entry, the quickest first."""
+    """Build a table with a row per entry, fastest first."""
     marks = pareto_front([(entry.ratio[0], 1.0 - _mean_ssim(entry)) for entry in table.entries])
     rows = []
     for entry, mark in zip(table.entries, marks, strict=True):
@@ -62,5 +62,5 @@ def _mean_ssim(entry: Entry) -> float:
 
 
 def _of_views(range_: Range, digits: int) -> str:
-    """`0.954 ± 0.020`: the mean, and half of the way from the least to the greatest."""
+    """Format mean and half of the range, such as `0.954 ± 0.020`."""
     return f"{range_.mean:.{digits}f} ± {0.5 * (range_.high - range_.low):.{digits}f}"

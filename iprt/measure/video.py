@@ -1,4 +1,4 @@
-"""Play a scene's video with its objects, and measure accuracy and stability."""
+"""Accuracy and temporal stability of a scene's played video."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 SHOWN = ("background", "coverage", "ratio", "gloss", "motion")
 CONVERGED = ("coverage", "depth", "ratio")
-"""Auxiliary pictures that the measures need: of played pictures, and of converged ones."""
+"""AOVs needed of played pictures (`SHOWN`) and of converged ones."""
 
 
 @dataclass(frozen=True)
@@ -47,20 +47,20 @@ class Stability:
     Attributes
     ----------
     label : str
-        The settings, as far as they were swept.
+        The swept settings.
     scores : dict of int to Scores
-        Scores of frames that have a truth, by their number.
+        Scores of the frames that have a truth, by frame index.
     temporal_error : float or None
-        RMSE of the change of the displayed picture from one frame to the next, against the truth's;
-        None where no two truths follow each other.
+        RMSE of the frame-to-frame change of the displayed picture against the change of the truth.
+        None without truths of consecutive frames.
     flicker : dict of Kind to Flicker
-        Held against the input: the panorama as the view shows it.
+        Flicker with the input, the panorama in this view, as reference.
     true_flicker : dict of Kind to Flicker
-        Held against the truth, where two truths follow each other.
+        Flicker with the truth as reference, between truths of consecutive frames.
     unequal : int
-        Pixels that no object changes and that are not the input's to the last bit.
+        Number of pixels that no object changes and that are not bit-identical to the input.
     trails : dict of Cause to Trail
-        Trails of what left; empty: not measured.
+        Ghost trails by cause. Empty if not measured.
     """
 
     view: str
@@ -74,16 +74,16 @@ class Stability:
 
     @property
     def worst_flicker(self) -> float:
-        """The largest factor by which a kind of real pixels flickers more than the input."""
+        """Largest ratio of the flicker of real pixels to the input's, over their kinds."""
         ratios = [self.flicker["untouched"].ratio, self.flicker["relit"].ratio]
         return max((ratio for ratio in ratios if not np.isnan(ratio)), default=1.0)
 
     def mean(self, score: Callable[[Scores], float]) -> float | None:
-        """Over the frames with a truth; None without any."""
+        """Average a score over the frames with a truth; None without any."""
         return fmean(map(score, self.scores.values())) if self.scores else None
 
     def record(self) -> dict[str, object]:
-        """The same as plain data."""
+        """Return the results as plain data."""
         return {
             "view": self.view,
             "settings": self.label,
@@ -98,14 +98,16 @@ class Stability:
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of the video as displayed; images (H, W, 3) float64 in [0, 1].
+    """A displayed frame of the video; images are (H, W, 3) float64 in [0, 1].
 
     Attributes
     ----------
+    index : int
+        Frame index.
     shown : tuple of image
-        With each of the settings.
+        Pictures with each combination of settings.
     converged : image or None
-        Without noise or past; None: not asked for.
+        Picture without noise or temporal lag. None: not requested.
     """
 
     index: int
@@ -114,18 +116,18 @@ class Moment:
 
 
 class Player:
-    """Plays one view of a video with several settings at once, and measures them.
+    """Player of one view of a video with several combinations of settings, which measures each.
 
     Parameters
     ----------
     view : SceneView
-        The view, in the size that is rendered.
+        The view at the rendered size.
     chosen : sequence of Combination
-        Settings to play with.
+        Combinations of settings.
     background : {"panorama", "truth"}
-        Which background scores are taken over; flicker is that over the panorama.
+        Background of the scored pictures. Flicker is measured over the panorama.
     converge : int
-        Frames accumulated into each converged picture, which show trails; 0: none.
+        Frames accumulated in each converged picture, from which trails are measured. 0: none.
     """
 
     def __init__(
@@ -144,12 +146,12 @@ class Player:
         self._meters = [_Meters(scene.exposure) for _ in chosen]
 
     def play(self, indices: Sequence[int]) -> Iterator[Moment]:
-        """Render frame after frame.
+        """Render the frames in order.
 
         Raises
         ------
         IprtError
-            As `iprt.film.Film.frames`; or a picture holds NaN.
+            Rendering fails (see `iprt.film.Film.frames`), or a picture contains NaN.
         """
         from iprt.film import Film
 
@@ -183,7 +185,7 @@ class Player:
         return picture
 
     def results(self) -> list[Stability]:
-        """Results of each of the settings, over the frames played so far."""
+        """Return the results of each combination over the frames played so far."""
         return [
             meters.result(self._view.name, combination.label, measured=self._converge > 0)
             for meters, combination in zip(self._meters, self._chosen, strict=True)
@@ -191,7 +193,7 @@ class Player:
 
 
 class _Meters:
-    """All that is measured with one of the settings."""
+    """Meters of one combination of settings."""
 
     def __init__(self, exposure: float) -> None:
         self._exposure = exposure
@@ -210,6 +212,7 @@ class _Meters:
         converged: RenderedFrame | None,
         target: Target | None,
     ) -> None:
+        """Add the next frame."""
         aovs = _with_ratio(picture)
         shown = display(picture.color, self._exposure)
         given = display(aovs["background"], self._exposure)
@@ -239,6 +242,7 @@ class _Meters:
         self._last_converged = now
 
     def result(self, view: str, label: str, *, measured: bool) -> Stability:
+        """Return the results so far, with trails if they were `measured`."""
         return Stability(
             view=view,
             label=label,
@@ -252,12 +256,12 @@ class _Meters:
 
 
 def read_targets(scene: Scene, view: SceneView, background: Background) -> dict[int, Target]:
-    """The truths of a view by frame, at the size of `view`.
+    """Read the truths of a view by frame index, at the size of `view`.
 
     Raises
     ------
     IprtError
-        As `read_target`.
+        A truth cannot be read; see `read_target`.
     """
     size = (view.view.width, view.view.height)
     return {
@@ -267,7 +271,7 @@ def read_targets(scene: Scene, view: SceneView, background: Background) -> dict[
 
 
 def over_background(picture: RenderedFrame, target: Target) -> NDArray[np.float32]:
-    """The picture over the background of a target, linear, where it has one: IPRT Eq. 2."""
+    """Composite the picture over the target's background, if it has one (IPRT Eq. 2); linear."""
     if target.background is None:
         return picture.color
     aovs = _with_ratio(picture)
@@ -277,13 +281,13 @@ def over_background(picture: RenderedFrame, target: Target) -> NDArray[np.float3
 
 
 def _with_ratio(picture: RenderedFrame) -> dict[str, NDArray[np.float32]]:
-    """Auxiliary pictures, where no ratio is computed one of 1."""
+    """Return the AOVs, with a ratio of 1 if none was computed."""
     ratio = picture.aovs["ratio"]
     return {**picture.aovs, "ratio": np.ones_like(picture.color) if ratio.ndim == 2 else ratio}
 
 
 def resized(view: SceneView, size: tuple[int, int] | None) -> SceneView:
-    """The same view in another size."""
+    """Return the view at another size (width, height)."""
     if size is None:
         return view
     factor = max(view.view.width // size[0], 1)

@@ -1,4 +1,4 @@
-"""The path-traced truth that a view's picture is scored against."""
+"""Path-traced truth of a view, and scores of pictures against it."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("iprt.measure")
 Radiance = NDArray[np.float32]
 Background = Literal["panorama", "truth"]
-"""The background behind the objects: the resampled panorama, or the truth's own, which
-leaves relighting as the only difference."""
+"""Background behind the objects: the resampled panorama, or the truth's own background, over which
+relighting is the only difference."""
 
 
 @dataclass(frozen=True)
 class Scores:
-    """How far a picture is from its truth; all but `rmse` are of display-referred images.
+    """Scores of a picture against the truth, of display-referred images except for `rmse`.
 
     Attributes
     ----------
@@ -41,11 +41,13 @@ class Scores:
     ssim_cuts : tuple of float
         SSIM of the view's cuts, in the order of the manifest.
     psnr : float
-        Decibel; inf for equal images.
+        PSNR in dB; inf for equal images.
+    mse : float
+        Mean squared error.
     rmse : float
-        Root of the mean squared error of linear radiance.
+        Root mean squared error of linear radiance.
     flip : float or None
-        None where the evaluator is not installed.
+        Mean FLIP error. None if the evaluator is not installed.
     """
 
     ssim: float
@@ -56,25 +58,25 @@ class Scores:
     flip: float | None
 
     def record(self) -> dict[str, object]:
-        """The same as plain data; `psnr` is None for equal images, as JSON has no infinity."""
+        """Return the scores as plain data. An infinite `psnr` becomes None for JSON."""
         psnr = self.psnr if np.isfinite(self.psnr) else None
         return {**asdict(self), "ssim_cuts": list(self.ssim_cuts), "psnr": psnr}
 
 
 @dataclass(frozen=True)
 class Target:
-    """A view with its truth, ready to score pictures of it.
+    """A view with its truth, against which pictures are scored.
 
     Attributes
     ----------
     index : int
-        The video frame that the truth shows.
+        Video frame of the truth.
     objects : tuple of str
-        Names of the objects that it shows.
+        Names of the objects in the truth.
     radiance : (H, W, 3) float32
-        The truth, linear.
+        Linear radiance of the truth.
     background : (H, W, 3) float32 or None
-        What to composite over; None: the panorama.
+        Background to composite over. None: the panorama.
     cuts : tuple of (x0, y0, x1, y1)
         Crops around the objects, in pixels of `view`.
     """
@@ -91,16 +93,16 @@ class Target:
 
     @cached_property
     def shown(self) -> metrics.Image:
-        """The truth as displayed, (H, W, 3) in [0, 1]."""
+        """The displayed truth, (H, W, 3) in [0, 1]."""
         return display(self.radiance, self.exposure)
 
     def score(self, color: Radiance) -> Scores:
-        """Scores of linear radiance (H, W, 3).
+        """Score linear radiance (H, W, 3).
 
         Raises
         ------
         FormatError
-            It holds NaN or infinity.
+            The radiance contains NaN or infinity.
         """
         shown, truth = display(color, self.exposure), self.shown
         return Scores(
@@ -114,7 +116,7 @@ class Target:
 
 
 def views_with_truth(scene: Scene, names: Sequence[str] = ()) -> list[str]:
-    """Names of the views that can be compared: `names`, or all that have a truth.
+    """Return the names of comparable views: `names`, or all views with a truth.
 
     Raises
     ------
@@ -142,7 +144,7 @@ def views_with_truth(scene: Scene, names: Sequence[str] = ()) -> list[str]:
 
 
 def truth_indices(scene: Scene, name: str) -> list[int]:
-    """Frames of the video at which a view has a truth."""
+    """Return the video frames for which a view has a truth."""
     path = scene.views[name].truth
     if path is None:
         return []
@@ -157,23 +159,23 @@ def read_target(
     size: tuple[int, int] | None = None,
     index: int | None = None,
 ) -> Target:
-    """Read a view's truth and check all that can be checked before rendering.
+    """Read a view's truth and validate it before rendering.
 
     Parameters
     ----------
-    index : int or None
-        The frame of a video. None: the first one that has a truth.
     size : (int, int) or None
-        Width and height to compare at: the truth is averaged over blocks of whole pixels.
+        Width and height of the comparison. The truth is averaged over blocks of whole pixels.
+    index : int or None
+        Frame of a video. None: the first one with a truth.
 
     Raises
     ------
     SceneError
-        A file of a truth is not set or missing.
+        A file of the truth is not set or missing.
     FormatError
-        Sizes differ, a cut does not suit, or a picture holds NaN or infinity.
+        Sizes differ, a cut is invalid, or a picture contains NaN or infinity.
     IprtError
-        `size` does not divide that of the truth.
+        `size` does not divide the size of the truth.
     """
     entry = scene.views[name]
     factor = _reduction(entry.view, name, size)
@@ -203,7 +205,7 @@ def read_target(
 
 
 def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Target, Frame]]:
-    """Each target with its video frame; the frame is read once for targets that share it."""
+    """Yield each target with its video frame. Consecutive targets of one frame share it."""
     index, frame = None, None
     for target in targets:
         if frame is None or target.index != index:
@@ -212,7 +214,7 @@ def with_frames(scene: Scene, targets: Sequence[Target]) -> Iterator[tuple[Targe
 
 
 def _reduction(view: View, name: str, size: tuple[int, int] | None) -> int:
-    """Pixels of the truth per pixel of a picture of `size`, along a side."""
+    """Return the reduction factor from the truth's size to `size` along a side."""
     if size is None:
         return 1
     width, height = size
@@ -226,14 +228,14 @@ def _reduction(view: View, name: str, size: tuple[int, int] | None) -> int:
 
 
 def _reduced(image: Radiance, factor: int) -> Radiance:
-    """Means of blocks of `factor` x `factor` pixels: what a box filter of that size shows."""
+    """Average blocks of `factor` x `factor` pixels (box filter)."""
     height, width = image.shape[0] // factor, image.shape[1] // factor
     blocks = image.reshape(height, factor, width, factor, 3)
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float64).astype(np.float32))
 
 
 def reduced_cut(cut: metrics.Cut, factor: int) -> metrics.Cut:
-    """The cut in larger pixels, of which it keeps all that it touches."""
+    """Scale a cut down by `factor`, rounded outwards to whole pixels."""
     x0, y0, x1, y1 = cut
     return x0 // factor, y0 // factor, -(-x1 // factor), -(-y1 // factor)
 
@@ -241,7 +243,10 @@ def reduced_cut(cut: metrics.Cut, factor: int) -> metrics.Cut:
 def _read_picture(
     scene: Scene, name: str, key: str, path: Path | None, index: int | None = None
 ) -> tuple[int, Radiance]:
-    """The picture of frame `index`, or else of the first frame that has one, and that frame."""
+    """Read the picture of frame `index`, or of the first frame that has one.
+
+    Returns the frame index with the picture.
+    """
     if path is None:
         raise SceneError(f"{scene.name}: views.{name}.{key} is not set")
     pattern = str(path.relative_to(scene.root))
