@@ -7,7 +7,7 @@ from iprt.trace.paths import PathTracing
 
 
 class DeltaPathTracing(PathTracing):
-    """Path tracing of what meets objects alone."""
+    """Path tracing of the paths that meet objects."""
 
     own = DptSettings
     one_pass = False
