@@ -1,6 +1,6 @@
-// Change of the reflection of a glossy real surface by the objects, by one cone as wide as the specular lobe (T. A.
-// Franke, "Delta Voxel Cone Tracing", Eq. 6): the objects' radiance minus that which they block, plus the
-// antiradiance of real surfaces.
+// Change of the reflection of a glossy real surface by the objects, by one cone as wide as the specular lobe
+// (T. A. Franke, "Delta Voxel Cone Tracing", Eq. 6): the objects' radiance minus the radiance that they block,
+// plus the antiradiance of real surfaces.
 //
 // in   list, count       pixels to trace (y * width + x) and how many
 //      guide             7 planes (lib/gbuffer/guide.h): world normal, position, 1 + index of the real material
