@@ -104,7 +104,10 @@ def calibrate(
 
 
 def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
-    """Views to time."""
+    """Return the names of the views to time.
+
+    Default: the first views with a truth, or the first of all. Raise an error if there is none.
+    """
     with_truth = [name for name, entry in scene.views.items() if entry.truth is not None]
     found = list(dict.fromkeys(names)) or (with_truth or list(scene.views))[:MOST_VIEWS]
     if not found:
@@ -113,7 +116,7 @@ def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
 
 
 def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
-    """Truths of views, over whose own background pictures are scored."""
+    """Read the truths of views; pictures are scored over their own background."""
     from iprt.measure.view_truth import read_target, views_with_truth
 
     return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]

@@ -370,7 +370,10 @@ def add(
 
 
 def _device(spec: str | None) -> ComputeDevice | None:
-    """The device asked for; that there is none where none is asked for is no fault of a scene."""
+    """Open the requested or the default device.
+
+    None: there is no default device, which is no fault of the scene.
+    """
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.errors import DeviceError

@@ -1,4 +1,4 @@
-"""`iprt scene gloss`: the glossy surfaces that are found in a scene's picture."""
+"""`iprt scene gloss`: detection of glossy surfaces in a scene's picture."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def gloss(
 
 
 def _record(material: RealMaterial) -> dict[str, Any]:
-    """Return a surface that was found, as plain data."""
+    """Return a detected surface as plain data."""
     plane, evidence, coat = material.plane, material.evidence, material.material
     return {
         "name": material.name,
