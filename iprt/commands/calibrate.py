@@ -1,4 +1,4 @@
-"""`iprt calibrate`: what settings cost on this device, which render and viewer choose by."""
+"""`iprt calibrate`: table of the settings' cost on this device, for `render` and `view`."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def calibrate(
     opened.require_not_ours(path)
     table = _measured(opened, names, targets, ComputeDevice(handle), timed)
     keep(table, path)
-    with reporting(f"{path} has been written all the same"):
+    with reporting(f"{path} has been written nevertheless"):
         if json:
             print(table.model_dump_json(indent=2))
         else:

@@ -129,7 +129,7 @@ def compare(
     view, method = listed(view), listed(method)
     asked: list[str | None] = _asked(method)
     for name in asked or [None]:
-        setting_flags.resolved(seed=seed, method=name)  # faults in flags are reported first
+        setting_flags.resolved(seed=seed, method=name)  # report faults in flags first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
     if moving and accumulate is not None and not video.trails:

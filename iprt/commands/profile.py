@@ -1,4 +1,4 @@
-"""`iprt profile`: where the time and the memory of a frame go, kernel by kernel."""
+"""`iprt profile`: time and memory of a frame, by pass and kernel."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def reference(
         aovs=layers,
         metadata={"scene": opened.name, "spp": str(spp), "seed": str(seed)},
     )
-    with reporting(f"{output} has been written all the same"):
+    with reporting(f"{output} has been written nevertheless"):
         print(output)
     return 0
 

@@ -299,7 +299,7 @@ def _report(
     from iprt.measure.table import pass_grid
     from iprt.output.grid import print_grid
 
-    with reporting(f"{output} has been written all the same"):
+    with reporting(f"{output} has been written nevertheless"):
         if rendered is None:
             LOG.info("%s: is finished already; delete it to render it again", output)
             if profile is not None:

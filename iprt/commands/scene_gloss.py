@@ -53,7 +53,7 @@ def gloss(
     found = opened.found_materials
     if write and found:
         declare(opened.root, found)
-    with reporting(f"{scene} has been extended all the same" if write else "nothing was written"):
+    with reporting(f"{scene} has been extended nevertheless" if write else "nothing was written"):
         if json:
             print(json_format.dumps({"found": [_record(one) for one in found]}, indent=2))
         elif not found:

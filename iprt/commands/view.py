@@ -1,4 +1,4 @@
-"""`iprt view`: a scene in a window or a browser, to look around, place objects, tune settings."""
+"""`iprt view`: interactive viewer of a scene, in a window or a browser."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def view(
 def lost_edits(engine: Engine) -> str | None:
     """Return the warning about unsaved edits when a signal ends the viewer; None without any."""
     names = ", ".join(engine.unsaved)
-    return f"edits that nobody saved are lost, of: {names}" if names else None
+    return f"unsaved edits are lost: {names}" if names else None
 
 
 def _tell_address(port: int) -> None:
