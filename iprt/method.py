@@ -70,7 +70,7 @@ class Setup:
 
     @property
     def equirect(self) -> bool:
-        """The view shows the whole panorama."""
+        """True if the view shows the whole panorama."""
         return self.view.projection == "equirect"
 
 

@@ -85,8 +85,8 @@ __kernel void move_reflections(
     float curvature = bends > 0.0f ? fmax(bend / bends, 0.0f) : 0.0f;
     float image = 1.0f / (2.0f * curvature * distance + 1.0f);
 
-    // The surface point in the previous picture. The image far behind a curved surface is sensitive to the
-    // normal, which is interpolated between pixels therefore.
+    // The surface point in the previous picture. The normal is interpolated between pixels, as the position
+    // of an image far behind a curved surface is sensitive to it.
     float3 normal_before = (float3)(0.0f), near_before = (float3)(0.0f);
     float weights = 0.0f;
     float2 corner = floor(surface - 0.5f), part = surface - 0.5f - corner;

@@ -43,7 +43,7 @@ static inline float channel_ratio(
 }
 
 __kernel void relight(
-    SPAN_PARAMETERS,                       // where the signal is not 0, or was not in the last picture
+    SPAN_PARAMETERS,                       // where the signal is nonzero, in this picture or the last
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes
     __global const float *restrict colour, // 3 planes

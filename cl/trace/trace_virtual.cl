@@ -7,7 +7,7 @@
 //      history        1 plane: effective length of the pixel's temporal mean in the last picture, frames
 //      real, objects  lib/world/world.h
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
-//      specular       3 planes: radiance; null if no material has a specular lobe, as is
+//      specular       3 planes: radiance; null, as is `hit`, if no material has a specular lobe
 //      hit            1 plane: distance to the reflected surface, metres, the harmonic mean over
 //                     the specular lobe; FAR_HIT: the sky, 0: no specular lobe
 //      touched        1 plane: TOUCHED_FRAMES where a ray hit an object

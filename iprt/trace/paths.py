@@ -127,7 +127,7 @@ class PathTraceReal(RealTracer):
     """Paths from real surfaces.
 
     With `one_pass`, each path is traced with and without the objects. Otherwise only paths that
-    meet objects are traced.
+    hit objects are traced on.
     """
 
     def __init__(

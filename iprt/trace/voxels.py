@@ -160,7 +160,7 @@ class Voxels:
 
     @property
     def finest(self) -> int:
-        """Voxels of the finest level."""
+        """Number of voxels in the finest level."""
         return int(np.prod(self.grid.size))
 
     def reduce(self) -> None:

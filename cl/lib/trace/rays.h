@@ -1,4 +1,4 @@
-// Number of rays of a pixel of an object in a frame. A pixel of a real surface sends one.
+// Number of rays that a pixel sends in a frame: several at objects, one at real surfaces.
 #ifndef IPRT_RAYS_H
 #define IPRT_RAYS_H
 

@@ -1,7 +1,8 @@
 // Voxels of the real surfaces around the objects, with antiradiance where the objects cast shadows (T. A. Franke,
 // "Delta Voxel Cone Tracing", section 3.2).
 //
-// The antiradiance is the panorama's radiance times the share of the surface's light that objects block.
+// Antiradiance is negative radiance: minus the panorama's radiance times the share of the surface's irradiance
+// that objects block.
 //
 // in   panorama          lib/world/scene.h
 //      prefiltered       lib/trace/prefiltered.h

@@ -40,7 +40,7 @@ class LearnedRadiance:
         self._left = panorama.width * panorama.height
 
     def learn(self, panorama: Panorama) -> None:
-        """Learn from a batch of texels, until each has been drawn once on average in a frame."""
+        """Learn from a batch of random texels, up to the number of texels of the video's frame."""
         if self._left <= 0:
             return
         own = self._settings
