@@ -1,7 +1,7 @@
-"""The protocol between the renderer and relighting methods.
+"""Interface between the renderer and relighting methods.
 
-The renderer prepares the worlds and draws the G-buffer; the method turns them into signals, and the
-renderer composites these. Sparse tracing masks and the filter (`iprt.filter`) are services that a
+The renderer prepares the scene and draws the G-buffer. The method turns them into signals, which
+the renderer composites. Sparse tracing masks and the filter (`iprt.filter`) are services that a
 method may use.
 """
 
@@ -54,9 +54,9 @@ class Setup:
     layout : PlaneLayout
         Shape of the view's planes.
     features : Features
-        What the scene and the settings require.
+        Features that the scene and the settings require.
     gbuffer : GBuffer
-        The renderer's; it is filled when `Method.trace` is called.
+        The renderer's G-buffer, filled when `Method.trace` is called.
     camera : (12,) float32 or None
         `CameraMotion.rows`, where the 360° camera moves.
     """
@@ -70,24 +70,24 @@ class Setup:
 
     @property
     def equirect(self) -> bool:
-        """The view shows the whole panorama."""
+        """True if the view shows the whole panorama."""
         return self.view.projection == "equirect"
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Parts of the picture, without noise. The buffers belong to the method.
+    """Denoised components of the picture, in buffers of the method.
 
     Attributes
     ----------
     ratio : (H * W, 4) float32 or None
-        E_RV / E_R per colour of each pixel (IPRT, Eq. 2): what objects make of a real surface's
-        radiance, row by row. Needed where `Needs.relit` is set.
+        E_RV / E_R per colour channel of each pixel, row by row (IPRT, Eq. 2): the factor of a real
+        surface's radiance. Needed where `Needs.relit` is set.
     change : 3 planes or None
         Radiance that objects add to reflections of glossy real surfaces, of either sign. Needed
         where `Features.gloss` is set.
     diffuse : 3 planes or None
-        Irradiance / π of objects, which is multiplied by their albedo. Needed where
+        Irradiance / π of objects, to be multiplied by their albedo. Needed where
         `Features.diffuse_signal` is set.
     specular : 3 planes or None
         Radiance that objects reflect specularly. Needed where `Features.specular_signal` is set.
@@ -100,10 +100,10 @@ class Signals:
 
 
 class Method(ABC):
-    """A relighting method, built for one view.
+    """Relighting method, built for one view.
 
-    `iprt.settings.methods.MethodInfo` names the class; what its settings ask of the worlds is there
-    before it is built.
+    `iprt.settings.methods.MethodInfo` names the class and the data that it needs, which the
+    renderer prepares first.
 
     Attributes
     ----------
@@ -114,10 +114,10 @@ class Method(ABC):
         self.setup = setup
 
     def prepare_video(self, world: World) -> None:  # noqa: B027
-        """Prepare what depends on the video alone; called when its frame is new."""
+        """Update data that depends on the video alone; called at each new frame of the video."""
 
     def prepare_objects(self, world: World) -> None:  # noqa: B027
-        """Prepare what depends on the objects; called when they are new or have moved."""
+        """Update data that depends on the objects; called when they are new or have moved."""
 
     @abstractmethod
     def trace(self, world: World, context: FrameContext) -> Signals:
@@ -126,13 +126,13 @@ class Method(ABC):
         Parameters
         ----------
         world : World
-            What rays meet, as kernel arguments.
+            Real surfaces and objects, as kernel arguments.
         context : FrameContext
-            The frame: its index, view, and what has changed since the one before.
+            Index and view of the frame, and changes since the previous one.
         """
 
     def aov(self, name: str) -> Image | None:
-        """An auxiliary picture of `iprt.aovs.AOVS`, (H, W) or (H, W, 3); None: it has none.
+        """Return an auxiliary picture of `iprt.aovs.AOVS`, (H, W) or (H, W, 3); None: no such one.
 
         Called after `trace`.
         """
@@ -140,18 +140,21 @@ class Method(ABC):
 
     @property
     def traced_count(self) -> cla.Array | None:
-        """(1,) int32: pixels of real surfaces that had rays traced; None where none have."""
+        """(1,) int32: traced pixels of real surfaces; None for a method without such pixels."""
         return None
 
     def read(self, planes: cla.Array | None, channels: slice) -> Image | None:
-        """Some of a buffer's planes on the host: (H, W) of one channel, else (H, W, C)."""
+        """Read planes of a buffer to the host: (H, W) for one channel, else (H, W, C)."""
         if planes is None:
             return None
         return self.setup.layout.image(self.setup.device.read(planes), channels)
 
 
 def in_front(coverage: Image | None, virtual: Image | None, real: Image | None) -> Image | None:
-    """`virtual` where objects cover half of the pixel, else `real`; None of one counts as 0."""
+    """Return `virtual` where objects cover more than half of the pixel, else `real`.
+
+    A missing `real` counts as 0; without `virtual` or `coverage`, `real` is returned.
+    """
     if virtual is None or coverage is None:
         return real
     front = coverage > 0.5

@@ -1,7 +1,7 @@
-// Light that virtual surfaces reflect, by cones whose directions follow the reflectance and whose apertures
-// its density: narrow where surfaces are smooth (M. Colbert and J. Krivanek, "GPU-Based Importance
-// Sampling", GPU Gems 3, as K. Rohmer et al., "Natural Environment Illumination", section 7). The diffuse
-// lobe is kept without its albedo, which compositing applies at full resolution.
+// Reflected light of virtual surfaces, by cones. Directions are sampled by the BRDF, and apertures follow from
+// the density of the samples: narrow where surfaces are smooth (M. Colbert and J. Krivanek, "GPU-Based
+// Importance Sampling", GPU Gems 3, as K. Rohmer et al., "Natural Environment Illumination", section 7). The
+// diffuse lobe is stored without albedo, which compositing applies at full resolution.
 //
 // in   list, count       pixels to trace (y * width + x) and how many
 //      guide             7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
@@ -9,12 +9,12 @@
 //      materials         lib/world/brdf.h
 //      scene, objects    lib/trace/voxels.h
 //      surroundings      lib/trace/prefiltered.h
-//      delta             lib/trace/voxels.h (-D DELTA): what objects change of real surfaces
+//      delta             lib/trace/voxels.h (-D DELTA): the objects' change of real surfaces' radiance
 // out  diffuse           3 planes (-D HAS_DIFFUSE): irradiance / pi
 //      specular          3 planes (-D HAS_SPECULAR): radiance
-//      hit               1 plane (-D HAS_SPECULAR): metres to what is reflected, as trace_virtual.cl
-//      samples           1 plane: cones that the pixel has sent since the start, in and out
-//      touched           1 plane: TOUCHED_FRAMES where a cone met an object
+//      hit               1 plane (-D HAS_SPECULAR): distance to the reflected surface, as in trace_virtual.cl
+//      samples           1 plane: number of the pixel's cones since the start, in and out
+//      touched           1 plane: TOUCHED_FRAMES where a cone hit an object
 #include "trace/prefiltered.h"
 #include "trace/traced.h"
 #include "maths/sampling.h"
@@ -68,7 +68,7 @@ TRACING_KERNEL void cone_virtual(
         const float cosine = dot(at.n, sample.wi);
         if (!(cosine > 0.0f))
             continue;
-        // A mirror's weight is for the one direction that there is.
+        // A perfect mirror has a single direction and its weight, and no density.
         const int mirrored = sample.specular && !(material.alpha > 0.0f);
         float3 specular_share = mirrored ? sample.weight : (float3)(0.0f);
         float diffuse_share = 0.0f, solid_angle = 0.0f;

@@ -1,10 +1,10 @@
-// Samples of the environment, drawn beforehand for each video frame, so that rays look them up instead
-// of searching the table of lights (S. U. Mehta et al., "Filtering Environment Illumination for
-// Interactive Physically-Based Rendering in Mixed Reality", EGSR 2015).
+// Samples of the environment, precomputed for each video frame: rays look them up instead of searching the
+// table of lights (S. U. Mehta et al., "Filtering Environment Illumination for Interactive Physically-Based
+// Rendering in Mixed Reality", EGSR 2015).
 //
 // in   lights         lib/world/real/lights.h
 // out  samples        [samples_count]: cosine and sine of the azimuth (from -Z by half a turn), y of the
-//                     upper and of the lower end of the table's cell
+//                     upper and of the lower end of the sampled cell
 #define DISTANT_ENVIRONMENT
 #include "world/real/lights.h"
 

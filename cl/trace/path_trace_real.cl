@@ -1,27 +1,27 @@
-// What objects change in the irradiance of real surfaces, by path tracing, relative to the irradiance
-// E_R that these have without objects.
+// Change of the irradiance of real surfaces by the objects, by path tracing, relative to their irradiance
+// E_R without objects.
 //
-// -D ONE_PASS traces what arrives without objects and with them, for every ray, and takes the
-// difference (Kan and Kaufmann's one-pass differential rendering); without it, only what objects hide
-// is traced (delta path tracing).
-// -D DISTANT_ENVIRONMENT relights the surfaces of one plane only.
-// -D LOCAL_REGION relights what lies within the boxes of objects, enlarged by this share (W. Lee et al.
-// 2022, section V).
+// -D ONE_PASS: every ray gives the light without and with the objects, whose difference is taken (Kan and
+// Kaufmann's one-pass differential rendering). Without it, only rays that hit objects are traced on (delta
+// path tracing).
+// -D DISTANT_ENVIRONMENT: only the surfaces of the supporting plane are relit.
+// -D LOCAL_REGION: only surfaces within the boxes of objects, enlarged by this share, are relit (W. Lee et
+// al. 2022, section V).
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
 //      world          lib/world/world.h
 //      cache          lib/world/real/irradiance.h
 //      environment    trace/environment_samples.cl
-// out  signal         6 planes: hidden / E_R rgb, sent instead / E_R rgb
-//      samples        1 plane: paths that the pixel has sent since the start, in and out
-//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+// out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
+//      samples        1 plane: number of the pixel's paths since the start, in and out
+//      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
 #include "trace/paths.h"
 #include "trace/traced.h"
 #include "world/real/irradiance.h"
 
 #ifdef LOCAL_REGION
-// Whether p lies in one of the boxes, of which `boxes` holds the lower and the upper corners.
+// Return 1 if p lies in one of the enlarged boxes, given by lower and upper corners, else 0.
 static inline int in_region(__global const float4 *restrict boxes, int count, float3 p)
 {
     int inside = 0;

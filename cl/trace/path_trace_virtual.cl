@@ -1,15 +1,15 @@
-// Light that virtual surfaces reflect, by path tracing. The diffuse lobe is kept without its albedo,
-// which compositing applies at full resolution.
+// Reflected light of virtual surfaces, by path tracing. The diffuse lobe is stored without albedo, which
+// compositing applies at full resolution.
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
 //      albedo         3 planes
 //      world          lib/world/world.h
 //      environment    trace/environment_samples.cl
-// out  diffuse        3 planes: irradiance / pi; null where no material has a diffuse lobe
-//      specular       3 planes: radiance; null where none has a specular one
-//      samples        1 plane: paths that the pixel has sent since the start, in and out
-//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
+// out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
+//      specular       3 planes: radiance; null if no material has a specular lobe
+//      samples        1 plane: number of the pixel's paths since the start, in and out
+//      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
 #include "trace/paths.h"
 #include "trace/traced.h"
 

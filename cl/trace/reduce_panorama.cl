@@ -1,12 +1,13 @@
-// A level of the prefiltered panorama: means of the finer one, or of the panorama itself, by solid angle.
+// Level of the prefiltered panorama: means, weighted by solid angle, of the finer level or of the panorama
+// itself.
 //
-// -D OPENING_ENVIRONMENT, of the panorama itself: directions in which it shows neither a window nor the
-// sky hold what windows show in them.
+// -D OPENING_ENVIRONMENT, for the panorama itself: directions in which it shows neither a window nor the sky
+// take the estimated radiance behind windows.
 //
 // in       source            3 a texel, [source_height * source_width], from texel `source_first` on
 //          real_surface      lib/world/real/real.h
 //          real_outside      3 a texel, [OUTSIDE_ROWS * 2 OUTSIDE_ROWS]
-// in, out  texels            the same of all levels; this one begins at `first`
+// in, out  texels            3 a texel, of all levels; this level begins at `first`
 #include "world/real/panorama.h"
 #include "world/real/real.h"
 

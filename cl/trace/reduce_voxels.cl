@@ -1,12 +1,12 @@
-// A level of a mip chain of voxels, of the finer one: eight voxels make one.
+// Level of a mip chain of voxels from the finer level: eight voxels are reduced to one.
 //
-// Along an axis, what the first of two voxels lets pass meets the second one: their opacities are
-// composited, and the four pairs averaged. -D ISOTROPIC: one mean opacity for all axes instead.
+// Along each axis, the opacities of the two voxels of a pair are composited, and the four pairs averaged.
+// -D ISOTROPIC: one mean opacity for all axes instead.
 //
 // in       levels            voxels along x, y, z; first voxel
 // in, out  opacity, light    lib/trace/voxels.h, of all levels
 __kernel void reduce_voxels(
-    const int level,                          // to make
+    const int level,                          // the level to fill
     __global const int4 *restrict levels,
     __global float4 *restrict opacity,
     __global float4 *restrict light)
@@ -22,7 +22,7 @@ __kernel void reduce_voxels(
 #ifdef ISOTROPIC
     float mean = 0.0f;
 #else
-    // What pairs along each axis let pass, by their place across it.
+    // Transmittance of the four pairs along each axis, by their place across it.
     float4 along_x = (float4)(1.0f), along_y = (float4)(1.0f), along_z = (float4)(1.0f);
 #endif
     #pragma unroll

@@ -1,21 +1,21 @@
-// Where reflections on virtual surfaces were in the previous picture, while objects move. What a
-// mirror shows seems to lie behind it, at the virtual image of what is reflected, which does not
-// move as the mirror's surface does; on rough surfaces the reflection stays with the surface.
+// Motion vectors of reflections on virtual surfaces, while objects move. A mirror shows a virtual image of the
+// reflected point behind it, whose motion differs from the mirror's own. On rough surfaces the reflection moves
+// with the surface.
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top. World: +Y up, metres.
 //
 // in   guide, guide_previous  7 planes (guide.h); the border of `guide` wrapped in equirect views
-//      motion                 2 planes: previous position of the surface, pixels; -1e9 = nowhere
+//      motion                 2 planes: previous position of the surface, pixels; -1e9: nowhere
 //      roughness              1 plane, GGX alpha
-//      hit                    1 plane, metres to what is reflected; 0: nothing is
+//      hit                    1 plane, distance to the reflected point, metres; 0: no reflection
 //      view                   lib/gbuffer/view.h, of the previous picture
 //      camera                 lib/gbuffer/camera.h, with -DCAMERA_MOTION
 // out  moved                  2 planes: previous position of the reflection, as `motion`
 //
-// The image of what lies at distance h in front of a mirror of curvature k (convex: > 0) is at
-// I = h / (2 k h + 1) behind it (NVIDIA's ReLAX; the mirror equation at normal incidence). Surface
-// and image are mixed by how much of a rough lobe follows the mirror direction (Lagarde and de
-// Rousiers, "Moving Frostbite to Physically Based Rendering", 2014, section 4.9.3).
+// The image of a point at distance h in front of a mirror of curvature k (convex: > 0) lies at
+// I = h / (2 k h + 1) behind it (NVIDIA's ReLAX; the mirror equation at normal incidence). The motions of
+// surface and image are blended by the share of a rough lobe that follows the mirror direction (Lagarde and
+// de Rousiers, "Moving Frostbite to Physically Based Rendering", 2014, section 4.9.3).
 #include "gbuffer/camera.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/view.h"
@@ -28,7 +28,7 @@ static inline float3 guide_vector(__global const float *guide, int plane, int si
                     guide[(plane + 2) * size + p]);
 }
 
-// Plane index of the pixel that holds an image point, -1 outside the picture.
+// Return the plane index of the pixel that contains an image point; -1 outside the picture.
 static inline int pixel_at(float2 at, int width, int height, int seam)
 {
     if (!(fabs(at.x) < 1e6f && at.y >= 0.0f && at.y < height))
@@ -64,7 +64,7 @@ __kernel void move_reflections(
     float3 normal = guide_vector(guide, GUIDE_NORMAL, size, p);
     float3 point = guide_vector(guide, GUIDE_POSITION, size, p);
 
-    // Single distances are noisy: the harmonic mean of nine, which holds far ones in check.
+    // Single distances are noisy. The harmonic mean of nine limits the influence of far ones.
     float nearness = 0.0f, count = 0.0f, bend = 0.0f, bends = 0.0f;
     for (int i = 0; i < 9; i++) {
         int q = p + i % 3 - 1 + (i / 3 - 1) * stride;
@@ -85,8 +85,8 @@ __kernel void move_reflections(
     float curvature = bends > 0.0f ? fmax(bend / bends, 0.0f) : 0.0f;
     float image = 1.0f / (2.0f * curvature * distance + 1.0f);
 
-    // The same point of the surface in the previous picture. An image far behind a bent surface
-    // swings with its normal, so between pixels that is interpolated.
+    // The surface point in the previous picture. The normal is interpolated between pixels, as the position
+    // of an image far behind a curved surface is sensitive to it.
     float3 normal_before = (float3)(0.0f), near_before = (float3)(0.0f);
     float weights = 0.0f;
     float2 corner = floor(surface - 0.5f), part = surface - 0.5f - corner;
@@ -100,7 +100,7 @@ __kernel void move_reflections(
         near_before += w * guide_vector(guide_previous, GUIDE_POSITION, size, q);
         weights += w;
     }
-    near_before /= weights; // a quarter at least: the nearest pixel is of the surface
+    near_before /= weights; // at least 1/4, as the nearest pixel shows the surface
     normal_before = safe_normalize(normal_before, normal);
     float3 ray = view_direction(view, surface);
     float facing = dot(normal_before, ray);
@@ -120,7 +120,7 @@ __kernel void move_reflections(
     int there = pixel_at(at, width, height, seam);
     if (there < 0 || guide_previous[GUIDE_ID * size + there] != id)
         return;
-    // Elsewhere on a bent surface something else is reflected.
+    // At other points of a curved surface, the reflection is a different one.
     float agreement = dot(guide_vector(guide_previous, GUIDE_NORMAL, size, there), normal_before);
     float alike = clamp(10.0f * agreement - 9.0f, 0.0f, 1.0f);
     float rough = sqrt(clamp(roughness[p], 0.0f, 1.0f)), smooth = 1.0f - rough;

@@ -1,19 +1,19 @@
-// Relighting ratio of real surfaces, E_RV / E_R (IPRT Eq. 2; Algorithm 1, UpdateGbuffer): what
-// the camera's radiance is multiplied by where objects cast shadows and light.
+// Relighting ratio of real surfaces, E_RV / E_R (IPRT Eq. 2; Algorithm 1, UpdateGbuffer): the factor of the
+// captured radiance where objects cast shadows and light.
 //
 //   in   guide (7 planes, guide.h), colour (3 planes: L_cam), signal (6 planes): E_R rgb, E_RV rgb,
 //        or, with -DDELTA, blocked / E_R rgb, bounce / E_R rgb, and the cache that holds E_R
-//        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R); with -DNOISE the variance of
-//        what the filter has left of the signal, too (residual.h)
+//        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R); with -DNOISE also the variance of the
+//        filtered signal (residual.h)
 //   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
 //        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite,
-//        and where no real surface is lit (nothing there, or an opening: id 0); not written outside
+//        and where no real surface is lit (no surface, or an opening: id 0); not written outside
 //        the spans.
 //
-// No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the rest
-// came from light that the panorama does not hold (a clipped window) or shone at the camera only (a
-// highlight). Objects are taken to block as much of it as of the known light, without colour, and
-// never to add to it; otherwise such spots would light themselves up by way of objects near them.
+// No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the excess is due to
+// light that the panorama lacks (a clipped window) or to a highlight. Objects are assumed to block the same
+// share of it as of the known light, without colour, and never to add to it. Otherwise such spots would
+// brighten themselves by way of objects near them.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #ifdef DELTA
@@ -21,14 +21,14 @@
 #include "world/real/irradiance.h"
 #endif
 
-// Objects at most add light to a spot that was dark; beyond 4 a real surface's radiance is mostly
-// noise of a small E_R, and its colour was captured too dark to be trusted.
+// Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured colour
+// is too dark to be reliable.
 #define MAX_RATIO 4.0f
 
-// Changes below this are applied as they are.
+// Relative changes below this are applied without a lookup of E_R.
 #define SLIGHT 0.004f
-// Changes from these on deserve a ray for every fourth pixel, and for every pixel: noise is in
-// proportion to what is changed.
+// Relative changes above these get a ray for every fourth pixel, and for every pixel: noise is proportional
+// to the change.
 #define FAINT 0.015f
 #define STRONG 0.06f
 
@@ -43,7 +43,7 @@ static inline float channel_ratio(
 }
 
 __kernel void relight(
-    SPAN_PARAMETERS,                       // where the signal is, or was in the last picture, not 0
+    SPAN_PARAMETERS,                       // where the signal is nonzero, in this picture or the last
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes
     __global const float *restrict colour, // 3 planes
@@ -72,13 +72,13 @@ __kernel void relight(
 #else
     float3 blocked = load_planes(signal, size, p), bounce = load_planes(signal + 3 * size, size, p);
 #endif
-    // Only filtered values are clamped: single samples may go beyond what can be.
+    // Only filtered values are clamped: single samples may exceed the physical range.
     blocked = clamp(blocked, 0.0f, 1.0f);
     bounce = fmax(bounce, 0.0f);
     const IrradianceCache cache = CACHE;
     const float black = cache.black;
     const float3 larger = fmax(blocked, bounce);
-    // Most pixels of most views: what E_R would say of so little is not worth looking it up.
+    // For most pixels of most views, the change is too small for E_R to matter.
     const int slight = fmax(larger.x, fmax(larger.y, larger.z)) < SLIGHT;
     float3 real = (float3)(0.0f);
     if (guide[GUIDE_ID * size + p] > 0.0f && !slight)

@@ -1,21 +1,21 @@
-// What objects change in the irradiance of real surfaces, relative to the irradiance E_R that these
-// have without objects: light blocked and light that objects send instead. Rays are sampled where
-// objects can be: towards their boxes, towards the lights that they may hide, and by the cosine.
+// Change of the irradiance of real surfaces by the objects, relative to their irradiance E_R without objects:
+// light that objects block, and light that they send instead (bounce). Rays are sampled towards the objects'
+// boxes, towards the lights, which objects may block, and by the cosine.
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
 //      world          lib/world/world.h
 //      cache          lib/world/real/irradiance.h
 // out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
-//      samples        1 plane: rays that the pixel has sent since the start, in and out
+//      samples        1 plane: number of the pixel's rays since the start, in and out
 #define DELTA
 #include "world/boxes.h"
 #include "world/real/irradiance.h"
 #include "world/path.h"
 #include "trace/traced.h"
 
-// Shares of the ways to choose a direction where boxes can be aimed at; the rest is left to the
-// cosine, which covers what is close.
+// Shares of rays aimed at boxes, from outside and from inside of one. Half of the rest is aimed at lights, if
+// there are any; the others follow the cosine, which covers close objects.
 #define BOX_SHARE 0.5f
 #define BOX_SHARE_INSIDE 0.2f
 
@@ -40,8 +40,8 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
     s.diffuse = cosine / IPRT_PI;
     s.density = fmax((1.0f - box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
-    // Rays that meet no object do not need it. But if it were computed after the traversal, registers
-    // would hold `boxes` meanwhile.
+    // Rays that hit no object do not need the density, but computing it after the traversal would keep `boxes`
+    // in registers meanwhile.
     if (box_share > 0.0f)
         s.density +=
             box_share * box_density(world.objects.bounds, world.objects.objects, boxes, s.wi);
@@ -52,7 +52,7 @@ TRACING_KERNEL void trace_delta(
     TRACED_PARAMETERS,
     WORLD_PARAMETERS,
     CACHE_PARAMETERS,
-    const float min_solid_angle,                 // solid angle of objects that matters, sr
+    const float min_solid_angle,                 // least solid angle of objects that counts, sr
     __global uint *restrict samples,
     __global float *restrict signal WORK_PARAMETER)
 {
@@ -81,7 +81,7 @@ TRACING_KERNEL void trace_delta(
     const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
     const int pixel = at.pixel, size = at.size;
     samples[pixel] += rays;
-    // f cos is cos / pi, so that the sums are irradiance / pi, as the cache holds it.
+    // f cos is cos / pi: the sums are irradiance / pi, as in the cache.
     const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)rays;
     blocked *= scale;
     bounce *= scale;

@@ -1,15 +1,14 @@
-// What objects change in the reflection that a glossy real surface shows the camera: for rays of the
-// specular lobe that meet an object first, its radiance in place of that of the real surface behind.
-// Exactly 0 where no ray does.
+// Change of the reflection of a glossy real surface by the objects: for rays of the specular lobe that hit an
+// object first, its radiance minus the radiance of the real surface behind it. Exactly 0 where no ray does.
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal, position, 1 + index of the real material
 //      world          lib/world/world.h, with -D GLOSS
 // out  change         3 planes: radiance, of either sign
-//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
-//      samples        1 plane: rays that the pixel has sent since the start, in and out
+//      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
+//      samples        1 plane: number of the pixel's rays since the start, in and out
 //
-// The differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
+// This is the differential radiance of T. A. Franke, "Delta Voxel Cone Tracing" (ISMAR 2014), by rays.
 #define DELTA
 #define RELIT
 #include "world/boxes.h"

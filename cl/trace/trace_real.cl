@@ -1,13 +1,12 @@
-// Irradiance of real surfaces with and without the virtual objects: IPRT Algorithm 1, lines 1-9,
-// with the same rays for both (common random numbers), so that E_RV = E_R bit for bit wherever no
-// ray meets an object.
+// Irradiance of real surfaces with and without the virtual objects (IPRT Algorithm 1, lines 1-9). Both use the
+// same rays (common random numbers), so that E_RV = E_R bit for bit wherever no ray hits an object.
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal, position, id
 //      real, objects  lib/world/world.h
 // out  signal         6 planes: E_R rgb, E_RV rgb; irradiance / pi
-//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
-//      samples        1 plane: rays that the pixel has sent since the start, in and out
+//      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
+//      samples        1 plane: number of the pixel's rays since the start, in and out
 #define WITHOUT_OBJECTS
 #include "world/path.h"
 #include "trace/traced.h"

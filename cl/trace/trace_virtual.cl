@@ -1,17 +1,17 @@
-// Light that virtual surfaces reflect: IPRT Algorithm 1, lines 10-16. The diffuse lobe is kept
-// without its albedo, which compositing applies at full resolution.
+// Reflected light of virtual surfaces (IPRT Algorithm 1, lines 10-16). The diffuse lobe is stored without
+// albedo, which compositing applies at full resolution.
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
 //      albedo         3 planes
-//      history        1 plane: frames that the pixel's temporal mean was worth in the last picture
+//      history        1 plane: effective length of the pixel's temporal mean in the last picture, frames
 //      real, objects  lib/world/world.h
-// out  diffuse        3 planes: irradiance / pi; null where no material has a diffuse lobe
-//      specular       3 planes: radiance; null where none has a specular one, as is
-//      hit            1 plane: metres to what is reflected, the harmonic mean over
+// out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
+//      specular       3 planes: radiance; null, as is `hit`, if no material has a specular lobe
+//      hit            1 plane: distance to the reflected surface, metres, the harmonic mean over
 //                     the specular lobe; FAR_HIT: the sky, 0: no specular lobe
-//      touched        1 plane: TOUCHED_FRAMES where a ray met an object
-//      samples        1 plane: rays that the pixel has sent since the start, in and out
+//      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
+//      samples        1 plane: number of the pixel's rays since the start, in and out
 #define RELIT
 #include "world/path.h"
 #include "trace/rays.h"
@@ -19,12 +19,12 @@
 
 #define FAR_HIT 1e6f
 
-// Neighbours whose normals agree so well share their samples by way of the filter.
+// Least cosine between the normals of neighbours that share samples by way of the filter.
 #define ALIKE 0.95f
-// A pixel without such neighbours sends so many times as many rays as one amid them.
+// Factor of the number of rays of a pixel without such neighbours.
 #define ISOLATED_PIXEL_RAYS 4.0f
 
-// How many times as many rays a pixel deserves as one whose eight neighbours are like it.
+// Return the factor of a pixel's number of rays: 1 with eight similar neighbours, more with fewer.
 static inline float isolation(__global const float *restrict guide, int size, int pixel, int stride,
                                float3 n)
 {
@@ -42,7 +42,7 @@ TRACING_KERNEL void trace_virtual(
     __global const float *restrict albedo,
     __global const float *restrict history,
     WORLD_PARAMETERS,
-    const int jitter,                            // rays start anywhere in their pixel
+    const int jitter,                            // 1: rays start at random positions in their pixel
     __global uint *restrict samples,
     __global float *restrict diffuse,
     __global float *restrict specular,
@@ -61,7 +61,7 @@ TRACING_KERNEL void trace_virtual(
     const float steady = rays * share_of_rays(history[own], rays);
     const float deserved = steady * isolation(guide, planes, own, plane_stride(width),
                                               load_planes(guide, planes, own));
-    // A quotient may be 2.5 ulp below the whole number that it is.
+    // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
     float3 n, o, viewer, color;
     for (int ray = 0; ray < more; ray++) {
@@ -77,10 +77,10 @@ TRACING_KERNEL void trace_virtual(
         const uint seed = at.seed, index = first + ray;
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
 #ifdef OBJECTS_BVH
-        // Somewhere else in the pixel, if that shows the same material; else where the last ray began.
+        // Start at a random position in the pixel if it shows the same material, else where the last ray did.
         const float2 within = sobol_2d(index, hash_combine(seed, 3));
         float3 d = n;
-        // Always: what is read under a condition is not read before the loop.
+        // The condition on `id` always holds: it keeps the compiler from hoisting these reads out of the loop.
         if (jitter && at.id > 0)
             d = view_direction(view, (float2)(at.x, at.y) + within);
         ObjectHit hit;
@@ -107,7 +107,7 @@ TRACING_KERNEL void trace_virtual(
     }
     const int listed = READ_AGAIN(list + item), pixel = pixel_of(listed, width);
     samples[pixel] = first + more;
-    // f / albedo is 1 / pi at most: what the albedo multiplies is a mean of radiance.
+    // f / albedo is at most 1 / pi: without albedo, the signal is a mean of radiance.
     if (diffuse)
         store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
     if (specular) {

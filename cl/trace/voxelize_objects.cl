@@ -1,22 +1,22 @@
-// Objects as voxels: rays along the columns of one axis, SUB x SUB for each, mark what they pass inside
-// of an object (a solid voxelization, as K. Rohmer et al., "Natural Environment Illumination", section
-// 6.2), and surfaces that enclose nothing.
+// Voxelization of the objects. Rays along the columns of one axis, SUB x SUB per column, mark the voxels that
+// they pass inside of objects (a solid voxelization, as K. Rohmer et al., "Natural Environment Illumination",
+// section 6.2), and the voxels of open surfaces.
 //
-// Launched for one axis after the other: each work item is the only one that writes its column.
+// It is launched once per axis. Each work item is the only one that writes its column.
 //
 // in       objects      lib/world/objects/objects.h
-//          levels, box  lib/trace/voxels.h; the box reaches a voxel beyond the objects
-// in, out  opacity      of the finest level, along the axis: 0 before
-//          surface      per voxel: sum of albedos that rays met, how many did
-//          facing       per voxel: sum of outward normals there
+//          levels, box  lib/trace/voxels.h; the box reaches at least a voxel beyond the objects
+// in, out  opacity      of the finest level, along the axis; initially 0
+//          surface      per voxel: sum of the albedos at hits, and number of hits
+//          facing       per voxel: sum of the outward normals at hits
 #include "world/objects/objects.h"
 #include "maths/tracing.h"
 
-// Rays per column and side.
+// Rays along each side of a column.
 #define SUB 2
-// Surfaces that a ray meets at most; those beyond are left out.
+// Most hits of a ray; surfaces beyond are ignored.
 #define MOST_HITS 256
-// The ray goes on so many voxels behind a surface.
+// Offset of the next ray segment behind a hit, in voxels.
 #define BEYOND 1e-3f
 
 static inline float3 turned(int axis, float along, float u, float v)
@@ -72,7 +72,7 @@ TRACING_KERNEL void voxelize_objects(
             }
             float from = entered >= 0.0f ? entered : leaving ? at : -1.0f;
             if (from >= 0.0f) {
-                // Interpolation sees through a single layer: there are two, of sheets as well.
+                // Interpolation makes a single layer transparent: at least two are filled, for sheets too.
                 if (to - from < 1.0f && leaving)
                     from = to - 1.0f;
                 else if (to - from < 1.0f)

@@ -1,6 +1,6 @@
-// The panorama's surfaces as voxels (lib/trace/real_voxels.h). They are opaque, and send what the panorama
-// shows there (K. Rohmer et al., "Natural Environment Illumination", section 6.1). Open sky is none. With
-// -D OPENING_ENVIRONMENT windows send nothing: what they show depends on the direction of the cone.
+// Voxelization of the panorama's surfaces (lib/trace/real_voxels.h). The voxels are opaque and have the
+// panorama's radiance (K. Rohmer et al., "Natural Environment Illumination", section 6.1). Open sky has no
+// voxels. With -D OPENING_ENVIRONMENT windows emit nothing: their radiance depends on the cone's direction.
 //
 // in   panorama          lib/world/scene.h
 //      prefiltered       lib/trace/prefiltered.h

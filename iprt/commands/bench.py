@@ -1,4 +1,4 @@
-"""`iprt bench`: how long a frame takes."""
+"""`iprt bench`: time of a frame, by pass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`iprt bench-video`: how fast frames of a video are prepared."""
+"""`iprt bench-video`: speed of the preparation of a video's frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`iprt calibrate`: what settings cost on this device, which render and viewer choose by."""
+"""`iprt calibrate`: table of the settings' cost on this device, for `render` and `view`."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def calibrate(
     opened.require_not_ours(path)
     table = _measured(opened, names, targets, ComputeDevice(handle), timed)
     keep(table, path)
-    with reporting(f"{path} has been written all the same"):
+    with reporting(f"{path} has been written nevertheless"):
         if json:
             print(table.model_dump_json(indent=2))
         else:
@@ -104,7 +104,10 @@ def calibrate(
 
 
 def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
-    """Views to time."""
+    """Return the names of the views to time.
+
+    Default: the first views with a truth, or the first of all. Raise an error if there is none.
+    """
     with_truth = [name for name, entry in scene.views.items() if entry.truth is not None]
     found = list(dict.fromkeys(names)) or (with_truth or list(scene.views))[:MOST_VIEWS]
     if not found:
@@ -113,7 +116,7 @@ def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
 
 
 def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
-    """Truths of views, over whose own background pictures are scored."""
+    """Read the truths of views; pictures are scored over their own background."""
     from iprt.measure.view_truth import read_target, views_with_truth
 
     return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]

@@ -95,7 +95,7 @@ def capture(
             progress=update,
         )
     write_scene(output, captured)
-    with reporting(f"{output} has been made all the same"):
+    with reporting(f"{output} has been made nevertheless"):
         findings = Findings(folder=str(output), frames=frames)
         findings.say(f"read as {opened.found}", layout=opened.found)
         words = opened.settled.words
@@ -114,7 +114,7 @@ def capture(
             findings.warn(
                 [
                     f"{counted(captured.left_out, 'frame')} of {frames} left out: colours do not "
-                    "match those of the others; --no-compensate uses them"
+                    "match the other frames'; --no-compensate uses them"
                 ]
             )
         if not captured.matched:

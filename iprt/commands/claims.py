@@ -1,4 +1,4 @@
-"""`iprt claims`: what the papers behind the methods claim, measured."""
+"""`iprt claims`: measurements of the claims of the papers behind the methods."""
 
 from __future__ import annotations
 

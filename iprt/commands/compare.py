@@ -129,7 +129,7 @@ def compare(
     view, method = listed(view), listed(method)
     asked: list[str | None] = _asked(method)
     for name in asked or [None]:
-        setting_flags.resolved(seed=seed, method=name)  # faults in flags are reported first
+        setting_flags.resolved(seed=seed, method=name)  # report faults in flags first
     opened = Scene.open(scene, allow_outside=allow_outside)
     moving = len(opened.frame_indices) > 1
     if moving and accumulate is not None and not video.trails:
@@ -199,7 +199,7 @@ def compare(
 
 @dataclass
 class Output:
-    """Outlet of comparisons: to pictures and a page, one by one, so that nothing gets lost."""
+    """Writer of comparisons to pictures and a page, one by one, so that no result is lost."""
 
     title: str
     made: dict[str, Any]
@@ -209,6 +209,7 @@ class Output:
     figures: list[Figures] = field(default_factory=list)
 
     def add(self, compared: Compared) -> None:
+        """Keep a comparison, and write its pictures and the page."""
         from iprt.measure.report import Report, compared_figures
 
         self.results.append(compared.comparison)
@@ -249,9 +250,9 @@ def _render(
 
 
 def score_grid(results: Sequence[Comparison], made: dict[str, Any]) -> Grid:
-    """One row per view and method; at least one result, all over one background.
+    """Return a table with one row per view and method.
 
-    `made` is their `provenance`.
+    `results` has at least one entry, all over the same background; `made` is their `provenance`.
     """
     from iprt.measure.protocol import provenance_line
     from iprt.output.grid import Grid
@@ -289,7 +290,7 @@ def _any_below(values: Sequence[float], limit: float | None) -> bool:
 
 
 def _asked(names: Sequence[str]) -> list[str | None]:
-    """Names of methods, each once, in the order in which `iprt methods` lists them."""
+    """Return names of methods, each once, in the order of `iprt methods`."""
     from iprt.settings.methods import methods
 
     known = [name for name in methods() if name in names or "all" in names]

@@ -1,4 +1,4 @@
-"""`iprt compare` on a scene whose video has several frames: how true and how steady it plays."""
+"""`iprt compare` for scenes with a video: accuracy and temporal stability."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class VideoFlags:
     """Print a Markdown table."""
 
     def require_none(self, name: str) -> None:
-        """Fail if any is given, for a scene of that name with a single frame.
+        """Raise an error if any flag is given, for the scene `name` with a single frame.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class VideoFlags:
                 raise IprtError(f"--{flag}: is for videos; {name} has a single frame")
 
     def check(self) -> None:
-        """Fail if a value is none, or a flag has no effect.
+        """Raise an error if a value is not allowed, or a flag has no effect.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class VideoFlags:
         Raises
         ------
         IprtError
-            There are no such frames, or some between them are left out.
+            There are no such frames, or the range has gaps.
         """
         indices = frame_range(self.frames, scene.frame_indices)
         if indices.step != 1 and len(indices) > 1:
@@ -84,7 +84,7 @@ class VideoFlags:
         return indices
 
     def missed(self, results: Sequence[Stability]) -> bool:
-        """Whether real pixels flicker more than is allowed."""
+        """Return whether real pixels flicker more than `fail_over_flicker` allows."""
         limit = self.fail_over_flicker
         return limit is not None and any(result.worst_flicker > limit for result in results)
 
@@ -100,7 +100,7 @@ def combinations_of(
     methods: Sequence[str | None],
     flags: VideoFlags,
 ) -> list[Combination]:
-    """The settings to play with: each of the methods, and what is swept.
+    """Return the combinations of settings to play the video with: of methods and swept settings.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def compare_video(
     json: bool,
     save: Path | None,
 ) -> list[Stability]:
-    """Play the views and print what was measured; `made` is its `provenance`."""
+    """Play the views, print the measurements, and return them; `made` is their `provenance`."""
     from iprt.commands.progress import progress_bar
     from iprt.files.lock import locked
     from iprt.measure.film_strip import Strip
@@ -179,12 +179,15 @@ def compare_video(
 
 
 def _file_name(result: Stability) -> str:
-    """Settings hold dots, values at times slashes."""
+    """Return a file name without suffix; labels may contain slashes."""
     return f"{result.view}-{result.label}".replace("/", "_").replace(", ", "+")
 
 
 def stability_grid(results: Sequence[Stability], background: str, made: dict[str, Any]) -> Grid:
-    """One row per view and settings; at least one result, of that `provenance`."""
+    """Return a table with one row per view and settings.
+
+    `results` has at least one entry; `made` is their `provenance`.
+    """
     from iprt.measure.protocol import provenance_line
     from iprt.output.grid import Grid
 

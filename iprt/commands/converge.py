@@ -1,4 +1,4 @@
-"""`iprt converge`: how the accuracy of a still picture grows with time."""
+"""`iprt converge`: accuracy of a still picture over the time spent on it."""
 
 from __future__ import annotations
 

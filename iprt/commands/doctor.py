@@ -1,4 +1,4 @@
-"""`iprt doctor`: what this machine offers, what is missing, and the commands that install it."""
+"""`iprt doctor`: drivers and packages of this machine, and commands to install missing ones."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def doctor(*, json: bool = False) -> int:
 
 
 def show(report: dict[str, Any]) -> None:
-    """Print what `iprt.commands.installation.examine` returned, for people."""
+    """Print the result of `iprt.commands.installation.examine` as text."""
     from rich.console import Console
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-"""`iprt equal-time`: the accuracy that settings and methods reach in equal times."""
+"""`iprt equal-time`: accuracy of settings and methods in equal times."""
 
 from __future__ import annotations
 

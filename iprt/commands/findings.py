@@ -1,4 +1,4 @@
-"""What a verb has found out, printed as lines of text or as one JSON object."""
+"""Findings of a verb, printed as lines of text or as one JSON object."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Findings:
     """
 
     def __init__(self, **facts: Any) -> None:
-        """`facts` are for JSON alone."""
+        """Start with `facts` for the JSON object."""
         self.warnings: list[str] = []
         self._facts = facts
         self._notes: list[str] = []
         self._lines: list[str] = []
 
     def say(self, line: str, **facts: Any) -> None:
-        """Add a line for people, and the same as facts for JSON."""
+        """Add a line of text, and its content as facts for the JSON object."""
         self._lines.append(line)
         self._facts |= facts
 
@@ -41,7 +41,7 @@ class Findings:
             self._lines.append(f"warning: {line}")
 
     def print(self, *, as_json: bool) -> None:
-        """Print all of them to stdout."""
+        """Print all findings to stdout."""
         if as_json:
             record = {**self._facts, "notes": self._notes, "warnings": self.warnings}
             print(json.dumps(record, indent=2, ensure_ascii=False))

@@ -1,4 +1,4 @@
-"""`--frames`: which frames of a video are meant."""
+"""`--frames`: ranges of frames of a video."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ _DIGITS = 9
 
 
 def frame_range(text: str | None, there: range) -> range:
-    """Numbers of the frames that `text` asks for.
+    """Parse the value of `--frames` to a range of frame numbers.
 
     Parameters
     ----------
     text : str or None
-        `FIRST:LAST` or `FIRST:LAST:STEP`, both ends included; an end that is left out is the
-        video's. `N` is one frame. None: all.
+        `FIRST:LAST` or `FIRST:LAST:STEP`, both ends included; a missing end is the video's. `N` is
+        one frame. None: all frames.
     there : range
         Numbers of the video's frames.
 
     Raises
     ------
     IprtError
-        It says nothing of the kind, or no such frames are there.
+        The text has another form, or the video has no such frames.
     """
     if text is None:
         return there

@@ -13,7 +13,8 @@ CONFIG = (
     tyro.conf.FlagCreatePairsOff,
     tyro.conf.PositionalMetavarFromFieldName,
 )
-"""How tyro turns parameters into arguments: `--json` without `--no-json`, `SCENE` for a path."""
+"""Rules by which tyro turns parameters into arguments: `--json` without `--no-json`, `SCENE` for a
+path."""
 
 
 METAVARS = {
@@ -48,13 +49,13 @@ METAVARS = {
     "view": "NAME",
     "yaw": "DEGREES",
 }
-"""What stands for the value of a flag, where its type says too little; by parameter."""
+"""Placeholders of flags' values by parameter, where the type is not informative."""
 
 
 def explained(function: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Prepare a verb's function for tyro: paragraphs that it may wrap, defaults that say something.
+    """Prepare a verb's function for tyro: paragraphs that it can wrap, informative defaults.
 
-    tyro breaks lines where the docstring does, and shows a default of None as it is.
+    tyro would keep the docstring's line breaks, and show a default of None.
     """
     function.__doc__ = unwrapped(inspect.getdoc(function) or "")
     function.__annotations__ = {
@@ -65,19 +66,19 @@ def explained(function: Callable[..., int | None]) -> Callable[..., int | None]:
 
 
 def _metavar(name: str, kind: Any) -> str | None:
-    """Return what stands for the value of a flag in its help; None: its type."""
+    """Return the placeholder of a flag's value in its help; None: its type."""
     if kind is bool:
         return None
     return "N,N,..." if (name, kind) == ("accumulate", str) else METAVARS.get(name)
 
 
 def plain_default(metavar: str | None = None) -> Any:
-    """Annotation of a parameter that shows its default only where that says something."""
+    """Return the annotation of a parameter whose default is shown only if it is informative."""
     return tyro.conf.arg(help_behavior_hint=_default, metavar=metavar)
 
 
 def unwrapped(text: str) -> str:
-    """Return a docstring with each paragraph on one line, those of the parameters too."""
+    """Return a docstring with each paragraph on one line, parameters' descriptions included."""
     lines: list[str] = []
     prose, indent = True, ""
     for line in text.splitlines():
@@ -93,5 +94,5 @@ def unwrapped(text: str) -> str:
 
 
 def _default(value: str) -> str:
-    """Default value that follows an explanation; texts say themselves what no value means."""
+    """Return the note about a default value; the texts themselves explain a missing value."""
     return "" if value in ("", "None", "False", "True") else f"(default: {value})"

@@ -21,7 +21,7 @@ PROBED = {
     "browser": ("iprt view --web", "the viewer in a browser"),
     "mitsuba": ("Mitsuba", "path-traced references"),
 }
-"""Parts that iprt can do without, by their probes: name, and what each is for."""
+"""Name and purpose of each optional part, by its probe."""
 PACKAGES = {
     "pyoidn": "denoised references",
     "flip-evaluator": "the FLIP column of `iprt compare`",
@@ -29,15 +29,15 @@ PACKAGES = {
 
 
 def examine() -> Record:
-    """Return everything that `iprt doctor` says, as plain data.
+    """Return the findings of `iprt doctor` as plain data.
 
     Returns
     -------
     dict
         `ok`: iprt can render; `opencl`: `devices`, `chosen`, `reason`, `vendors`, or `error` and
         `alone` (`drivers_alone`); `caches`: `folder` of compiled kernels and the `problem` with it;
-        `versions`: by name; `parts`: list of `name`, `purpose` and either what was `found` or an
-        `error`, which says how to get it.
+        `versions`: by name; `parts`: list of `name`, `purpose` and either `found` (such as a
+        version) or an `error` with the command that installs it.
     """
     names = ("opencl", *PROBED)
     with ThreadPoolExecutor() as pool:
@@ -62,7 +62,7 @@ def examine() -> Record:
 
 
 def parts(records: dict[str, Record]) -> list[Record]:
-    """Return whether each part that iprt uses works, given the records of the probes by name."""
+    """Return the state of each part that iprt uses, given the records of the probes by name."""
     found = [
         {"name": name, "purpose": purpose, **records[key]}
         for key, (name, purpose) in PROBED.items()
@@ -87,10 +87,10 @@ def _not_installed(command: str) -> Record:
 
 
 def drivers_alone(vendors: Path) -> dict[str, str]:
-    """Return the devices of each driver of a vendors folder, or its error, by its library.
+    """Return the devices or the error of each driver of a vendors folder, by its library.
 
-    Each is loaded by a process without the others: one that crashes, or two that clash, end a
-    process that loads all.
+    Each driver is loaded by a process of its own: a driver that crashes, or two that clash, would
+    end a process that loads all.
     """
 
     def alone(entry: tuple[str, str]) -> str:

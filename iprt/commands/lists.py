@@ -6,5 +6,5 @@ from collections.abc import Iterable
 
 
 def listed(values: Iterable[str]) -> tuple[str, ...]:
-    """Return the single values of a flag in their order: `a,b` twice is a, b, a, b."""
+    """Return the values of a flag in their order: `a,b` twice is a, b, a, b."""
     return tuple(part.strip() for value in values for part in value.split(","))

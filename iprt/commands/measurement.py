@@ -1,4 +1,4 @@
-"""What the verbs measure that score still pictures against the truth, and where results go."""
+"""Subject and output of the verbs that score still pictures against the truth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from iprt.scene.scene import Scene
 
 LOG = logging.getLogger("iprt.bench")
 MANY = 10
-"""Outcomes that a terminal has room for with all their passes."""
+"""Largest number of results that a terminal shows with all their passes."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Measurement:
         seeds: int,
         output: Output,
     ) -> Measurement:
-        """Read the truths and take the device."""
+        """Read the truths and open the device."""
         names = dict.fromkeys(views_with_truth(scene, views))
         targets = tuple(read_target(scene, name, background, size) for name in names)
         compute = ComputeDevice(choose_device(device))
@@ -61,7 +61,7 @@ class Measurement:
         return cls(scene, made, targets, tuple(chosen), seeds, background, compute, output)
 
     def announce(self, what: str) -> None:
-        """Say on stderr what is going to be run."""
+        """Log the number of runs that follow; `what` describes each."""
         LOG.info(
             "%s: %s of settings, %s, %s; %s",
             counted(len(self.chosen) * len(self.targets) * self.seeds, "run"),
@@ -72,7 +72,7 @@ class Measurement:
         )
 
     def lines(self) -> list[str]:
-        """How the figures were made, for a page."""
+        """Return lines for a page about the conditions of the measurement."""
         sizes = ", ".join(f"{t.name} {t.view.width}x{t.view.height}" for t in self.targets)
         return [
             f"{sizes}; on {self.device.name}.",
@@ -82,7 +82,7 @@ class Measurement:
         ]
 
     def record(self) -> dict[str, Any]:
-        """The same as plain data."""
+        """Return the conditions of the measurement as plain data."""
         return {
             **self.made,
             "device": self.device.name,
@@ -93,18 +93,19 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Output:
-    """Where results go: to stdout as JSON, Markdown or tables, and to a page."""
+    """Output of results: to stdout as JSON, Markdown or tables, and to a page."""
 
     json: bool
     markdown: bool
     html: Path | None
 
     def write(self, report: Report) -> None:
+        """Write the page, if `html` names one."""
         if self.html is not None:
             report.write(self.html)
 
     def print(self, record: dict[str, Any], grids: Sequence[Grid]) -> None:
-        """`record` holds the `provenance`."""
+        """Print the JSON object or the tables; `record` includes the `provenance`."""
         if self.json:
             print(json.dumps(record, indent=2))
             return
@@ -117,12 +118,12 @@ class Output:
 
 
 def parse_levels(text: str) -> list[float]:
-    """Values of SSIM separated by commas.
+    """Parse values of SSIM separated by commas.
 
     Raises
     ------
     IprtError
-        One is none.
+        A value is no number above 0 and at most 1.
     """
     try:
         levels = [float(word) for word in text.split(",")]
@@ -137,7 +138,7 @@ def parse_levels(text: str) -> list[float]:
 
 @contextmanager
 def printed_at_last(results: Sized, finish: Callable[[], None]) -> Iterator[None]:
-    """Print what there is at the end, be it a signal or an error: no result is lost."""
+    """Call `finish` at the end of the block, on a signal or an error too if there are results."""
 
     def finish_early() -> None:
         if results:

@@ -1,4 +1,4 @@
-"""Flags that the verbs share which score still pictures against the truth."""
+"""Flags shared by the verbs that score still pictures against the truth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_FRAMES = 100_000
 
 @dataclass(frozen=True)
 class MeasurementFlags:
-    """What is measured, on which device, and where the results go."""
+    """Subject, device and output of a measurement."""
 
     view: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("NAME")] = ()
     """Views to measure, separated by commas or with --view again. Default: all with a truth."""
@@ -49,7 +49,7 @@ class MeasurementFlags:
         Raises
         ------
         IprtError
-            It cannot be read; flags contradict each other; or the report cannot be written.
+            The scene cannot be read, flags contradict each other, or the report cannot be written.
         """
         from iprt.files.atomic import require_writable
         from iprt.scene.scene import Scene
@@ -76,9 +76,9 @@ class MeasurementFlags:
         Parameters
         ----------
         method : str, optional
-            Relighting method, in place of that of `setting_flags`.
+            Relighting method, in place of the one in `setting_flags`.
         sweep : SweepFlags, optional
-            Settings to vary; without it, only those of `setting_flags` are measured.
+            Settings to vary; without it, only `setting_flags` are measured.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""`iprt methods`: the relighting methods that are installed."""
+"""`iprt methods`: list of the installed relighting methods."""
 
 from __future__ import annotations
 

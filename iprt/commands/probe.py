@@ -1,7 +1,7 @@
 """Try a driver or an optional part in a process of its own: `python -m iprt.commands.probe NAME`.
 
-OpenCL, OpenGL and LLVM can end the process that calls them. So each is tried in a child, which
-prints one JSON object; a child that dies, hangs or raises becomes an `error` in the record.
+OpenCL, OpenGL and LLVM can end the process that calls them. So each is tried in a child process,
+which prints one JSON object. A child that dies, hangs or raises becomes an `error` in the record.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ TIMEOUT_S = 120.0
 def probe(
     name: str, variables: Mapping[str, str] | None = None, timeout_s: float = TIMEOUT_S
 ) -> Record:
-    """Return the record that the probe `name` of `PROBES` prints, or `{"error": why}`.
+    """Run the probe `name` of `PROBES` in a child; return its record, or `{"error": reason}`.
 
-    `variables` are added to its environment.
+    `variables` are added to the child's environment.
     """
     try:
         child = subprocess.run(
@@ -44,7 +44,7 @@ def probe(
 
 
 def read_record(status: int, stdout: str, stderr: str) -> Record:
-    """Return the JSON object in the last line of a child's `stdout`, or why there is none."""
+    """Return the JSON object in the last line of a child's `stdout`, or an error."""
     if status < 0:
         return {"error": f"the process was ended by {signal.Signals(-status).name}"}
     try:
@@ -56,7 +56,7 @@ def read_record(status: int, stdout: str, stderr: str) -> Record:
 
 
 def opencl() -> Record:
-    """List the devices, the one that would be used, and why."""
+    """List the devices, the one that would be used, and the reason for it."""
     from iprt.device.choose import choose, describe_devices
     from iprt.errors import IprtError
 
@@ -109,9 +109,10 @@ PROBES: dict[str, Callable[[], Record]] = {
 
 
 def main() -> None:
+    """Print the record of the probe that the command line names."""
     try:
         record = PROBES[sys.argv[1]]()
-    except Exception as error:  # whatever a driver raises is the answer to the question
+    except Exception as error:  # the record reports any error of a driver
         record = {"error": f"{error}" or type(error).__name__}
     print(json.dumps(record))
 

@@ -1,4 +1,4 @@
-"""`iprt profile`: where the time and the memory of a frame go, kernel by kernel."""
+"""`iprt profile`: time and memory of a frame, by pass and kernel."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def profile(
 def _reel(
     scene: Scene, view: SceneView | View, objects: tuple[str, ...] | None, settings: Settings
 ) -> Reel:
-    """The video, if there is one; else a turn around the panorama."""
+    """Return the video, if the scene has one, else a turn around the panorama."""
     from iprt.geometry.camera import View
     from iprt.measure.camera_motion import Playback, Turn
 
@@ -147,7 +147,7 @@ def _measure(device: ComputeDevice, reel: Reel, scene: str, frames: int) -> Cost
     from iprt.commands.progress import progress_bar
     from iprt.measure.bench import COUNTED_FRAMES, WARM_UP, count_work, timed
 
-    # Timed first: what was timed is kept in the profile, for the trace.
+    # The profile keeps the timed frames for the trace: time first, then count.
     with progress_bar("timing", WARM_UP + frames) as progress:
         report = timed(device, reel, scene=scene, frames=frames, progress=progress)
     with progress_bar("counting", WARM_UP + COUNTED_FRAMES) as progress:
@@ -158,7 +158,7 @@ def _measure(device: ComputeDevice, reel: Reel, scene: str, frames: int) -> Cost
 def _print(
     report: CostReport, old: OldReport | None, file: Path | None, *, json: bool, csv: bool
 ) -> None:
-    """Results, to stdout."""
+    """Print the results to stdout."""
     from iprt.measure.changes import changed_settings, changes
     from iprt.measure.profile_file import csv_text, json_text
     from iprt.measure.table import change_grid, compile_grid, memory_grid, part_grid

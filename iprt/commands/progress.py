@@ -1,4 +1,4 @@
-"""A progress bar on stderr, where somebody watches."""
+"""Progress bar on stderr, if this is a terminal."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from typing import Protocol
 from iprt.files.termination import at_termination
 
 CLEAR = b"\r\x1b[K\x1b[?25h"
-"""Ends a bar that is being drawn: the line is empty, and the cursor is shown."""
+"""Escape sequence that removes an unfinished bar: it clears the line and shows the cursor."""
 
 
 class Update(Protocol):
-    """Moves a bar on."""
+    """Callback that advances a bar."""
 
     def __call__(self, done: int, note: str = "", /) -> None:
-        """Show so many frames as done, and a note behind the label."""
+        """Show `done` frames as finished, and `note` behind the label."""
 
 
 @contextmanager
 def progress_bar(
     label: str, frames: int, unit: str = "frames", *, done: int = 0, remaining: bool = False
 ) -> Iterator[Update]:
-    """Show a bar while the block runs; call what it yields with the number of frames done.
+    """Show a bar while the block runs; it yields the callback that advances the bar.
 
-    Nothing is written where stderr is no terminal, as a log would only get empty lines, nor where
-    the log is kept quiet.
+    Nothing is written if stderr is no terminal, where a log would only get empty lines, or if the
+    log is quiet.
 
     Parameters
     ----------
     done : int
         Frames that were finished before.
     remaining : bool
-        Show the time left and the seconds per frame, too.
+        Show the remaining time and the seconds per frame, too.
     """
     from rich.console import Console
     from rich.progress import (

@@ -1,4 +1,4 @@
-"""`iprt race`: the seconds that iprt and Mitsuba need for one accuracy."""
+"""`iprt race`: the seconds that iprt and Mitsuba need to reach the same accuracy."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def race(
     )
     entries: list[Entry] = [IprtEntry(one, measurement_flags.device) for one in plan.chosen]
     if model is not None:
-        load_parts(model)  # a fault is reported before anything is measured
+        load_parts(model)  # report faults before anything is measured
         entries.append(FullEntry(model))
     entries.append(PanoramaEntry())
     subjects = [
@@ -107,7 +107,7 @@ def race(
 
 
 def _conditions(plan: Measurement) -> str:
-    """Return the sizes, devices and seeds of a race, in one line."""
+    """Return the sizes, devices and seeds of a race as one line."""
     sizes = ", ".join(f"{t.name} {t.view.width}x{t.view.height}" for t in plan.targets)
     return (
         f"{sizes}; iprt on {plan.device.name}, Mitsuba and Open Image Denoise on "

@@ -1,4 +1,4 @@
-"""`iprt reference`: a slow, independent picture of what a view ought to look like."""
+"""`iprt reference`: a path-traced reference picture of a view, by an independent renderer."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def reference(
     opened.require_not_ours(output)
     chosen, objects = choose_view(opened, view, size=size)
     instances = opened.instances if objects is None else opened.instances_named(objects)
-    mitsuba()  # what is missing is said before anything is read
+    mitsuba()  # report a missing package before anything is read
     if model is not None:
         from iprt.truth.model import load_parts
 
@@ -109,7 +109,7 @@ def reference(
         aovs=layers,
         metadata={"scene": opened.name, "spp": str(spp), "seed": str(seed)},
     )
-    with reporting(f"{output} has been written all the same"):
+    with reporting(f"{output} has been written nevertheless"):
         print(output)
     return 0
 

@@ -165,7 +165,7 @@ def render(
     from iprt.scene.scene import Scene
 
     resolved = partial(setting_flags.resolved, still=not video, seed=seed, method=method)
-    resolved()  # faults in flags are reported first
+    resolved()  # report faults in flags first
     opened = Scene.open(scene, allow_outside=allow_outside, strict=strict)
     settings = resolved(opened)
     if tradeoff_goal is not None:
@@ -212,7 +212,7 @@ def render(
 
 
 def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, video: bool) -> None:
-    """Checks of the outputs before the scene is read."""
+    """Check the outputs, before the scene is read."""
     from iprt.aovs import AOVS
     from iprt.files.atomic import require_writable
     from iprt.output.picture import check_output
@@ -229,9 +229,9 @@ def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, vid
 
 
 def _render_still(job: RenderJob, output: Path, index: int) -> tuple[ComputeDevice, Film]:
-    """One picture of a frame, with the device and the film that made it.
+    """Render one picture of a frame; return the device and the film that rendered it.
 
-    Where the driver loses the device, all is made anew, once.
+    If the driver loses the device, the render is repeated once with a new one.
     """
     from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
@@ -275,7 +275,7 @@ def _render_still(job: RenderJob, output: Path, index: int) -> tuple[ComputeDevi
 
 
 def _tell_noise(goal: Goal) -> None:
-    """Say what noise is left, and what to do where that is too much."""
+    """Log the remaining noise, as a warning with advice if it is above the goal."""
     reached = "unknown" if goal.reached is None else f"{goal.reached:.2g} of white"
     told = f"noise {reached} after {counted(goal.frames, 'frame')}"
     if goal.met:
@@ -291,7 +291,7 @@ def _report(
     rendered: tuple[ComputeDevice, Film] | None,
     profile: Path | None,
 ) -> None:
-    """Print where the output is and, if asked for, where the time went in frame `index`."""
+    """Print the output's path and, if asked for, the times of the passes of frame `index`."""
     from iprt.commands.standard_streams import reporting
     from iprt.film import view_at
     from iprt.measure.cost_report import CostReport
@@ -299,7 +299,7 @@ def _report(
     from iprt.measure.table import pass_grid
     from iprt.output.grid import print_grid
 
-    with reporting(f"{output} has been written all the same"):
+    with reporting(f"{output} has been written nevertheless"):
         if rendered is None:
             LOG.info("%s: is finished already; delete it to render it again", output)
             if profile is not None:

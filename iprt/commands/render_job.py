@@ -16,7 +16,7 @@ from iprt.settings.model import Settings
 
 @dataclass(frozen=True)
 class RenderJob:
-    """A picture or video to render.
+    """Picture or video to render.
 
     Attributes
     ----------
@@ -26,17 +26,17 @@ class RenderJob:
         None: all.
     settings : Settings
     accumulate : int
-        View frames per picture; at most, where `converged` is given.
+        View frames per picture; with `converged`, their maximum.
     converged : float or None
-        The noise at which a still picture is finished, see `Goal`.
+        Noise at which a still picture is finished, see `Goal`.
     aovs : tuple of str
     strict : bool
     device : str or None
         See `choose_device`.
     frame_limit : float
-        Seconds.
+        Longest time of a frame, seconds.
     profiled : bool
-        All frames are recorded in the device's profile; or else so few that it costs nothing.
+        Record all frames in the device's profile; otherwise only a few, at no noticeable cost.
     """
 
     scene: Scene
@@ -52,7 +52,7 @@ class RenderJob:
     profiled: bool
 
     def film(self, compute: ComputeDevice) -> Film:
-        """The film that renders it."""
+        """Return the film that renders the job."""
         compute.profile.every_s = 0.0 if self.profiled else SAMPLED_S
         return Film(
             self.scene,
@@ -65,13 +65,13 @@ class RenderJob:
         )
 
     def goal(self) -> Goal | None:
-        """When a still picture is finished; None: after `accumulate` frames."""
+        """Return the noise goal of a still picture; None: `accumulate` frames are rendered."""
         if self.converged is None:
             return None
         return Goal(self.converged, self.accumulate, self.scene.exposure)
 
     def metadata(self, index: int, device: str, goal: Goal | None = None) -> dict[str, str]:
-        """See `picture_metadata`, of a frame of the video; `goal` is what its noise was held to."""
+        """Return the `picture_metadata` of a frame of the video that was rendered to `goal`."""
         return picture_metadata(
             scene=self.scene.name,
             view=view_at(self.scene, self.view, index),

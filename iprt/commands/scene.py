@@ -1,4 +1,4 @@
-"""`iprt scene`: look at a scene, check it, make one from pictures, and put objects into it."""
+"""`iprt scene`: show and check a scene, make one from pictures, and place objects in it."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def check(
 
     compute = _device(device)
     opened = Scene.open(scene, allow_outside=allow_outside)
-    BALANCED.resolved(opened)  # its settings are checked
+    BALANCED.resolved(opened)  # raises errors in its settings
     findings = Findings(scene=opened.name)
     findings.warn(check_files(opened))
     raw = opened.raw_frame()
@@ -246,7 +246,7 @@ def new(
         return 0
     if depth_kind == "z":
         raise IprtError(
-            "--depth-kind z: z-depth along one axis tells nothing of what is beside the camera; "
+            "--depth-kind z: z-depth along one axis does not cover directions beside the camera; "
             "export the distance along each ray, or a cube's six faces with --depth-kind cube"
         )
     marks = None
@@ -265,7 +265,7 @@ def new(
         eye=eye,
         fit=fit,
     )
-    with reporting(f"{folder} has been made all the same"):
+    with reporting(f"{folder} has been made nevertheless"):
         findings = Findings(folder=str(folder), frames=frames)
         add_first_look(findings, folder)
         findings.say(
@@ -364,13 +364,16 @@ def add(
         f"{added.name}: stands at {place}; next: {shlex.join(next_words)}",
         position=[float(value) for value in added.base],
     )
-    with reporting(f"{added.name} has been added to {scene} all the same"):
+    with reporting(f"{added.name} has been added to {scene} nevertheless"):
         findings.print(as_json=json)
     return 0
 
 
 def _device(spec: str | None) -> ComputeDevice | None:
-    """The device asked for; that there is none where none is asked for is no fault of a scene."""
+    """Open the requested or the default device.
+
+    None: there is no default device, which is no fault of the scene.
+    """
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.errors import DeviceError

@@ -1,4 +1,4 @@
-"""`iprt scene gloss`: the glossy surfaces that are found in a scene's picture."""
+"""`iprt scene gloss`: detection of glossy surfaces in a scene's picture."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def gloss(
     found = opened.found_materials
     if write and found:
         declare(opened.root, found)
-    with reporting(f"{scene} has been extended all the same" if write else "nothing was written"):
+    with reporting(f"{scene} has been extended nevertheless" if write else "nothing was written"):
         if json:
             print(json_format.dumps({"found": [_record(one) for one in found]}, indent=2))
         elif not found:
@@ -66,7 +66,7 @@ def gloss(
 
 
 def _record(material: RealMaterial) -> dict[str, Any]:
-    """Return a surface that was found, as plain data."""
+    """Return a detected surface as plain data."""
     plane, evidence, coat = material.plane, material.evidence, material.material
     return {
         "name": material.name,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_first_look(findings: Findings, folder: Path) -> None:
-    """Add facts about the first frame of a new scene, to compare with the real place."""
+    """Add facts about the first frame of a new scene, for comparison with the real place."""
     from iprt.footage.prepare.remarks import video_remarks
     from iprt.scene.report import surroundings_of, unlikely
     from iprt.scene.scene import Scene
@@ -31,7 +31,7 @@ def add_first_look(findings: Findings, folder: Path) -> None:
 def add_memory(
     findings: Findings, scene: Scene, frame: Frame, device: ComputeDevice | None
 ) -> None:
-    """Add the memory that the largest view needs, and a warning for each that does not fit."""
+    """Add the memory of the largest view, and a warning for each view that does not fit."""
     from iprt.commands.views import choose_view
     from iprt.device.budget import amount
     from iprt.film import film_plan
@@ -58,7 +58,7 @@ def add_memory(
 
 
 def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
-    """Passes and memory of each view of a scene, by name."""
+    """Return the passes and the memory of each view of a scene, by name."""
     from iprt.film import film_plan
 
     plan: dict[str, dict[str, object]] = {}
@@ -70,7 +70,7 @@ def render_plan(scene: Scene, frame: Frame) -> dict[str, dict[str, object]]:
 
 
 def plan_lines(plan: dict[str, dict[str, object]]) -> list[str]:
-    """The plan as text."""
+    """Return the plan as lines of text."""
     lines = []
     for name, entry in plan.items():
         parts = entry["parts"]
@@ -82,7 +82,7 @@ def plan_lines(plan: dict[str, dict[str, object]]) -> list[str]:
 
 
 def report_lines(report: SceneReport) -> list[str]:
-    """A report as text."""
+    """Return a report as lines of text."""
     first, last = report.frames
     depth, radiance = report.depth_percentiles, report.radiance_percentiles
     lines = [
@@ -117,7 +117,7 @@ def report_lines(report: SceneReport) -> list[str]:
 
 
 def _real_material_line(entry: RealMaterialReport) -> str:
-    """`entry` as text."""
+    """Return a material as a line of text."""
     warned = "".join(f"; warning: {phrase}" for phrase in entry.warnings())
     found = f"; {entry.evidence.line()}" if entry.evidence is not None else ""
     return (

@@ -1,4 +1,4 @@
-"""The flags by which verbs take a quality preset and single settings."""
+"""Flags of verbs for a quality preset and single settings."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ class SettingFlags:
         under: Sequence[Assignment] = (),
         **short: object,
     ) -> Settings:
-        """The settings asked for.
+        """Return the settings of all sources.
 
         Parameters
         ----------
         scene : Scene, optional
-            Its `[settings]` count too.
+            Its `[settings]` are included.
         still : bool
             For pictures in which nothing moves.
         under : sequence of Assignment
-            What wins over the preset, and nothing else.
+            Settings that take precedence over the preset alone.
         short
             Values of the verb's own flags for settings, by the setting's name; None: not given.
 
@@ -68,7 +68,7 @@ class SettingFlags:
     def assignments(
         self, scene: Scene | None = None, *, still: bool = False, **short: object
     ) -> list[Assignment]:
-        """Return all settings but those of the preset, of which later ones win; see `resolved`."""
+        """Return all settings but the preset's; later ones take precedence. See `resolved`."""
         from iprt.settings.layers import environment_settings, user_settings
         from iprt.settings.overrides import (
             Assignment,
@@ -100,12 +100,14 @@ def _tell(sources: tuple[str, ...]) -> None:
 
 
 def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
-    """Settings of pictures in which nothing moves, whatever a settings file says.
+    """Return the settings that are fixed for pictures in which nothing moves.
+
+    They override settings files.
 
     Raises
     ------
     IprtError
-        A flag sets it, in vain.
+        A flag sets one of them, without effect.
     """
     from iprt.settings.overrides import Assignment
 
@@ -118,6 +120,6 @@ def fixed_when_still(given: Sequence[Assignment]) -> list[Assignment]:
 
 
 ChosenSettings = Annotated[SettingFlags, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="settings")]
-"""The same as a parameter of a verb: `--quality`, `--settings` and `--set`."""
+"""`SettingFlags` as a parameter of a verb: `--quality`, `--settings` and `--set`."""
 
 BALANCED = SettingFlags()

@@ -1,4 +1,4 @@
-"""`iprt settings`: every setting with its value, ready to be edited."""
+"""`iprt settings`: every setting with its value, as a file to edit."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def settings(
 
 
 def _sources(chosen: Settings, flags: SettingFlags, scene: Scene | None) -> dict[str, str]:
-    """Return where the value of each setting comes from, by its key."""
+    """Return the source of each setting's value, by its key."""
     from iprt.settings.methods import methods
     from iprt.settings.overrides import all_settings, preset_settings
 

@@ -1,4 +1,4 @@
-"""Standard streams of the process that fail in one way, whatever they lead to."""
+"""Standard streams of the process that fail alike for files, pipes and devices."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ if TYPE_CHECKING:
 
 STDOUT, STDERR = 1, 2
 LEAST_COLUMNS = 40
-"""Width below which help and tables cannot be laid out; tyro never ends with less than a few."""
+"""Width below which help and tables cannot be laid out; tyro hangs at very small widths."""
 UNENCODABLE = "iprt.unencodable"
 LONGEST = 10000
-"""Characters of a line about something; names in it are as long as file systems allow."""
+"""Most characters of a message; names in it may be as long as file systems allow."""
 
 
 def prepare_streams() -> None:
-    """Replace stdout and stderr by streams that any text can be printed to.
+    """Replace stdout and stderr by streams that accept any text.
 
-    A reader of stdout that leaves, as `head` does, has seen enough: what follows is dropped. A
-    stderr that is closed or full takes nothing, and nothing can be said about it.
+    If a reader of stdout closes its pipe, as `head` does, further output is dropped. Output to a
+    closed or full stderr is dropped, too.
 
     Raises
     ------
     OutputError
-        stdout is closed or takes no data. Said before anything else is done.
+        stdout is closed or takes no data. It is raised before anything else is done.
     """
     if "COLUMNS" in os.environ or shutil.get_terminal_size().columns < LEAST_COLUMNS:
         os.environ["COLUMNS"] = str(max(shutil.get_terminal_size().columns, LEAST_COLUMNS))
-    closed = sys.stdout is None  # as Python has it, whatever typeshed says
+    closed = sys.stdout is None  # true at run time, although typeshed excludes it
     _occupy_closed()
     codecs.register_error(UNENCODABLE, _encodable)
     sys.stderr = _stream(sys.stderr, STDERR)
     sys.stdout = _stream(sys.stdout, STDOUT)
     if closed:
         raise OutputError("stdout: cannot be written: it is closed")
-    _Stream(STDOUT, "wb", closefd=False).write(b"")  # a full device refuses even that
+    _Stream(STDOUT, "wb", closefd=False).write(b"")  # a full device refuses even an empty write
 
 
 @contextmanager
 def reporting(done: str) -> Iterator[None]:
-    """Print about something in the block; if that fails, the error says that it is `done`.
+    """Print a result in the block; if that fails, add the note `done` to the error.
 
     Raises
     ------
@@ -67,22 +67,23 @@ def reporting(done: str) -> Iterator[None]:
 
 
 def one_line(text: str) -> str:
-    """A line about something, whose names neither end it nor steer the terminal."""
+    """Return a message with line breaks and control characters in names escaped."""
     return printable(text, LONGEST)
 
 
 class OneLine(logging.Formatter):
-    """Messages as `one_line`; a traceback below has lines of its own."""
+    """Log formatter that applies `one_line` to messages, but not to tracebacks."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
+        """Return the message in one line."""
         return one_line(super().formatMessage(record))
 
 
 def _occupy_closed() -> None:
-    """Lead closed standard streams nowhere.
+    """Connect closed standard streams to the null device.
 
-    The next file to be opened would get the number of a closed one, and then what libraries print
-    to that.
+    Otherwise the next opened file would get the descriptor of a closed stream, and the output that
+    libraries print to it.
     """
     while (handle := os.open(os.devnull, os.O_RDWR)) <= STDERR:
         os.set_inheritable(handle, True)
@@ -91,7 +92,7 @@ def _occupy_closed() -> None:
 
 def _stream(old: TextIO | None, handle: int) -> TextIO:
     raw = _Stream(handle, "wb", closefd=False)
-    unbuffered = isinstance(old, io.TextIOWrapper) and old.write_through  # as `python -u` has it
+    unbuffered = isinstance(old, io.TextIOWrapper) and old.write_through  # set by `python -u`
     return io.TextIOWrapper(
         io.BufferedWriter(raw),
         encoding="utf-8" if old is None else old.encoding,
@@ -101,13 +102,13 @@ def _stream(old: TextIO | None, handle: int) -> TextIO:
 
 
 class _Stream(io.FileIO):
-    """A standard stream that fails once at most."""
+    """Standard stream that fails at most once."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:
             return super().write(data)
         except OSError as error:
-            # What is buffered must not fail again when Python ends.
+            # Buffered data must not fail again when Python ends.
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self.fileno())
             os.close(nowhere)
@@ -117,7 +118,7 @@ class _Stream(io.FileIO):
 
 
 def _encodable(error: UnicodeError) -> tuple[str | bytes, int]:
-    """Bytes of file names as they are; `?` for characters that the encoding lacks."""
+    """Encode surrogates of file names as their bytes, and characters without an encoding as `?`."""
     try:
         return codecs.lookup_error("surrogateescape")(error)
     except UnicodeError:

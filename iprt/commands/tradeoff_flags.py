@@ -1,4 +1,4 @@
-"""`--time-per-frame` and `--ssim`: settings by what the user wants of them."""
+"""`--time-per-frame` and `--ssim`: settings chosen by a goal of time or accuracy."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ LONGEST_S = 3600.0
 
 @dataclass(frozen=True)
 class TradeoffGoal:
-    """What a picture may cost, or how accurate it is to be; one of the two.
+    """Goal of a picture: a limit of time or a least accuracy.
+
+    Exactly one of the attributes is set.
 
     Attributes
     ----------
     time_per_frame : float or None
-        Seconds of a frame at most.
+        Longest time of a frame, seconds.
     ssim : float or None
         Least mean SSIM.
     """
@@ -36,7 +38,7 @@ class TradeoffGoal:
     def of(
         cls, time_per_frame: float | None, ssim: float | None, quality: str
     ) -> TradeoffGoal | None:
-        """The goal in the flags of a verb; None: there is none.
+        """Return the goal in the flags of a verb; None without one.
 
         Raises
         ------
@@ -64,13 +66,13 @@ class TradeoffGoal:
 
     @property
     def flag(self) -> str:
-        """As it was given."""
+        """The flag and its value, as on the command line."""
         if self.time_per_frame is not None:
             return f"--time-per-frame {self.time_per_frame:g}"
         return f"--ssim {self.ssim:g}"
 
     def require_method(self, method: str) -> None:
-        """Refuse methods that the table says nothing about.
+        """Refuse methods that the table does not cover.
 
         Raises
         ------
@@ -84,16 +86,16 @@ class TradeoffGoal:
     def assignments(
         self, device: str | None, pixels: int, frames: int, given: Sequence[Assignment]
     ) -> list[Assignment]:
-        """The settings of the entry that grants the goal, or comes nearest; say which it is.
+        """Return the settings of the entry that meets the goal, or comes nearest, and log it.
 
         Parameters
         ----------
         device : str or None
             See `choose_device`.
         pixels, frames : int
-            Of the picture.
+            Pixels of the picture, and view frames accumulated in it.
         given : sequence of Assignment
-            Those of file and flags, which win over the entry.
+            Settings of files and flags, which take precedence over the entry's.
         """
         from iprt.device.choose import choose_device
         from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
@@ -124,7 +126,7 @@ class TradeoffGoal:
 
 
 def _estimate(table: Tradeoff, entry: Entry, pixels: int, frames: int) -> str:
-    """An entry with what is expected of it."""
+    """Return an entry with its estimated time and SSIM as text."""
     from iprt.measure.tradeoff_report import settings_text
 
     seconds, ssim = entry.seconds_of(pixels), table.ssim(entry, frames)

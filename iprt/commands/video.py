@@ -1,4 +1,4 @@
-"""`iprt render` of a video: to a file or to numbered pictures, begun or taken up again."""
+"""`iprt render` of a video, to a file or to numbered pictures, from the start or continued."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from iprt.scene.fingerprint import fingerprint
 LOG = logging.getLogger("iprt.render")
 
 WARM_UP, WARM_UP_STEPS = 8, 16
-"""Frames of the video, and view frames, that are rendered at least before the first of a run, to
-give it a history. After these it differs from one of an uninterrupted run by the noise alone."""
+"""Least numbers of video frames and of view frames rendered before the first frame of a run, as its
+history. After these, the frame differs from one of an uninterrupted run by noise alone."""
 GOES_ON = "the same command continues from there"
 
 
 def check_video(job: RenderJob, output: Path, frames: range, codec: CodecName) -> None:
-    """Refuse what cannot be written, before anything is rendered.
+    """Refuse outputs that cannot be written, before anything is rendered.
 
     Raises
     ------
@@ -61,16 +61,15 @@ def check_video(job: RenderJob, output: Path, frames: range, codec: CodecName) -
 def render_video(
     job: RenderJob, output: Path, frames: range, codec: CodecName, *, audio: bool
 ) -> tuple[ComputeDevice, Film] | None:
-    """Render what is not there yet: the device with its times, and what ran on it.
+    """Render the missing frames of a video.
 
-    With `audio`, a video file keeps the sound of the source's.
-
-    Whatever ends it, finished frames stay, and the error (or the line on a signal) says so.
+    With `audio`, a video file keeps the sound of the source video. Finished frames are kept after
+    an error or a signal, with a note of their number.
 
     Returns
     -------
     (ComputeDevice, Film), or None
-        None: all was there.
+        The device with its profile, and the film; None: no frame was missing.
 
     Raises
     ------
@@ -111,7 +110,7 @@ def render_video(
 
 
 def warm_up(accumulate: int) -> int:
-    """Frames of the video to render before the first of a run, with so many view frames each."""
+    """Return the video frames to render before a run, with `accumulate` view frames each."""
     return max(WARM_UP, -(-WARM_UP_STEPS // accumulate))
 
 
@@ -129,7 +128,7 @@ def _render(film: Film, target: FrameOutput, frames: range, job: RenderJob) -> N
 
 
 def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
-    """The parts of `frames` in which every frame is missing, in order."""
+    """Yield the runs of consecutive missing frames in `frames`, in order."""
     positions = [frames.index(index) for index in missing]
     start = 0
     for place, position in enumerate(positions):
@@ -141,7 +140,7 @@ def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
 def _opened(
     job: RenderJob, output: Path, frames: range, codec: CodecName, audio: bool
 ) -> FrameOutput:
-    """The output, with what an earlier render has left of the same job."""
+    """Open the output, with the frames that an earlier render of the same job has finished."""
     scene = job.scene
     files = {"iprt:files": fingerprint(scene)}
     if is_pattern(output):
@@ -158,7 +157,7 @@ def _opened(
             output,
         )
     description = job.metadata(frames[0], "")
-    del description["iprt:device"]  # parts may come from several
+    del description["iprt:device"]  # parts may come from several devices
     span = {"iprt:span": f"{frames[0]}:{frames[-1]}:{frames.step}", "iprt:codec": codec}
     rate = frame_rate(scene.source.fps, frames.step)
     shown = scene.source.moment(frames[0]) if audio else None

@@ -1,4 +1,4 @@
-"""`iprt view`: a scene in a window or a browser, to look around, place objects, tune settings."""
+"""`iprt view`: interactive viewer of a scene, in a window or a browser."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 WINDOW = (1280, 800)
 FPS = 10.0
 FRAME_LIMIT_S = 60.0
-"""After which a viewer gives a frame up: nobody looks at a window that stands for longer."""
+"""Longest time of a frame in a viewer, seconds."""
 MAX_FPS = 240.0
 PORT, MAX_PORT = 8080, 65535
 
@@ -143,13 +143,13 @@ def view(
 
 
 def lost_edits(engine: Engine) -> str | None:
-    """The warning about unsaved edits when a signal ends the viewer."""
+    """Return the warning about unsaved edits when a signal ends the viewer; None without any."""
     names = ", ".join(engine.unsaved)
-    return f"edits that nobody saved are lost, of: {names}" if names else None
+    return f"unsaved edits are lost: {names}" if names else None
 
 
 def _tell_address(port: int) -> None:
-    """Print where browsers of this machine go, and the ssh command for those of others."""
+    """Print the address for browsers on this machine, and the ssh command for other machines."""
     from socket import gethostname
 
     print(f"open http://localhost:{port}/ in a browser; Ctrl+C ends", flush=True)

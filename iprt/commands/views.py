@@ -1,4 +1,4 @@
-"""Which view of a scene the flags of a verb mean."""
+"""Selection of a scene's view by the flags of a verb."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEFAULT_SIZE = (1024, 1024)
 def choose_view(
     scene: Scene, name: str | None, *, size: tuple[int, int] | None = None
 ) -> tuple[View, tuple[str, ...] | None]:
-    """As `moving_view`, where it looks at first."""
+    """Return the view of `moving_view` at its start, and its objects."""
     from iprt.geometry.camera import View
 
     view, objects = moving_view(scene, name, size=size)
@@ -34,9 +34,9 @@ def moving_view(
     fov: float | None = None,
     size: tuple[int, int] | None = None,
 ) -> tuple[SceneView | View, tuple[str, ...] | None]:
-    """The view that the command line asks for, and its objects (None: all of the scene).
+    """Return the view that the flags select, and its objects (None: all of the scene).
 
-    One of the scene has the size asked for, and moves as it does.
+    A view of the scene keeps its motion, at the requested size.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def moving_view(
     require_size(size)
     if fov is not None and not 1.0 < fov < 179.0:
         raise IprtError(f"--fov {fov:g}: expected more than 1 and less than 179 degrees")
-    # Written so that NaN, which compares false, is rejected too.
+    # The comparisons are written so that NaN is rejected too.
     if yaw is not None and not abs(yaw) <= 360.0:
         raise IprtError(f"--yaw {yaw:g}: expected -360 to 360 degrees")
     if pitch is not None and not abs(pitch) <= 90.0:

@@ -1,0 +1,1 @@
+"""Relighting methods, one package each."""

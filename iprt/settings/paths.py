@@ -12,7 +12,7 @@ from iprt.settings.methods import MethodSettings, Needs
 
 
 class PathSettings(MethodSettings):
-    """Paths."""
+    """Length of paths."""
 
     bounces: int = Field(
         default=3,
@@ -54,4 +54,4 @@ PATH_DEFAULTS: Mapping[str, object] = MappingProxyType(
         "atrous.levels": 1,
     }
 )
-"""Every pixel is traced, and one level of the filter has 5x5 taps."""
+"""Defaults as published: every pixel is traced, and the filter has a single level of 5x5 taps."""

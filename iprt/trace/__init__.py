@@ -1,0 +1,1 @@
+"""Tracing services that relighting methods share: rays, paths, cones and voxels."""

@@ -1,4 +1,4 @@
-"""Cones through the voxels of the room and of the objects."""
+"""Cone tracing through the voxels of the room and of the objects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from iprt.world.world import World
 
 
 def cone_defines(features: Features) -> dict[str, Define]:
-    """`-D` variants of kernels that trace cones."""
+    """Return the `-D` definitions of kernels that trace cones."""
     return {
         "OPENING_ENVIRONMENT": features.opening_environment,
         "TOUCHED_FRAMES": TOUCHED_FRAMES,
@@ -22,7 +22,7 @@ def cone_defines(features: Features) -> dict[str, Define]:
 
 
 class ConeReal(RealTracer):
-    """Cones from real surfaces, through the voxels of the objects and of what is around them."""
+    """Cones from real surfaces, through the voxels of the objects and of their surroundings."""
 
     def __init__(
         self,
@@ -40,11 +40,12 @@ class ConeReal(RealTracer):
         super().__init__(device, guide, features, kernel, defines, name=name, cones=cones)
 
     def arguments(self, world: World) -> dict[str, Any]:
+        """Return the voxels as kernel arguments."""
         return self._voxels.arguments()
 
 
 class ConeVirtual(VirtualTracer):
-    """Cones through the voxels of the objects and of the room."""
+    """Cones from virtual surfaces, through the voxels of the objects and of the room."""
 
     def __init__(
         self,
@@ -65,4 +66,5 @@ class ConeVirtual(VirtualTracer):
         super().__init__(device, guide, features, "trace/cone_virtual", defines, cones=cones)
 
     def arguments(self, world: World) -> dict[str, Any]:
+        """Return the voxels and the materials as kernel arguments."""
         return self._voxels.arguments() | {"materials": world.objects.materials}

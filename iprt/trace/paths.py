@@ -23,16 +23,17 @@ from iprt.world.real.lights import Lights
 from iprt.world.world import World
 
 FOOT_MARGIN, FOOT_HEIGHT = 0.5, 0.1
-"""The plane is fitted to real surfaces around the objects' lowest box: within this share of its
-sides beside it, and of its diagonal above and below its lower side."""
+"""Region around the objects' lowest box whose real surfaces the plane is fitted to: beyond its
+sides by the first share of their length, above and below its bottom by the second of its diagonal.
+"""
 PLANE_ROWS = 256
-"""Rows of texels that are looked at, at most about twice as many."""
+"""Rows of depth texels in the fit: at least this number, and less than twice as many."""
 FEWEST_POINTS = 16
-"""Fewer do not tell a plane."""
+"""Least number of points for a fit."""
 
 
 class Environment:
-    """What paths know of the scene beforehand: samples of its light, and the plane of the objects.
+    """Data prepared for paths: samples of the environment's light, and the supporting plane.
 
     Attributes
     ----------
@@ -63,11 +64,11 @@ class Environment:
 
     @property
     def defines(self) -> dict[str, Define]:
-        """`-D` variants of kernels whose paths know it."""
+        """`-D` definitions of path tracing kernels that use this environment."""
         return {}
 
     def arguments(self) -> dict[str, Any]:
-        """`PATH_PARAMETERS` of `cl/lib/trace/paths.h`."""
+        """Return the `PATH_PARAMETERS` of `cl/lib/trace/paths.h`."""
         return {
             "environment_count": self._count,
             "environment_samples": self._samples,
@@ -76,20 +77,20 @@ class Environment:
 
 
 def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The plane that the lowest object stands on, by least squares.
+    """Fit the plane that the lowest object stands on, by least squares.
 
     Parameters
     ----------
     depth : (H, W) float32
         Metres from the capture centre; +inf: open sky.
     bounds : (N, 2, 4) float32
-        Lower and upper corner of each object's box, at least one.
+        Lower and upper corner of each object's box; at least one box.
 
     Returns
     -------
     (4,) float32
-        Unit normal n, upwards, and offset n · p. Horizontal, through the lower side of the box,
-        where the panorama shows too little around it.
+        Unit normal n, upwards, and offset n · p in metres. If the surfaces around the box are too
+        few or too steep, the plane is horizontal, through the bottom of the box.
     """
     low, high = bounds[np.argmin(bounds[:, 0, 1])][:, :3].astype(np.float64)
     margin = FOOT_MARGIN * (high - low)
@@ -112,18 +113,22 @@ def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> ND
 
 @lru_cache(maxsize=1)
 def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
-    """Directions of every `step`-th texel each way of an equirect picture."""
+    """Return the directions of every `step`-th row and column of an equirect picture."""
     view = View(columns, rows, projection="equirect")
     return view.directions()[::step, ::step].astype(np.float64)
 
 
 def path_defines(features: Features, bounces: int) -> dict[str, Define]:
-    """Return `-D` variants of `cl/lib/trace/paths.h`."""
+    """Return the `-D` definitions of `cl/lib/trace/paths.h`."""
     return {"MAX_BOUNCES": bounces, "LIGHT_SAMPLING": features.light_sampling}
 
 
 class PathTraceReal(RealTracer):
-    """Paths that meet objects; `one_pass`: each with and without them."""
+    """Paths from real surfaces.
+
+    With `one_pass`, each path is traced with and without the objects. Otherwise only paths that
+    hit objects are traced on.
+    """
 
     def __init__(
         self,
@@ -142,6 +147,7 @@ class PathTraceReal(RealTracer):
         super().__init__(device, guide, features, "trace/path_trace_real", defines, name=name)
 
     def arguments(self, world: World) -> dict[str, Any]:
+        """Return the world and the environment as kernel arguments."""
         return super().arguments(world) | self._environment.arguments()
 
 
@@ -165,18 +171,19 @@ class PathTraceVirtual(VirtualTracer):
         )
 
     def arguments(self, world: World) -> dict[str, Any]:
+        """Return the world and the environment as kernel arguments."""
         return super().arguments(world) | self._environment.arguments()
 
 
 class PathTracing(SparseMethod):
-    """Methods of path tracing.
+    """Base class of path tracing methods.
 
     Attributes
     ----------
     own : subclass of PathTracingSettings
         The method's own settings.
     one_pass : bool
-        Each path is traced with the objects and without.
+        Each path is traced with and without the objects.
     environment : Environment
     """
 
@@ -189,6 +196,7 @@ class PathTracing(SparseMethod):
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
+        """Return the tracers of paths."""
         shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
         return Tracers(
             partial(PathTraceReal, one_pass=self.one_pass, **shared),
@@ -196,8 +204,10 @@ class PathTracing(SparseMethod):
         )
 
     def prepare_video(self, world: World) -> None:
+        """Draw samples of the frame's lights."""
         self.environment.sample(world.real.lights)
 
     def prepare_objects(self, world: World) -> None:
+        """Fit the supporting plane, where only its surfaces are relit."""
         if self._own.surfaces == "plane":
             self.environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)

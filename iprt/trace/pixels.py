@@ -1,6 +1,4 @@
-"""The two kinds of pixels of a view: real surfaces that are relit, and those that reflect objects
-or are objects.
-"""
+"""Pixels of a view: real surfaces to relight, virtual surfaces, and glossy real surfaces."""
 
 from __future__ import annotations
 
@@ -26,18 +24,18 @@ from iprt.world.world import World
 
 
 class RealPixels:
-    """Real surfaces of a picture, relit: Algorithm 1, lines 1-9.
+    """Relighting of the real surfaces of a picture (IPRT Algorithm 1, lines 1-9).
 
     Attributes
     ----------
     layer : RealLayer
-        The picture without objects.
+        G-buffer of the real surfaces, without the objects.
     guide : Guide
     mask : Mask
     relight : Relight
-        Holds the ratio.
+        Holds the relighting ratio.
     change : 6 planes or None
-        `TraceReal.signal`, filtered, after the first frame.
+        `TraceReal.signal`, filtered; None before the first frame.
     """
 
     def __init__(
@@ -51,9 +49,14 @@ class RealPixels:
         min_solid_angle: float = 0.0,
         tracer: Callable[..., Any] = TraceReal,
     ) -> None:
-        """Objects that span less than `min_solid_angle` sr from a surface may be ignored.
+        """Build the mask, tracer and filter of the pixels.
 
-        `tracer`: what traces the pixels, called as `TraceReal` is.
+        Parameters
+        ----------
+        min_solid_angle : float
+            Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
+        tracer : callable
+            Builds the tracer of the pixels, with the arguments of `TraceReal`.
         """
         settings = features.settings
         self._features = features
@@ -82,12 +85,12 @@ class RealPixels:
         return self._filter.accumulated[0] if self._filter.accumulated else None
 
     def history(self, context: FrameContext) -> cla.Array | None:
-        """What `Masks.run` is given."""
+        """Return the history of `mask` for `Masks.run`; None without one."""
         known = self._filter.known(context) if self._features.delta else None
         return known[0] if known else None
 
     def run(self, world: World, context: FrameContext) -> cla.Array:
-        """Relight the pixels of `mask` and return the ratio of all."""
+        """Relight the pixels of `mask` and return the ratio of all pixels."""
         layer, mask, cache = self.layer, self.mask, world.irradiance
         self._filter.start(context)
         if cache is not None:
@@ -107,19 +110,22 @@ class RealPixels:
 
 
 class ReflectingPixels:
-    """Light that visible virtual surfaces reflect (Algorithm 1, lines 10-16), and what objects
-    change in the reflections of glossy real ones.
+    """Reflected light of visible virtual surfaces and of glossy real ones.
+
+    Virtual surfaces follow IPRT Algorithm 1, lines 10-16. On glossy real surfaces, the objects'
+    change of the reflection is traced.
 
     Attributes
     ----------
     mask : Mask
-        Of virtual surfaces.
+        Pixels of virtual surfaces.
     gloss_mask : Mask or None
-        Of glossy real surfaces, where there are any.
+        Pixels of glossy real surfaces; None without any.
     diffuse, specular : 3 planes or None
-        What objects reflect, filtered, after the first frame.
+        Light that objects reflect, filtered; None before the first frame.
     change : 3 planes or None
-        Radiance to add to what the camera saw of real surfaces, of either sign, likewise.
+        Radiance of either sign to add to the captured radiance of glossy real surfaces, filtered;
+        None before the first frame.
     """
 
     def __init__(
@@ -134,14 +140,19 @@ class ReflectingPixels:
         tracer: Callable[..., Any] = TraceVirtual,
         gloss_tracer: Callable[..., Any] = TraceGloss,
     ) -> None:
-        """Ids of `gloss_guide` are indices of real materials + 1.
+        """Build the masks, tracers and filter of the pixels.
 
-        `tracer`, `gloss_tracer`: what traces virtual surfaces and glossy real ones, called as
-        `TraceVirtual` and `TraceGloss` are.
+        Parameters
+        ----------
+        gloss_guide : Guide or None
+            Its ids are indices of real materials + 1.
+        tracer, gloss_tracer : callable
+            Build the tracers of virtual and of glossy real surfaces, with the arguments of
+            `TraceVirtual` and `TraceGloss`.
         """
         settings, published = features.settings, features.needs.published_filter
         self._real, self._visible = real, visible
-        # Eq. 3 measures how alike diffuse pixels are; reflections differ from pixel to pixel.
+        # Eq. 3 measures the similarity of diffuse pixels; reflections differ from pixel to pixel.
         sparse = settings.mask.sparse and not features.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})
         self.mask = Mask(device, guide, mask_settings, name="object")
@@ -156,7 +167,7 @@ class ReflectingPixels:
         kinds += ["diffuse"] if features.diffuse_signal else []
         self._signals += [Signal(kind, kind, guide) for kind in kinds]
         self._filter = SignalFilter(device, self._signals, settings, published=published)
-        # Tracers that do not know how far away reflections are have them taken as painted on.
+        # Without hit distances, reflections move with the surface.
         moving = self._trace.hit is not None and not published
         self._reflections = ReflectionMotion(device, guide) if moving else None
         self.change: cla.Array | None = None
@@ -174,12 +185,12 @@ class ReflectingPixels:
         return self._filter.accumulated[0 if self.gloss_mask is None else 1 :]
 
     def gloss_history(self, context: FrameContext) -> cla.Array | None:
-        """What `Masks.run` is given for `gloss_mask`."""
+        """Return the history of `gloss_mask` for `Masks.run`; None without one."""
         known = self._filter.known(context)
         return known[0] if known else None
 
     def run(self, world: World, context: FrameContext) -> None:
-        """Shade the pixels of both masks; `world.relit` is what they reflect."""
+        """Shade the pixels of both masks; they reflect `world.relit`."""
         self._filter.start(context)
         found = {}
         if self.gloss_mask is not None:
@@ -198,16 +209,16 @@ class ReflectingPixels:
         self.diffuse, self.specular = named.get("diffuse"), named.get("specular")
 
     def _shade(self, world: World, context: FrameContext) -> dict[str, Samples]:
-        """Samples of what objects reflect."""
+        """Trace the virtual surfaces and return their samples by signal."""
         seen, trace, mask = self._visible, self._trace, self.mask
-        # All signals of objects have had the same rays.
+        # All signals of objects have the same rays, hence the same history.
         trace.run(world, mask, context.view, seen.albedo, self._filter.histories[-1])
         found = {}
         if trace.diffuse is not None:
             found["diffuse"] = Samples(trace.diffuse, mask, seen.motion)
         if trace.specular is not None:
             motion = seen.motion
-            # A head that turns sees surface and reflection in one direction: they move alike.
+            # A pure rotation of the view moves a surface and its reflection alike.
             if context.changed and self._reflections is not None:
                 motion = self._reflections.run(motion, seen.roughness, trace.hit, context.previous)
             found["specular"] = Samples(trace.specular, mask, motion, roughness=seen.roughness)

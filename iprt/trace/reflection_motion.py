@@ -1,4 +1,4 @@
-"""Motion of what virtual surfaces reflect, which is not theirs."""
+"""Motion vectors of reflections on virtual surfaces, which differ from the surfaces' own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iprt.gbuffer.guide import Guide
 
 
 class ReflectionMotion:
-    """Finds where reflections were in the previous picture while objects move."""
+    """Reprojection of reflections to the previous picture while objects move."""
 
     def __init__(self, device: ComputeDevice, guide: Guide) -> None:
         self._device = device
@@ -21,16 +21,16 @@ class ReflectionMotion:
     def run(
         self, motion: cla.Array, roughness: cla.Array, hit: cla.Array, previous: cla.Array
     ) -> cla.Array:
-        """Return 2 planes: previous position of each pixel's reflection; -1e9 = nowhere.
+        """Return 2 planes: previous position of each pixel's reflection, pixels; -1e9: nowhere.
 
         Parameters
         ----------
         motion : 2 planes
-            The same of each pixel's surface.
+            Previous position of each pixel's surface, likewise.
         roughness : 1 plane
             GGX alpha.
         hit : 1 plane
-            Metres to what is reflected, 0 where nothing is.
+            Distance to the reflected surface, metres; 0 without a reflection.
         previous : (16,) float32
             `View.kernel_constants()` of the previous picture.
         """

@@ -17,13 +17,14 @@ from iprt.world.world import World
 
 
 class Relight:
-    """Ratio of each pixel's radiance with objects to that without.
+    """Ratio of each pixel's radiance with objects to its radiance without.
 
     Attributes
     ----------
     ratio : (H * W, 4) float32
-        Factor per colour of the real layer's radiance, in [0, 4]; row by row, without border. 1
-        exactly where E_R and E_RV are equal, E_R is black or not finite, or no surface is lit.
+        Factor per colour channel of the real layer's radiance, in [0, 4]; row by row, without
+        border. Exactly 1 where E_R and E_RV are equal, where E_R is black or not finite, and where
+        no surface is lit.
     """
 
     def __init__(
@@ -36,8 +37,16 @@ class Relight:
         delta: bool,
         name: str,
     ) -> None:
-        """`spans`, `variance`: `Atrous.spans` of the signal, beyond which the ratio stays 1, and
-        its `Atrous.variances`, if any. `delta`: signals are relative to a cached E_R.
+        """Build the kernel and its output.
+
+        Parameters
+        ----------
+        spans : mapping
+            `Atrous.spans` of the signal. Outside them the ratio stays 1.
+        variance : Array or None
+            `Atrous.variances` of the signal, if any.
+        delta : bool
+            Signals are relative to a cached E_R.
         """
         self._device = device
         self._guide = guide
@@ -50,7 +59,7 @@ class Relight:
             STRONG_FRAMES=STRONG_FRAMES,
         )
         pixels = guide.layout.width * guide.layout.height
-        # Without host memory where it is only planned.
+        # A broadcast view takes no host memory, as a memory plan needs it.
         one = np.broadcast_to(np.float32(1.0), (pixels, 4))
         self.ratio = device.upload(f"{name} relighting ratio", one)
         self._kernel = device.kernel("trace/relight.cl", "relight", defines).fixed(
@@ -74,11 +83,12 @@ class Relight:
         colour : 3 planes
             Radiance of the real layer, L_cam.
         world : World
-            Its panorama says what is black.
+            The mean radiance of its panorama sets the threshold of black.
         cache : IrradianceCache or None
-            E_R, where signals are relative to it.
+            E_R, if signals are relative to it.
         touched : 1 plane
-            `Mask.touched`: written where objects change much; the estimator "ratio" has done that.
+            `Mask.touched`, raised where objects change the irradiance considerably. With the
+            estimator "ratio", the tracer has written it already.
         """
         known: dict[str, Any] = {"black": BLACK * world.panorama.mean_radiance}
         if cache is not None:

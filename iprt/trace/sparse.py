@@ -1,4 +1,4 @@
-"""The common part of IPRT and its relatives: sparse samples of two kinds of pixels, filtered."""
+"""Base class of IPRT and related methods: sparsely traced pixels and filtered signals."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ from iprt.world.world import World
 
 @dataclass(frozen=True)
 class Tracers:
-    """What traces the kinds of pixels; all are called as the classes of the defaults are.
+    """Tracers of the kinds of pixels.
 
     Attributes
     ----------
     real, virtual, gloss : callable
+        Build a tracer, with the arguments of the default class.
     """
 
     real: Callable[..., Any] = TraceReal
@@ -35,11 +36,12 @@ class Tracers:
 
 
 class SparseMethod(Method):
-    """Relights real surfaces, where rays are traced at all, and then shades the objects.
+    """Method that relights real surfaces, if it traces rays from them, and shades the objects.
 
     Attributes
     ----------
     real_pixels : RealPixels or None
+        None for methods that do not relight.
     reflecting_pixels : ReflectingPixels
     """
 
@@ -90,11 +92,11 @@ class SparseMethod(Method):
         self._masks = Masks(device, masks)
 
     def tracers(self) -> Tracers:
-        """What traces the pixels; called once, before the first frame."""
+        """Return the method's tracers; called once, when the method is built."""
         return Tracers()
 
     def _guide(self, name: str, motion: cla.Array) -> Guide:
-        """The guide of one more layer of the view."""
+        """Add a guide for a layer of the view."""
         setup = self.setup
         guide = Guide(
             setup.device,
@@ -108,6 +110,7 @@ class SparseMethod(Method):
         return guide
 
     def trace(self, world: World, context: FrameContext) -> Signals:
+        """Select the pixels to trace, relight real surfaces, then shade reflecting ones."""
         self._world = world
         self._gather.run(context.view)
         histories = [None if of is None else of(context) for of in self._histories]
@@ -129,19 +132,21 @@ class SparseMethod(Method):
         return Signals(ratio, pixels.change, pixels.diffuse, pixels.specular)
 
     def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
-        """Relighting of real surfaces beside the view, as `World.relight` takes it.
+        """Return the ratio of real surfaces outside the view and its rows, for `World.relight`.
 
-        None: it is not known there.
+        None: the method does not relight them.
         """
         return None
 
     @property
     def traced_count(self) -> cla.Array | None:
+        """(1,) int32: traced pixels of real surfaces; None without any."""
         return self.real_pixels.mask.count if self.real_pixels else None
 
     # Auxiliary pictures -----------------------------------------------------------------------
 
     def aov(self, name: str) -> Image | None:
+        """Return an auxiliary picture of the masks, signals or filters."""
         pictures: dict[str, Callable[[], Image | None]] = {
             "irradiance_real": self._irradiance_real,
             "irradiance_mixed": self._irradiance_mixed,
@@ -171,12 +176,12 @@ class SparseMethod(Method):
 
     def _tracing_level(self) -> Image | None:
         level = self.read(self.real_pixels.mask.level, slice(0, 1)) if self.real_pixels else None
-        # Pixels that wait for their turn send a quarter of the rays.
+        # Waiting pixels send a quarter of the rays.
         return None if level is None else np.where(level == LEVEL_WAITING, np.float32(1.0), level)
 
     def _hit_distance(self) -> Image | None:
         distance = self.read(self.reflecting_pixels.hit, slice(0, 1))
-        # Beside objects, where no rays start, the plane holds what was there before.
+        # Outside the objects, where no rays start, the plane holds outdated values.
         return self._in_front(distance, None)
 
     def _history_length(self) -> Image | None:
@@ -194,7 +199,7 @@ class SparseMethod(Method):
     def _of_signals(
         self, read: Callable[[Accumulated], Image | None], both: np.ufunc
     ) -> Image | None:
-        """A picture of all signals; `both` joins those of diffuse and specular light of objects."""
+        """Return a picture of all signals; `both` combines diffuse and specular ones of objects."""
         signals = self.reflecting_pixels.accumulated
         virtual = functools.reduce(both, map(read, signals)) if signals else None
         accumulated = self.real_pixels.accumulated if self.real_pixels else None

@@ -1,4 +1,7 @@
-"""Tracing: irradiance of real surfaces, and what virtual ones reflect (IPRT Algorithm 1)."""
+"""Tracers of irradiance at real surfaces and of light reflected by virtual ones.
+
+They implement IPRT Algorithm 1.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from iprt.world.world import World
 
 
 def traced_arguments(guide: Guide, mask: Mask, view: cla.Array) -> dict[str, Any]:
-    """Those of `TRACED_PARAMETERS` (`cl/lib/trace/traced.h`) that vary from frame to frame."""
+    """Return the `TRACED_PARAMETERS` of `cl/lib/trace/traced.h` that vary from frame to frame."""
     return {
         "guide": guide.current,
         "list": mask.traced,
@@ -29,7 +32,7 @@ def traced_arguments(guide: Guide, mask: Mask, view: cla.Array) -> dict[str, Any
 
 
 class _Tracer:
-    """A kernel that sends rays, or cones, from the traced pixels of a guide's layer."""
+    """Kernel that traces rays or cones from the listed pixels of a guide's layer."""
 
     def __init__(
         self,
@@ -44,9 +47,18 @@ class _Tracer:
         planes: Mapping[str, cla.Array | None],
         **own: Any,
     ) -> None:
-        """`kernel`: a file of `cl/` without its suffix, and the kernel of that name in it. `name`:
-        that of the buffer in which it counts the samples of each pixel; None: it draws none.
-        `planes`: what it writes, by parameter. `own`: parameters that only this kernel has.
+        """Build the kernel.
+
+        Parameters
+        ----------
+        kernel : str
+            File of `cl/` without its suffix. The kernel has the file's name.
+        name : str or None
+            Prefix of the buffer that counts each pixel's samples; None: the kernel draws none.
+        planes : mapping
+            Output planes by parameter.
+        **own
+            Parameters of this kernel alone.
         """
         self._device, self._guide, self._features = device, guide, features
         layout = guide.layout
@@ -59,11 +71,11 @@ class _Tracer:
         )
 
     def arguments(self, world: World) -> dict[str, Any]:
-        """What the rays meet, as kernel arguments."""
+        """Return the scene that rays are traced through, as kernel arguments."""
         return world.arguments(self._features)
 
     def _launch(self, section: str, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
-        """`more`: arguments that vary; the kernel may lack some."""
+        """Run the kernel; `more` are further arguments, of which the kernel may lack some."""
         layout = self._guide.layout
         with self._device.profile.section(section):
             self._kernel(
@@ -75,13 +87,13 @@ class _Tracer:
 
 
 class RealTracer(_Tracer):
-    """What objects change in the irradiance of real surfaces, at the traced pixels of a layer.
+    """Change of real surfaces' irradiance by the objects, at the traced pixels of a layer.
 
     Attributes
     ----------
     signal : 6 planes
-        Valid at the pixels that were traced. Irradiance that objects hide, and that they send,
-        over E_R: rgb each.
+        Irradiance that objects block and irradiance that they reflect or emit instead, both
+        relative to E_R, rgb each. Valid at the traced pixels.
     """
 
     def __init__(
@@ -95,7 +107,7 @@ class RealTracer(_Tracer):
         name: str,
         **own: Any,
     ) -> None:
-        """`own`: parameters that only this kernel has."""
+        """Build the kernel; `own` are parameters of this kernel alone."""
         self.signal = device.zeros(f"{name} signal", guide.layout.shape(6))
         rays = features.settings.trace.rays
         planes = {"signal": self.signal}
@@ -112,20 +124,29 @@ class RealTracer(_Tracer):
         *,
         min_solid_angle: float,
     ) -> None:
-        """`cache` holds E_R. Objects that span less than `min_solid_angle` sr may be ignored."""
+        """Trace the pixels of `mask`.
+
+        Parameters
+        ----------
+        cache : IrradianceCache or None
+            E_R, if the signal is relative to it.
+        min_solid_angle : float
+            Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
+        """
         known = {} if cache is None else cache.arguments(world.panorama)
         self._launch("trace real", world, mask, view, min_solid_angle=min_solid_angle, **known)
 
 
 class TraceReal(RealTracer):
-    """Changes of irradiance by the estimator "delta", or, by "ratio", irradiance with and without
-    objects: then `signal` is E_R rgb and E_RV rgb, irradiance over π, and no cache is needed.
+    """Rays from real surfaces, for the estimator "delta" or "ratio".
+
+    With "ratio", `signal` is E_R rgb and E_RV rgb, irradiance / π, and no cache is needed.
     """
 
     def __init__(
         self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
     ) -> None:
-        # Its rays look into the view only where this holds layers of the objects.
+        # Rays use the view only if objects are traced as its rasterized layers.
         equirect = guide.layout.equirect and features.traced_layers
         defines = plane_defines(equirect=equirect, **features.trace_defines())
         kernel = "trace/trace_delta" if features.delta else "trace/trace_real"
@@ -138,12 +159,13 @@ class VirtualTracer(_Tracer):
     Attributes
     ----------
     diffuse : 3 planes or None
-        Irradiance over π, without albedo; None when no material has a diffuse part.
+        Irradiance / π, without albedo; None if no material has a diffuse lobe.
     specular : 3 planes or None
-        Radiance; None when no material has a specular part.
+        Radiance; None if no material has a specular lobe.
     hit : 1 plane or None
-        Metres to what the specular lobe reflects, 1e6: the sky, 0: nothing; None as `specular`, and
-        where the kernel does not find it: the filter then takes reflections as painted on.
+        Mean distance of the hits of the specular lobe, metres; 1e6: the sky, 0: no lobe. None if
+        `specular` is, or if the kernel does not compute it: the filter then moves reflections with
+        the surface.
     """
 
     def __init__(
@@ -157,7 +179,7 @@ class VirtualTracer(_Tracer):
         finds_hit: bool = True,
         **own: Any,
     ) -> None:
-        """`own`: parameters that only this kernel has."""
+        """Build the kernel; `own` are parameters of this kernel alone."""
         layout = guide.layout
         self.diffuse = self.specular = self.hit = None
         if features.diffuse_signal:
@@ -186,12 +208,19 @@ class VirtualTracer(_Tracer):
         albedo: cla.Array,
         history: cla.Array,
     ) -> None:
-        """`history` is the `Temporal.length` of the signals; some send all rays in every frame."""
+        """Trace the pixels of `mask`.
+
+        Parameters
+        ----------
+        albedo : 3 planes
+        history : 1 plane
+            `Temporal.length` of the signals. Only rays need it; cones and paths ignore it.
+        """
         self._launch("trace virtual", world, mask, view, albedo=albedo, history=history)
 
 
 class TraceVirtual(VirtualTracer):
-    """Rays that meet real surfaces and objects."""
+    """Rays from virtual surfaces."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
         equirect = guide.layout.equirect and features.traced_layers
@@ -202,12 +231,13 @@ class TraceVirtual(VirtualTracer):
 
 
 class GlossTracer(_Tracer):
-    """Reflected objects, less what they hide, at the traced pixels of glossy real surfaces.
+    """Change of the reflections of glossy real surfaces by the objects, at the traced pixels.
 
     Attributes
     ----------
     change : 3 planes
-        Radiance of either sign; valid at the pixels that were traced.
+        Radiance of either sign, valid at the traced pixels: reflected objects minus the surfaces
+        behind them.
     """
 
     def __init__(
@@ -220,7 +250,7 @@ class GlossTracer(_Tracer):
         *,
         name: str | None,
     ) -> None:
-        """Ids of `guide` are indices of the real materials + 1."""
+        """Build the kernel; ids of `guide` are indices of real materials + 1."""
         self.change = device.zeros("gloss signal", guide.layout.shape(3))
         rays, planes = features.settings.trace.rays, {"change": self.change}
         super().__init__(
@@ -228,11 +258,12 @@ class GlossTracer(_Tracer):
         )
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
+        """Trace the pixels of `mask`."""
         self._launch("trace gloss", world, mask, view)
 
 
 class TraceGloss(GlossTracer):
-    """Rays of the specular lobe."""
+    """Rays of the specular lobe of glossy real surfaces."""
 
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
         equirect = guide.layout.equirect and features.traced_layers

@@ -1,4 +1,4 @@
-"""The worlds as voxels: real surfaces, objects, and the panorama around them."""
+"""Voxels of the real surfaces and of the objects, and the panorama around them."""
 
 from __future__ import annotations
 
@@ -15,30 +15,32 @@ from iprt.world.world import World
 
 
 def box_around(bounds: NDArray[np.float32]) -> tuple[Float, Float]:
-    """Corners (3,) of a box around boxes (N, 2, 4)."""
+    """Return the corners (3,) of the box around boxes (N, 2, 4)."""
     corners = bounds[..., :3].astype(np.float64)
     return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
 
 
 class VoxelWorld(ABC):
-    """Room and objects as voxels, and the panorama around them. It follows both.
+    """Room and objects as voxels, and the prefiltered panorama around them.
 
     Parameters
     ----------
     method : str
-        Names of buffers begin with it.
+        Prefix of buffers' names.
     room, objects : int
-        Resolution of each: at most so many voxels cubed.
+        Resolution n of each grid, which has at most n^3 voxels.
     anisotropic : bool
         Coarse voxels have an opacity along each axis.
 
     Attributes
     ----------
     scene, objects : Voxels
-    panorama, outside : PrefilteredPanorama
-        What is around the room's voxels, and behind its windows, where the features ask for that.
+    panorama : PrefilteredPanorama
+        Radiance from beyond the room's voxels.
+    outside : PrefilteredPanorama or None
+        Radiance from behind the room's windows, if the features include it.
     delta : Voxels or None
-        What objects change of real surfaces around them.
+        Change of the radiance of real surfaces around the objects.
     """
 
     delta: Voxels | None = None
@@ -80,7 +82,7 @@ class VoxelWorld(ABC):
         self._seen = (0, 0)
 
     def follow(self, world: World, features: Features) -> None:
-        """Follow the video and the objects. Nothing is done if neither has changed."""
+        """Update the voxels, if the video's frame or the objects have changed."""
         seen = (world.real.version, world.objects.version)
         before, self._seen = self._seen, seen
         if seen == before:
@@ -96,10 +98,10 @@ class VoxelWorld(ABC):
 
     @abstractmethod
     def light_objects(self, world: World, features: Features) -> None:
-        """Fill the finest level of what objects send; their opacity is there."""
+        """Fill the radiance of the objects' finest level, whose opacity is known."""
 
     def inject_real(self, world: World) -> None:
-        """Fill the room's voxels, and what is around them, by the frame that the video shows."""
+        """Fill the room's voxels and the panorama around them from the video's current frame."""
         panorama = world.panorama
         self.panorama.load(panorama)
         if self.outside is not None:
@@ -129,7 +131,7 @@ class VoxelWorld(ABC):
         objects.reduce()
 
     def arguments(self) -> dict[str, Any]:
-        """Parameters of `cl/lib/trace/voxels.h` and of `SURROUNDINGS_PARAMETERS`."""
+        """Return the parameters of `cl/lib/trace/voxels.h` and `SURROUNDINGS_PARAMETERS`."""
         return {
             **self.scene.arguments(),
             **self.objects.arguments(),

@@ -18,24 +18,24 @@ from iprt.world.real.panorama import Panorama
 Float = NDArray[np.float64]
 
 BLOCK = 8
-"""Sides of a grid are multiples of so many voxels: the first levels halve without rest."""
+"""Sides of a grid are multiples of this number of voxels: the first levels halve evenly."""
 MARGIN = 2
-"""Empty voxels around what a grid holds, at least."""
+"""Least number of empty voxels around the contents of a grid."""
 LONGEST = 2
-"""Sides of a grid have at most so many times the voxels of a cube's."""
+"""Largest number of voxels along a side of a grid, relative to a cube of the same resolution."""
 MOST_LEVELS = 16
 ROOM_SHARE, ROOM_DEPTHS = 0.98, 3.0
-"""The box of the room holds this share of the panorama's texels along each axis, up to so many
-median depths from the capture centre."""
+"""Box of the room: it holds this share of the panorama's texels along each axis, and reaches at
+most this multiple of the median depth from the capture centre."""
 ROOM_ROWS = 128
-"""Rows of texels that are looked at, at most about twice as many."""
+"""Rows of depth texels for the box: at least this number, and less than twice as many."""
 PREFILTERED_ROWS, COARSEST_ROWS = 256, 2
 """Rows of the finest and of the coarsest level of a prefiltered panorama."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Cubic voxels along the axes of the capture centre.
+    """Grid of cubic voxels along the axes of the capture centre.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Grid:
 
     @property
     def levels(self) -> NDArray[np.int32]:
-        """(L, 4) voxels along x, y, z and first voxel of each level, the last of one voxel."""
+        """(L, 4) voxels along x, y, z and first voxel of each level; the last has one voxel."""
         rows, first, size = [], 0, np.array(self.size)
         while True:
             rows.append([*size, first])
@@ -64,7 +64,7 @@ class Grid:
 
 
 def fitted_grid(low: Float, high: Float, resolution: int) -> Grid:
-    """The finest grid of at most `resolution` cubed voxels around a box.
+    """Return the finest grid around a box that has at most `resolution` cubed voxels.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def fitted_grid(low: Float, high: Float, resolution: int) -> Grid:
 
 
 def room_box(depth: NDArray[np.float32], median_depth: float) -> tuple[Float, Float]:
-    """Corners of a box around most real surfaces, metres.
+    """Return the corners of a box around most real surfaces, metres.
 
     Parameters
     ----------
@@ -107,31 +107,40 @@ def room_box(depth: NDArray[np.float32], median_depth: float) -> tuple[Float, Fl
 
 
 class Voxels:
-    """Opacity and radiance of voxels in a mip chain.
+    """Mip chain of voxels with opacity and radiance.
 
     Attributes
     ----------
     opacity : (V, 4) float32
-        Along x, y, z, in [0, 1]; weight of windows. Level after level.
+        Opacity along x, y, z, in [0, 1], and weight of windows; level after level.
     light : (V, 4) float32
-        Radiance times weight, weight.
+        Radiance times weight, and weight.
     levels : (MOST_LEVELS, 4) int32
         `Grid.levels`.
     grid : Grid
     resolution : int
-        The finest level has at most so many voxels cubed.
+        The finest level has at most `resolution` cubed voxels.
     """
 
     def __init__(
         self, device: ComputeDevice, name: str, resolution: int, *, anisotropic: bool, of: str = ""
     ) -> None:
-        """`resolution` cubed voxels at most in the finest level.
+        """Allocate the levels.
 
-        `name`: that of the kernels' parameters. `of`: what names of buffers begin with.
+        Parameters
+        ----------
+        name : str
+            Prefix of the kernels' parameters.
+        resolution : int
+            The finest level has at most `resolution` cubed voxels.
+        anisotropic : bool
+            Coarse voxels have an opacity along each axis.
+        of : str
+            Prefix of the buffers' names.
         """
         self._device, self._name, self.resolution = device, name, resolution
         label = f"{of} {name} voxels"
-        # Levels whose sides are no multiples of two have more than an eighth of the finer ones.
+        # A level with odd sides is followed by one with more than an eighth of its voxels.
         voxels = resolution**3 + resolution**3 // 4
         self.opacity = device.zeros(f"{label} opacity", (voxels, 4))
         self.light = device.zeros(f"{label} light", (voxels, 4))
@@ -142,7 +151,7 @@ class Voxels:
         self.place(Grid(np.zeros(3), 1.0, (BLOCK, BLOCK, BLOCK)))
 
     def place(self, grid: Grid) -> None:
-        """Take the shape of a grid; what is in the voxels does not follow."""
+        """Take the shape of `grid`; the contents of the voxels become invalid."""
         self.grid = grid
         rows = np.zeros((MOST_LEVELS, 4), np.int32)
         rows[: len(grid.levels)] = grid.levels
@@ -151,16 +160,16 @@ class Voxels:
 
     @property
     def finest(self) -> int:
-        """Voxels of the finest level."""
+        """Number of voxels in the finest level."""
         return int(np.prod(self.grid.size))
 
     def reduce(self) -> None:
-        """Make the coarser levels of the finest one."""
+        """Compute the coarser levels from the finest one."""
         for level, row in enumerate(self.grid.levels[1:], 1):
             self._reduce((int(row[:3].prod()),), level=level)
 
     def arguments(self) -> dict[str, Any]:
-        """Parameters of `cl/lib/trace/voxels.h`."""
+        """Return the parameters of `cl/lib/trace/voxels.h`."""
         return {
             f"{self._name}_opacity": self.opacity,
             f"{self._name}_light": self.light,
@@ -171,7 +180,7 @@ class Voxels:
 
 
 class PrefilteredPanorama:
-    """Radiance of a panorama in coarser and coarser texels.
+    """Mip chain of a panorama's radiance.
 
     Attributes
     ----------
@@ -181,8 +190,15 @@ class PrefilteredPanorama:
     """
 
     def __init__(self, device: ComputeDevice, name: str, *, openings: bool = False) -> None:
-        """`name`: that of the kernels' parameter. `openings`: where the panorama shows neither
-        window nor sky, it holds what windows show in that direction.
+        """Allocate the levels.
+
+        Parameters
+        ----------
+        name : str
+            Prefix of the kernels' parameters.
+        openings : bool
+            Hold the radiance behind windows: in directions where the panorama shows neither a
+            window nor the sky, the estimate of the outside stands in.
         """
         self._device, self._name = device, name
         rows, first, height = [], 0, PREFILTERED_ROWS
@@ -198,7 +214,7 @@ class PrefilteredPanorama:
         self._reduce = kernel(outside), kernel({"OUTSIDE_ROWS": OUTSIDE_ROWS})
 
     def load(self, panorama: Panorama) -> None:
-        """Follow the frame that the panorama holds."""
+        """Prefilter the frame that the panorama holds."""
         seen = {"real_surface": panorama.surface, "real_outside": panorama.outside}
         source = panorama.width, panorama.height, 0
         for number, (width, height, first, _) in enumerate(self.levels.tolist()):
@@ -217,13 +233,13 @@ class PrefilteredPanorama:
             source = width, height, first
 
     def level(self, number: int) -> Float:
-        """(height, width, 3) texels of a level."""
+        """Return the (height, width, 3) texels of a level."""
         width, height, first, _ = self.levels[number].tolist()
         texels = self._device.read(self.texels)[first : first + width * height]
         return np.asarray(texels.reshape(height, width, 3), np.float64)
 
     def arguments(self) -> dict[str, Any]:
-        """Parameters of `cl/lib/trace/prefiltered.h`."""
+        """Return the parameters of `cl/lib/trace/prefiltered.h`."""
         return {
             self._name: self.texels,
             f"{self._name}_levels": self._levels,

@@ -75,7 +75,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ([*COLOR, "--depth", "pano.png", *RANGE], "pano.png: a picture in colours"),
         ([*COLOR, "--depth", "grey8.png"], "grey8.png: stores integers; give --depth-scale"),
         ([*COLOR, "--depth", "jet.png", *RANGE], "false colours cannot be read as depth; export"),
-        ([*COLOR, *DEPTH, "--depth-kind", "z"], "--depth-kind z: z-depth along one axis tells not"),
+        ([*COLOR, *DEPTH, "--depth-kind", "z"], "--depth-kind z: z-depth along one axis does n"),
         ([*COLOR, *DEPTH, "--invalid", *map(str, range(17))], "depth_invalid: expected 16 v"),
         ([*COLOR, *DEPTH, "--sky", "7", "--invalid", "7"], "depth_sky: 7 is in depth_invalid too"),
         ([*COLOR, *DEPTH, "--normal", "pano.exr"], "pano.exr: holds no normals"),

@@ -40,4 +40,4 @@ def test_flags_that_cannot_be(
 def test_lost_edits_are_told(names: tuple[str, ...]) -> None:
     engine: Any = SimpleNamespace(unsaved=names)
     note = lost_edits(engine)
-    assert note == ("edits that nobody saved are lost, of: cube, ball" if names else None)
+    assert note == ("unsaved edits are lost: cube, ball" if names else None)

@@ -1,14 +1,14 @@
 // Path tracing with next event estimation: at each surface one ray aimed at the environment and one
-// sampled by the reflectance, combined by the balance heuristic (Y. Xu et al., "Delta Path Tracing for
+// sampled by the BRDF, combined by the balance heuristic (Y. Xu et al., "Delta Path Tracing for
 // Real-Time Global Illumination in Mixed Reality", Algorithm 1).
 //
-// The environment is what the panorama shows where no object is hit: its own surfaces, or with
-// -D DISTANT_ENVIRONMENT its directions, before which only a plane lies.
+// Rays that hit no object reach the environment: the real surfaces of the panorama or, with
+// -D DISTANT_ENVIRONMENT, the panorama at infinity, with the supporting plane in front of it.
 //
-// -D MAX_BOUNCES is how many surfaces a path may meet, the first included: 1 is direct light.
-// -D LIGHT_SAMPLING aims at the environment; without, all rays are sampled by the reflectance.
-// -D LEARNED_RADIANCE: real surfaces send what was learned of them (lib/world/real/learned.h), and what the panorama
-// shows of them where nothing was.
+// -D MAX_BOUNCES: most surfaces of a path, the first included; 1 is direct light.
+// -D LIGHT_SAMPLING: aim rays at the environment. Without it, all rays are sampled by the BRDF.
+// -D LEARNED_RADIANCE: real surfaces have their learned radiance (lib/world/real/learned.h), or the
+// panorama's where none was learned.
 #ifndef IPRT_PATH_TRACING_H
 #define IPRT_PATH_TRACING_H
 
@@ -20,10 +20,10 @@
     const int environment_count, __global const float4 *restrict environment_samples,              \
         const float4 support_plane
 
-// What trace_pairs takes of them.
+// Arguments of trace_pairs among PATH_PARAMETERS.
 #define PATH_ARGUMENTS environment_count, environment_samples, support_plane
 
-// How many rays a surface sends where a pixel sends `rays` pairs.
+// A pixel sends `rays` pairs of rays: a pair is one path with two rays per surface, or two paths with one.
 #ifdef LIGHT_SAMPLING
 #define RAYS_PER_BOUNCE 2
 #define PATHS_PER_PAIR 1
@@ -32,7 +32,8 @@
 #define PATHS_PER_PAIR 2
 #endif
 
-// Receivers lie within this fraction of their distance from the plane; cosine of their normals.
+// Receivers on the plane: largest distance from it, relative to the distance from the capture centre, and
+// least cosine between the normals.
 #define PLANE_DISTANCE 0.02f
 #define PLANE_NORMAL 0.9f
 
@@ -42,30 +43,30 @@ static inline int on_plane(float4 plane, float3 p, float3 n)
         && dot(plane.xyz, n) > PLANE_NORMAL;
 }
 
-// The surface that a path has reached.
+// Vertex of a path.
 typedef struct {
-    float3 o;            // where rays towards real surfaces start
-    float3 o_object;     // and rays towards objects
+    float3 o;            // origin of rays against real surfaces
+    float3 o_object;     // origin of rays against objects
     float3 n;
     float3 viewer;
     float3 albedo;
-    int material;        // of all instances; -1: a real surface, diffuse, without its albedo
+    int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
 } PathSurface;
 
-// What arrives at the first surface of paths, times f cos over the densities.
+// Incident radiance at the first surface of paths, times f cos over the density.
 typedef struct {
     float3 diffuse;      // without the albedo
     float3 specular;
 #ifdef ONE_PASS
-    float3 unoccluded;   // real surfaces: all of the environment
-    float3 passing;      // and what passes the objects
+    float3 unoccluded;   // at real surfaces: light of the environment without objects
+    float3 passing;      // and the part of it that passes the objects
 #else
-    float3 blocked;      // real surfaces: what objects hide of the environment
+    float3 blocked;      // at real surfaces: light of the environment that objects occlude
 #endif
-    int met;             // a ray from the first surface meets an object
+    int met;             // a ray from the first surface hits an object
 } PathSums;
 
-// f cos of a direction and the density with which the reflectance samples it.
+// Return f cos of a direction and the density with which the BRDF samples it.
 static inline Scatter scatter_along(const World world, const PathSurface at, float3 wi)
 {
     Scatter s = no_scatter(wi);
@@ -84,7 +85,7 @@ static inline Scatter scatter_along(const World world, const PathSurface at, flo
     return s;
 }
 
-// A direction sampled by the reflectance; u in [0, 1)^3. `density` is 0 for a perfect mirror's.
+// Return a direction sampled by the BRDF; u in [0, 1)^3. `density` is 0 for a perfect mirror.
 static inline Scatter scatter_sampled(const World world, const PathSurface at, float3 u)
 {
     if (at.material < 0)
@@ -100,7 +101,7 @@ static inline Scatter scatter_sampled(const World world, const PathSurface at, f
 }
 
 #ifdef LIGHT_SAMPLING
-// A direction about the capture centre, from samples that were drawn beforehand; u in [0, 1)^2.
+// Return a direction at the capture centre from the precomputed samples; u in [0, 1)^2.
 static inline float3 environment_direction(int count, __global const float4 *restrict samples,
                                            float2 u)
 {
@@ -113,7 +114,7 @@ static inline float3 environment_direction(int count, __global const float4 *res
 #ifdef LEARNED_RADIANCE
 #define PATH_RADIANCE(hit, o, d) path_radiance(world, hit, o, d)
 
-// Radiance without objects of what a ray from o in direction d has hit.
+// Return the radiance, without objects, of the real surface that a ray from o in direction d has hit.
 static inline float3 path_radiance(const World world, const RealHit hit, float3 o, float3 d)
 {
     const float4 plane = world.real.surface[hit.texel];
@@ -127,8 +128,8 @@ static inline float3 path_radiance(const World world, const RealHit hit, float3 
 #define PATH_RADIANCE(hit, o, d) captured_radiance(world, hit, d)
 #endif
 
-// One path from a surface. All of it is one loop with one call of each march, because OpenCL
-// compilers inline them.
+// Trace one path from a surface. It is a single loop with one call of each traversal, because OpenCL
+// compilers inline these.
 static inline ALWAYS_INLINE PathSums trace_pairs(
     const World world, PathSurface at, uint seed, uint index, int environment_count,
     __global const float4 *restrict environment_samples, float4 plane)
@@ -141,7 +142,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
     sums.blocked = (float3)(0.0f);
 #endif
     sums.met = 0;
-    // `first_*` belong to the first surface, `throughput` to those after it.
+    // `first_*` belong to the first surface, `throughput` to the surfaces after it.
     float first_diffuse = 1.0f;
     float3 first_specular = (float3)(0.0f), throughput = (float3)(1.0f);
     for (int ray = 0; ray < RAYS_PER_BOUNCE * MAX_BOUNCES; ray++) {
@@ -173,7 +174,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
         hit.t = INFINITY;
         const int object = trace_objects(world.objects, at.o_object, s.wi, INFINITY, &hit);
 #ifndef ONE_PASS
-        // What reaches a real surface past the objects is in the picture already.
+        // Light that reaches a real surface past the objects is in the captured picture already.
         if (delta && !object && s.aimed)
             continue;
         if (delta && !object)
@@ -201,7 +202,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
 #else
         const float inverse = 1.0f / density;
 #endif
-        // The face that an object stands on and the surface below it are one: the object's is met.
+        // Where an object's face coincides with the surface that it stands on, the object is hit.
         const int at_object = object && !(real.t < hit.t - world.real.bias);
         sums.met |= bounce == 0 && at_object;
         const float3 passed = bounce == 0 ? (float3)(1.0f) : at.albedo * s.diffuse + s.specular;

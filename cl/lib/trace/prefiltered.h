@@ -1,5 +1,5 @@
-// The panorama prefiltered: radiance in coarser and coarser texels, which cones look up by their width
-// (trace/reduce_panorama.cl). -D OPENING_ENVIRONMENT: what windows show in any direction, likewise.
+// Mip chain of the panorama's radiance, which cones look up by their width (trace/reduce_panorama.cl).
+// -D OPENING_ENVIRONMENT: a second chain of the radiance behind windows, in all directions.
 #ifndef IPRT_PREFILTERED_H
 #define IPRT_PREFILTERED_H
 
@@ -25,7 +25,7 @@ static inline float3 prefiltered_level(const Prefiltered panorama, int level, fl
     return panorama_bilinear(panorama.texels + 3 * at.z, at.x, at.y, uv);
 }
 
-// Mean radiance around the direction d over about `width` radians, between two levels.
+// Return the mean radiance over about `width` radians around the direction d, interpolated between levels.
 static inline float3 prefiltered_radiance(const Prefiltered panorama, float3 d, float width)
 {
     const float2 uv = equirect_uv(d);
@@ -36,7 +36,7 @@ static inline float3 prefiltered_radiance(const Prefiltered panorama, float3 d, 
                level - (float)fine);
 }
 
-// What is around the voxels of the room.
+// Environment around the voxels of the room.
 typedef struct {
     Prefiltered panorama;
 #ifdef OPENING_ENVIRONMENT
@@ -54,10 +54,10 @@ typedef struct {
 #define SURROUNDINGS {PREFILTERED}
 #endif
 
-// All that arrives through a cone of the room, and of what is behind its windows and around it.
+// Return the radiance that arrives through a cone: of the room, from behind its windows, and around it.
 static inline float3 all_arriving(const Surroundings around, const Cone cone, const ConeLight room)
 {
-    // The sides of a square of the cone's solid angle.
+    // Side of a square of the cone's solid angle.
     const float wide = sqrt(IPRT_PI) * cone.slope;
     float3 sum = room.radiance + room.passed * prefiltered_radiance(around.panorama, cone.d, wide);
 #ifdef OPENING_ENVIRONMENT

@@ -1,9 +1,9 @@
-// How many rays pixels send: those of objects several in a frame, those of real surfaces one.
+// Number of rays that a pixel sends in a frame: several at objects, one at real surfaces.
 #ifndef IPRT_RAYS_H
 #define IPRT_RAYS_H
 
-// Pixels whose history is worth more frames send this share of `rays` only, but one. Those that send
-// one do so in four frames of sixteen (filter/mask.cl).
+// Pixels with a longer history, in frames, send this share of `rays`, at least one. Pixels that send a
+// single ray do so in four frames of sixteen (filter/mask.cl).
 #define SETTLED_HISTORY 7.5f
 #define SETTLED_SHARE 0.25f
 

@@ -1,4 +1,5 @@
-// The panorama's surfaces as voxels: those that a surface goes through, or lies up to a voxel before.
+// Voxels of the panorama's surfaces: a voxel is solid if a surface intersects it or lies up to one voxel
+// in front of it.
 #ifndef IPRT_REAL_VOXELS_H
 #define IPRT_REAL_VOXELS_H
 
@@ -8,13 +9,13 @@
 
 typedef struct {
     int solid;
-    int opening;      // it is a window's
-    float3 p;         // its middle, metres
+    int opening;      // the surface is a window
+    float3 p;         // centre of the voxel, metres
     float3 nearest;   // the nearest point of the surface
     float3 n;         // its normal, towards the capture centre
 } RealVoxel;
 
-// Voxel i of a level of `size`, in a grid with that lower corner and width of voxels.
+// Return voxel i of a level of `size`; `box` is the grid's lower corner and the width of a voxel.
 static inline RealVoxel real_voxel(__global const float4 *restrict surfaces, int width, int height,
                                    int4 size, float4 box, int i)
 {

@@ -1,4 +1,4 @@
-// What kernels that trace listed pixels have in common: their first parameters, and the pixel.
+// Leading parameters of the kernels that trace listed pixels, and the pixel of a work item.
 #ifndef IPRT_TRACED_H
 #define IPRT_TRACED_H
 
@@ -8,19 +8,19 @@
 #include "maths/tracing.h"
 
 // Passed by traced_arguments() of iprt/trace/tracers.py. `list` holds y * width + x of `count` pixels,
-// `guide` 7 planes (lib/gbuffer/guide.h), `view` lib/gbuffer/view.h; `rays` are those of a pixel.
+// `guide` 7 planes (lib/gbuffer/guide.h), `view` lib/gbuffer/view.h; `rays` is the number per pixel.
 #define TRACED_PARAMETERS                                                                          \
     const int width, const int height, const int rays, const int frame_seed,                       \
         __global const int *restrict list, __global const int *restrict count,                     \
         __global const float *restrict guide, __global const float *restrict view
 
-// Index into padded planes of a listed pixel.
+// Return the index of a listed pixel into padded planes.
 static inline int pixel_of(int listed, int width)
 {
     return plane_index(listed % width, listed / width, width);
 }
 
-// The pixel of this work item; `stream` tells the random numbers of kernels apart.
+// Pixel of this work item; `stream` makes the random numbers of kernels independent.
 #define TRACED_PIXEL(item, stream)                                                                 \
     traced_pixel(READ_AGAIN(list + item), width, height, guide, frame_seed, stream)
 

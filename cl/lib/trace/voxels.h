@@ -1,9 +1,9 @@
-// Voxels of opacity and radiance in a mip chain, and cones that are traced through them (C. Crassin et
-// al., "Interactive Indirect Illumination Using Voxel Cone Tracing", Pacific Graphics 2011).
+// Mip chain of voxels with opacity and radiance, and tracing of cones through them (C. Crassin et al.,
+// "Interactive Indirect Illumination Using Voxel Cone Tracing", Pacific Graphics 2011).
 //
-// A voxel has an opacity along each axis: the share of parallel rays through it that something stops.
-// Along other directions it has the cross section of an ellipsoid with these: exact for a flat sheet
-// across an axis and for what is alike from all sides.
+// A voxel has an opacity along each axis: the share of parallel rays through it that are blocked. Along
+// other directions it has the cross section of the ellipsoid with these three: exact for a flat sheet
+// across an axis and for isotropic contents.
 #ifndef IPRT_VOXELS_H
 #define IPRT_VOXELS_H
 
@@ -11,14 +11,14 @@
 #include "maths/tracing.h"
 #include "world/boxes.h"
 
-// Voxels are looked up where their size times this lies above the surface that the cone starts from:
-// half a voxel of the surface's own, and one that interpolation adds.
+// Least height of a sample above the surface that the cone starts from, in voxels: half a voxel of the
+// surface itself, and one that interpolation adds.
 #define CONE_CLEARANCE 1.5f
-// Cones that rise less than so much per metre start as far away as these.
+// Lower bound of a cone's rise per metre, from which the distance to its start follows.
 #define LEAST_RISE 0.05f
-// Cones end where so little light passes.
+// Cones end at this transmittance.
 #define CONE_DARK 0.004f
-// More steps than any diagonal has.
+// Bound of the loop: more steps than any diagonal takes.
 #define CONE_STEP_CAP 2048
 #define CONE_FAR 1e30f
 
@@ -26,8 +26,8 @@ typedef struct {
     __global const float4 *opacity;  // along x, y, z; weight of windows
     __global const float4 *light;    // radiance times weight, weight
     __global const int4 *levels;     // voxels along x, y, z; first voxel
-    int count;                       // of levels
-    float4 box;                      // lower corner and size of a voxel of the finest level, metres
+    int count;                       // number of levels
+    float4 box;                      // lower corner, and side of a voxel of the finest level, metres
 } Voxels;
 
 #define SCENE_VOXEL_PARAMETERS                                                                     \
@@ -43,7 +43,7 @@ typedef struct {
 
 #define OBJECT_VOXELS {object_opacity, object_light, object_levels, object_count, object_box}
 
-// Real surfaces around the objects, and what objects change there.
+// Real surfaces around the objects, with the objects' change of their radiance.
 #define DELTA_VOXEL_PARAMETERS                                                                     \
     __global const float4 *restrict delta_opacity, __global const float4 *restrict delta_light,    \
         __global const int4 *restrict delta_levels, const int delta_count, const float4 delta_box
@@ -53,34 +53,35 @@ typedef struct {
 typedef struct {
     float3 o;
     float3 d;
-    float slope;   // tangent of half its aperture
-    float lift;    // of o above the surface that is not to shadow itself; CONE_FAR: there is none
-    float rise;    // how much the cone rises above it per metre
+    float slope;   // tangent of half the aperture
+    float lift;    // height of o above the surface that must not shadow itself; CONE_FAR: no such surface
+    float rise;    // height that the cone gains above that surface per metre
 } Cone;
 
-// What a cone has gathered.
+// Result of a cone.
 typedef struct {
-    float3 radiance;   // of all from `front` on, less what hides it
-    float open;        // likewise, the share that ends at windows, which send nothing themselves
-    float passed;      // share that gets through all
-    float front;       // share that gets as far as where it counts from
-    float distance;    // mean of what stops it, metres; CONE_FAR: nothing does
+    float3 radiance;   // attenuated radiance of the voxels beyond `front` metres
+    float open;        // likewise, the share that ends at windows, whose voxels emit nothing
+    float passed;      // transmittance of the whole cone
+    float front;       // transmittance of its part up to `front` metres
+    float distance;    // mean distance of the blockers, metres; CONE_FAR: none
 } ConeLight;
 
-// The tangent of half the aperture of a cone of that solid angle, 60 degrees at most.
+// Return the tangent of half the aperture of a cone of that solid angle; half the aperture is at most
+// 60 degrees.
 static inline float cone_slope(float solid_angle)
 {
     const float x = fmin(solid_angle * (0.5f / IPRT_PI), 0.5f);
     return sqrt(x * (2.0f - x)) / (1.0f - x);
 }
 
-// Four voxels of a layer across an axis, and their weights: 0 outside.
+// Four voxels of a layer across an axis, and their weights, which are 0 outside the grid.
 typedef struct {
     int a, b, below_a, below_b;
     float4 weights;
 } VoxelTaps;
 
-// The axis comes last.
+// Return v with its axes rotated so that `axis` comes last.
 static inline float3 axis_last(float3 v, int axis)
 {
     return axis == 0 ? v.yzx : axis == 1 ? v.zxy : v;
@@ -91,7 +92,7 @@ static inline int3 axis_last_int(int3 v, int axis)
     return axis == 0 ? v.yzx : axis == 1 ? v.zxy : v;
 }
 
-// Around `at`, in voxels of the level, in the layer across the axis that it lies in.
+// Return the taps around `at`, in voxels of the level, in the layer across the axis that contains it.
 static inline VoxelTaps voxel_taps(int4 level, int axis, float3 at)
 {
     const int3 size = axis_last_int(level.xyz, axis);
@@ -124,24 +125,24 @@ static inline float4 blend_voxels(__global const float4 *voxels, const VoxelTaps
         + taps.weights.z * voxels[taps.below_a] + taps.weights.w * voxels[taps.below_b];
 }
 
-// The level whose voxels are at most a quarter as wide as a cone `t` metres on, as layers of wider ones
-// that hide the same part of it would add up, and at most as wide as the surface that it starts from lets
-// them be.
+// Return the level for a cone at `t` metres. Its voxels are at most a quarter of the cone's width, as
+// layers of wider ones that cover the same part of it would add up. Their clearance from the surface that
+// the cone starts from limits them, too.
 static inline int cone_level(const Voxels voxels, const Cone cone, float t)
 {
     const float wide = fmin(0.5f * cone.slope * t, (cone.lift + cone.rise * t) / CONE_CLEARANCE);
-    // The exponent of a float is the logarithm, rounded down.
+    // The exponent of a float is its binary logarithm, rounded down.
     return min((int)(as_uint(fmax(wide / voxels.box.w, 1.0f)) >> 23) - 127, voxels.count - 1);
 }
 
-// The middle of voxel i of a level of that size.
+// Return the centre of voxel i of a level of that size.
 static inline float3 voxel_middle(int4 size, float4 box, int i)
 {
     return box.xyz
         + box.w * ((float3)(i % size.x, i / size.x % size.y, i / (size.x * size.y)) + 0.5f);
 }
 
-// Where the axis of a cone enters and leaves the box, enlarged by the cone's radius there.
+// Return the distances at which a cone's axis enters and leaves the box, enlarged by the cone's radius.
 static inline float2 cone_span(const Voxels voxels, const Cone cone)
 {
     const float3 reach = 0.5f * voxels.box.w * convert_float3(voxels.levels[0].xyz);
@@ -153,9 +154,9 @@ static inline float2 cone_span(const Voxels voxels, const Cone cone)
     return (float2)(fmax(near.x, fmax(near.y, near.z)), fmin(far.x, fmin(far.y, far.z)));
 }
 
-// Front to back from `start` metres on, layer by layer across the axis that the cone follows most: each layer
-// is met once, in its middle, so that a closed one lets nothing pass. What lies before `front` metres hides
-// what is behind, and sends nothing. `lit` 0: nothing sends light.
+// Trace a cone front to back from `start` metres on, layer by layer across the axis closest to its direction.
+// Each layer is sampled once, in its middle, so that a closed layer is opaque. Voxels closer than `front`
+// metres occlude but do not emit. `lit` 0: no voxel emits.
 static inline ALWAYS_INLINE ConeLight trace_cone(
     const Voxels voxels, const Cone cone, float start, float front, int lit)
 {
@@ -164,7 +165,7 @@ static inline ALWAYS_INLINE ConeLight trace_cone(
     const float3 size = fabs(cone.d);
     const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
     const float along = component(cone.d, axis), sense = along < 0.0f ? -1.0f : 1.0f;
-    // Voxels of the finest level, along the axis in the sense of the cone: where it starts, and per metre.
+    // In voxels of the finest level, along the axis in the sense of the cone: its start, and its pace per metre.
     const float3 from = (cone.o - voxels.box.xyz) / voxels.box.w;
     const float begin = sense * component(from, axis), pace = fabs(along) / voxels.box.w;
     const float first = fmax(start, span.x);
@@ -172,11 +173,11 @@ static inline ALWAYS_INLINE ConeLight trace_cone(
     int layer = coarse * (int)ceil((begin + first * pace) / coarse - 0.5f);
     float stopped_at = 0.0f;
     for (int step = 0; step < CONE_STEP_CAP && found.passed > CONE_DARK; step++) {
-        // Layers of coarse levels begin where their number is a multiple of their width.
+        // Layers of coarse levels begin at multiples of their width.
         const int aligned = popcount((layer & -layer) - 1);
         const int level = min(aligned, cone_level(voxels, cone, fmax((layer - begin) / pace, 0.0f)));
         const int width = 1 << level;
-        // The last one may begin inside and have its middle outside.
+        // The last layer may begin inside the box and have its middle outside.
         if (!((layer - begin) / pace < span.y))
             break;
         const float at = (layer + 0.5f * width - begin) / pace;
@@ -184,7 +185,7 @@ static inline ALWAYS_INLINE ConeLight trace_cone(
         const VoxelTaps taps = voxel_taps(voxels.levels[level], axis,
                                           (from + at / voxels.box.w * cone.d) / (float)width);
         const float4 opacity = blend_voxels(voxels.opacity, taps);
-        // Seen along the cone, the voxels' cross sections fill so much of the layer.
+        // Share of the layer that the voxels' cross sections cover, seen along the cone.
         const float3 across = opacity.xyz * cone.d;
         const float blocked = fmin(sqrt(dot(across, across)) / fabs(along), 1.0f);
         if (blocked > 0.0f) {
@@ -205,7 +206,7 @@ static inline ALWAYS_INLINE ConeLight trace_cone(
     return found;
 }
 
-// Whether the box of the voxels reaches above the surface at p with normal n.
+// Return 1 if the box of the voxels reaches above the surface at p with normal n, else 0.
 static inline int voxels_above(const Voxels voxels, float3 p, float3 n)
 {
     const float3 reach = 0.5f * voxels.box.w * convert_float3(voxels.levels[0].xyz);

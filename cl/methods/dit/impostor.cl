@@ -9,9 +9,9 @@
 #include "world/real/impostor.h"
 #include "world/real/real.h"
 
-// Tolerance, in texels, of the test whether a point on a face is inside a texel's outline.
+// Tolerance of the test for points inside a texel's outline on a face, in texels.
 #define OUTLINE 0.01f
-// Least cosine between a direction and the axis of a face that may show it. Corners of a face have 0.577.
+// Least cosine between a direction and the axis of a face that shows it. Corners of a face have 0.577.
 #define FACE_COSINE 0.5f
 // Rounding differences, in units in the last place, between the two launches of splat_surfaces.
 #define CLAIM_ULPS 16u
@@ -56,7 +56,7 @@ __kernel void splat_surfaces(
     __global const float2 *restrict real_range,
     const float4 centre,                    // of the impostor, metres
     const int side,
-    const int claims,                       // 0: fill `nearest`; 1: then `source`
+    const int claims,                       // 0: fill `nearest`; 1, launched next: fill `source`
     __global uint *restrict nearest,        // in, out
     __global uint *restrict source)         // in, out
 {
@@ -98,7 +98,7 @@ __kernel void splat_surfaces(
                          fmin(inside_edge(pc, pd, p, sense), inside_edge(pd, pa, p, sense))) < 0.0f)
                     continue;
                 const float3 w = normalize(cube_direction(face, p, side));
-                // The plane extends beyond the texel, where it may be seen edge-on.
+                // The tangent plane extends beyond the texel, where it may be seen edge-on.
                 const float inverse = (int)surface.w & SURFACE_NONE
                     ? 0.0f
                     : fmin(fmax(plane_inverse(surface, w, centre.xyz), 1.0f / far), 1.0f / near);
@@ -135,7 +135,7 @@ __kernel void shade_impostor(
     const float inverse = as_float(nearest[at] - 1u);
     const float3 v = cube_direction(face, (float2)(x, row), side);
     const int sky = !(inverse > 0.0f);
-    // Panorama texels across an impostor texel: a mean over several preserves small lights.
+    // Number of panorama texels across an impostor texel: a mean over several preserves small lights.
     const float3 p = normalize(v) / fmax(inverse, 1e-30f);
     const float nearer = sky ? 1.0f : length(p) / fmax(length(p + centre.xyz), 1e-30f);
     const float across = 2.0f / side / dot(v, v) * nearer * height / IPRT_PI;

@@ -1,4 +1,4 @@
-// Push-pull filling of the impostor's holes: means of known texels go up a pyramid, and from there down
+// Push-pull filling of the impostor's holes: means of known texels are pushed up a pyramid, and pulled down
 // into the holes (K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination", IEEE TVCG 2017,
 // section 5). Level l of each face has ceil(side / 2^l) texels a side.
 //
@@ -34,8 +34,8 @@ __kernel void push_texels(
         known > 0.0f ? sum / known : (float4)(0.0f, 0.0f, 0.0f, -1.0f);
 }
 
-// Return a texel of the coarser level. The coarsest has one per face. Where it is a hole, the mean of the
-// other faces is returned; without any known texel, black sky.
+// Return a texel of the coarser level. A hole occurs only at the coarsest level, of one texel per face: the
+// mean of the other faces replaces it, or black sky if all are holes.
 static inline float4 coarse_texel(__global const float4 *texels, int side, int face, int x, int y)
 {
     float4 texel = texels[(face * side + clamp(y, 0, side - 1)) * side + clamp(x, 0, side - 1)];

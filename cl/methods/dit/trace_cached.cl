@@ -1,8 +1,7 @@
-// What objects change in the irradiance of real surfaces, relative to the irradiance E_R that these
-// have without objects, by directions that are sampled by the cosine and towards lights. Those that miss
-// the objects' boxes change nothing: of the others, up to `cache` are chosen at random and traced, and
-// stand for all of them (K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination", IEEE
-// TVCG 2017, section 7, Eq. 9).
+// Change of the irradiance of real surfaces by the objects, relative to their irradiance E_R without objects.
+// Directions are sampled by the cosine and towards lights. A direction that misses the objects' boxes changes
+// nothing. Of the others, up to `cache_size` are chosen at random, traced, and weighted to represent all
+// (K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination", IEEE TVCG 2017, section 7, Eq. 9).
 //
 // The choice is by selection sampling (D. E. Knuth, The Art of Computer Programming 2, 3.4.2, Algorithm
 // S): directions are drawn and tested twice, and none is stored.
@@ -12,7 +11,7 @@
 //      world          lib/world/world.h
 //      cache          lib/world/real/irradiance.h
 // out  signal         6 planes: blocked / E_R rgb, bounce / E_R rgb
-//      samples        1 plane: directions that the pixel has drawn since the start, in and out
+//      samples        1 plane: number of the pixel's directions since the start, in and out
 #define DELTA
 #include "trace/traced.h"
 #include "world/boxes.h"
@@ -50,7 +49,7 @@ TRACING_KERNEL void trace_cached(
     TRACED_PARAMETERS,
     WORLD_PARAMETERS,
     CACHE_PARAMETERS,
-    const int cache_size,                  // most rays that are traced; 0: all, whatever they meet
+    const int cache_size,                  // most traced rays; 0: all are traced, without the test
     __global uint *restrict samples,
     __global float *restrict signal WORK_PARAMETER)
 {
@@ -96,7 +95,7 @@ TRACING_KERNEL void trace_cached(
     }
     const TracedPixel at = TRACED_PIXEL(item, CACHED);
     samples[at.pixel] += rays;
-    // f cos is cos / pi, so that the sums are irradiance / pi, as the cache of E_R holds it.
+    // f cos is cos / pi: the sums are irradiance / pi, as in the cache of E_R.
     const float others = traced > 0 ? (float)hits / traced : 0.0f;
     const float3 scale = inverse_irradiance(cache, at.p, at.n) * (others / rays);
     store_planes(signal, at.size, at.pixel, scale * blocked);

@@ -1,7 +1,7 @@
-// Discs that stand for regions of the panorama's light (iprt/methods/dvct/area_lights.py), and the shadow maps of
-// the space around the objects that are seen from them: with the objects, and without.
+// Area lights: discs that replace regions of the panorama (iprt/methods/dvct/area_lights.py), and their shadow
+// maps of the space around the objects, with and without the objects.
 //
-// A map shows a cap around the direction to the objects in Lambert's azimuthal equal-area projection.
+// A map covers a spherical cap around the direction to the objects, in Lambert's azimuthal equal-area projection.
 #ifndef IPRT_AREA_LIGHTS_H
 #define IPRT_AREA_LIGHTS_H
 
@@ -11,9 +11,9 @@
 #include "maths/tracing.h"
 
 #define AREA_LIGHT_ROWS 4
-// Voxels that what is looked up in a map may lie behind what the map shows.
+// Depth bias of shadow map lookups, in voxels.
 #define VOXEL_SLACK 1.5f
-// Cones towards lights are at most so wide.
+// Largest tangent of half the aperture of a cone towards a light.
 #define MOST_SLOPE 1.7f
 
 typedef struct {
@@ -21,13 +21,13 @@ typedef struct {
     float squared_radius;
     float3 normal;
     float3 power;       // radiance times area, along the normal
-    float3 axis;        // towards the objects
-    float cap;          // sine of half the angle that its map reaches to from there
+    float3 axis;        // direction to the objects
+    float cap;          // sine of half the angular radius of the map around the axis
 } AreaLight;
 
 typedef struct {
     __global const float4 *rows;     // AREA_LIGHT_ROWS of each light
-    __global const float2 *maps;     // metres to the nearest object, and to the nearest real surface
+    __global const float2 *maps;     // distance to the nearest object and to the nearest real surface, metres
     int count;
     int side;                        // texels of a map
 } AreaLights;
@@ -44,8 +44,7 @@ static inline AreaLight area_light(__global const float4 *restrict rows, int num
     return (AreaLight){rows[0].xyz, rows[0].w, rows[1].xyz, rows[2].xyz, rows[3].xyz, rows[3].w};
 }
 
-// Irradiance over pi that an unhidden light sends to the surface at x with normal n. On its axis a disc's is
-// exactly that.
+// Return the irradiance / pi of an unoccluded light at x with normal n. It is exact on the axis of the disc.
 static inline float3 light_irradiance(const AreaLight light, float3 x, float3 n)
 {
     const float3 away = light.position - x;
@@ -55,7 +54,7 @@ static inline float3 light_irradiance(const AreaLight light, float3 x, float3 n)
         * (cosines / (IPRT_PI * fmax(squared, 1e-12f) * (squared + light.squared_radius)));
 }
 
-// Where a direction from the light falls on its map, in texels.
+// Return the map coordinates, in texels, of a direction from the light.
 static inline float2 map_place(const AreaLight light, float3 d, int side)
 {
     const float3 v = frame_to_local(build_frame(light.axis), d);
@@ -63,7 +62,7 @@ static inline float2 map_place(const AreaLight light, float3 d, int side)
     return (0.5f + 0.5f / light.cap * half_angle) * (float)side;
 }
 
-// The direction of that place; 0 where there is none.
+// Return the direction at map coordinates; 0 outside the projection.
 static inline float3 map_direction(const AreaLight light, float2 place, int side)
 {
     const float2 half_angle = (2.0f / side * place - 1.0f) * light.cap;
@@ -75,8 +74,8 @@ static inline float3 map_direction(const AreaLight light, float2 place, int side
                           (float3)(across.x, across.y, 1.0f - 2.0f * squared));
 }
 
-// Share of the light that arrives at x past real surfaces, and share that does past objects as well.
-// `slack`: metres that x may lie behind what a map shows; half the width of a texel comes on top.
+// Return the visibility of the light at x: past real surfaces, and past real surfaces and objects. `slack` is
+// the depth bias in metres; half the width of a texel is added.
 static inline float2 light_passing(const AreaLights lights, int number, const AreaLight light, float3 x,
                                    float slack)
 {

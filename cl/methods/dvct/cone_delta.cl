@@ -1,28 +1,28 @@
-// What objects change in the irradiance of real surfaces (T. A. Franke, "Delta Voxel Cone Tracing", section
-// 3.2), relative to the irradiance E_R that the surfaces have without objects: light that objects hide from
-// them, by cones towards the lights (Eq. 2), and by cones that fill the hemisphere (Eq. 6)
-// what objects send and what real surfaces around send less.
+// Change of the irradiance of real surfaces by the objects (T. A. Franke, "Delta Voxel Cone Tracing", section
+// 3.2), relative to their irradiance E_R without objects. Cones towards the lights give the direct light that
+// objects block (Eq. 2). Cones that fill the hemisphere give the objects' radiance and the antiradiance of the
+// real surfaces around them (Eq. 6).
 //
-// `cones` of the latter have equal shares of the cosine: one is along the normal, the others are a ring around
-// it that turns from frame to frame. A frame traces `rays` of them, and as many towards lights, which are
-// chosen by the irradiance that they send.
+// The hemisphere is filled by `cones` cones with equal shares of the cosine: one along the normal, the others in
+// a ring around it that turns from frame to frame. A frame traces `rays` of them, and as many towards lights,
+// which are chosen in proportion to their irradiance.
 //
 // in   list, count       pixels to trace (y * width + x) and how many
 //      guide             7 planes (lib/gbuffer/guide.h): world normal, position, id
 //      object, delta     lib/trace/voxels.h
 //      area_lights       area_lights.h
 //      cache             lib/world/real/irradiance.h
-// out  signal            6 planes: hidden / E_R rgb, sent instead / E_R rgb
-//      samples           1 plane: frames that the pixel has been traced in, in and out
-//      touched           1 plane: TOUCHED_FRAMES where a cone met an object
+// out  signal            6 planes: blocked / E_R rgb, bounce / E_R rgb
+//      samples           1 plane: number of frames in which the pixel was traced, in and out
+//      touched           1 plane: TOUCHED_FRAMES where a cone hit an object
 #include "area_lights.h"
 #include "trace/traced.h"
 #include "trace/voxels.h"
 #include "maths/work.h"
 #include "world/real/irradiance.h"
 
-// A cone is as wide as this share of a light, and goes to a place in it that differs from frame to frame. Cones
-// as wide as a light make shadows too dark.
+// Width of a cone relative to the light, at a random point of which it is aimed in each frame. Cones as wide as
+// the light make shadows too dark.
 #define CONE_SHARE 0.2f
 
 TRACING_KERNEL void cone_delta(
@@ -74,7 +74,7 @@ TRACING_KERNEL void cone_delta(
         cone.d /= length(cone.d);
         cone.rise = dot(cone.d, at.n);
         cone.slope = CONE_SHARE * fmin(wide, MOST_SLOPE);
-        // The surface is none of the objects' voxels: they count from its very point on.
+        // The surface is no part of the objects' voxels: the cone needs no clearance.
         cone.lift = CONE_FAR;
         const float passed = trace_cone(objects, cone, 0.0f, 0.0f, 0).passed;
         if (!(passed < 1.0f))
@@ -86,7 +86,7 @@ TRACING_KERNEL void cone_delta(
 
     for (int ray = 0; ray < (voxels_above(delta, at.p, at.n) ? rays : 0); ray++) {
         const float turn = (ray + u.y) / rays * cones;
-        // The middles of the shares, by the sine of their angle: of a cap, and of the rest.
+        // Sine of the angle to the normal at the middle of a share: of the cap, or of the ring.
         const float radius = turn < 1.0f ? 0.0f : sqrt(0.5f + 0.5f / cones);
         const float2 around = radius * unit_circle(fmax(turn - 1.0f, 0.0f) / (cones - 1));
         cone.rise = sqrt(1.0f - radius * radius);

@@ -1,6 +1,6 @@
-// What objects change in the reflection that a glossy real surface shows the camera, by one cone as wide as the
-// specular lobe (T. A. Franke, "Delta Voxel Cone Tracing", Eq. 6): what objects send, in place of the real
-// surfaces that they hide there, and what these send less.
+// Change of the reflection of a glossy real surface by the objects, by one cone as wide as the specular lobe
+// (T. A. Franke, "Delta Voxel Cone Tracing", Eq. 6): the objects' radiance minus the radiance that they block,
+// plus the antiradiance of real surfaces.
 //
 // in   list, count       pixels to trace (y * width + x) and how many
 //      guide             7 planes (lib/gbuffer/guide.h): world normal, position, 1 + index of the real material
@@ -8,7 +8,7 @@
 //      surroundings      lib/trace/prefiltered.h
 //      gloss             lib/world/world.h, with -D GLOSS
 // out  change            3 planes: radiance, of either sign
-//      touched           1 plane: TOUCHED_FRAMES where the cone met an object
+//      touched           1 plane: TOUCHED_FRAMES where the cone hit an object
 #include "trace/prefiltered.h"
 #include "trace/traced.h"
 #include "maths/work.h"

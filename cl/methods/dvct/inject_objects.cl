@@ -1,5 +1,5 @@
-// What voxels of objects send, as diffuse surfaces, of the light that arrives from the lights past objects and
-// real surfaces (T. A. Franke, "Delta Voxel Cone Tracing", section 3.2: what is injected on objects).
+// Reflected radiance of the objects' voxels, as diffuse surfaces that the area lights light, with shadow maps of
+// objects and real surfaces (T. A. Franke, "Delta Voxel Cone Tracing", section 3.2: injection on objects).
 //
 // in   object            lib/trace/voxels.h
 //      area_lights       area_lights.h

@@ -1,7 +1,8 @@
-// Real surfaces around the objects as voxels that send what objects change: antiradiance where they take light
-// away (T. A. Franke, "Delta Voxel Cone Tracing", section 3.2: what is injected where they cast shadows).
+// Voxels of the real surfaces around the objects, with antiradiance where the objects cast shadows (T. A. Franke,
+// "Delta Voxel Cone Tracing", section 3.2).
 //
-// A surface sends less than the panorama shows by the share of its light that objects hide.
+// Antiradiance is negative radiance: minus the panorama's radiance times the share of the surface's irradiance
+// that objects block.
 //
 // in   panorama          lib/world/scene.h
 //      prefiltered       lib/trace/prefiltered.h

@@ -1,8 +1,8 @@
-// What the panorama shows in the cells of an equirect grid: radiance, and the surface in their middle.
+// Cells of the panorama in an equirect grid: mean radiance, and the surface at the centre of the cell.
 //
 // in   panorama          lib/world/scene.h
 //      prefiltered       lib/trace/prefiltered.h; `level` has the grid's resolution
-// out  cells             2 float4 a cell: radiance, metres (0: open sky); normal, 1 where it is a window's
+// out  cells             2 float4 a cell: radiance, distance in metres (0: open sky); normal, 1 at windows
 #include "trace/prefiltered.h"
 #include "world/real/real.h"
 

@@ -1,9 +1,9 @@
-// Shadow maps of the lights: how far away objects and real surfaces are (T. A. Franke, "Delta Voxel Cone
+// Shadow maps of the area lights: distances of objects and of real surfaces (T. A. Franke, "Delta Voxel Cone
 // Tracing", section 3.2: maps of the scene with and without the objects).
 //
 // in   scene             lib/world/scene.h
 //      area_lights       area_lights.h
-// out  maps              metres to the nearest object, and to the nearest real surface; INFINITY: none
+// out  maps              distance to the nearest object and to the nearest real surface, metres; INFINITY: none
 #include "area_lights.h"
 #include "world/scene.h"
 

@@ -1,4 +1,4 @@
-// What was learned of the radiance of the real surfaces in a view.
+// Learned radiance of the real surfaces in a view.
 //
 // in   guide   7 planes (lib/gbuffer/guide.h): world normal, position, id
 //      models  lib/world/real/learned.h

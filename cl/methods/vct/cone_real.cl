@@ -1,8 +1,8 @@
-// What objects change in the irradiance of real surfaces, by cones (K. Rohmer et al., "Natural Environment
-// Illumination", Eqs. 4 to 6): of the radiance that arrives through a cone, the share that objects stop is
-// replaced by what they send. Relative to the irradiance E_R that the surfaces have without objects.
+// Change of the irradiance of real surfaces by the objects, by cones (K. Rohmer et al., "Natural Environment
+// Illumination", Eqs. 4 to 6), relative to their irradiance E_R without objects. In each cone, the objects'
+// radiance replaces the share of the incident radiance that they block.
 //
-// Cones are distributed by the cosine, and as wide as `cones` of them are that fill the hemisphere. A frame
+// Cones are distributed by the cosine. Their aperture is such that `cones` of them fill the hemisphere; a frame
 // traces `rays` of them.
 //
 // in   list, count       pixels to trace (y * width + x) and how many
@@ -10,9 +10,9 @@
 //      scene, objects    lib/trace/voxels.h
 //      surroundings      lib/trace/prefiltered.h
 //      cache             lib/world/real/irradiance.h
-// out  signal            6 planes: hidden / E_R rgb, sent instead / E_R rgb
-//      samples           1 plane: cones that the pixel has sent since the start, in and out
-//      touched           1 plane: TOUCHED_FRAMES where a cone met an object
+// out  signal            6 planes: blocked / E_R rgb, bounce / E_R rgb
+//      samples           1 plane: number of the pixel's cones since the start, in and out
+//      touched           1 plane: TOUCHED_FRAMES where a cone hit an object
 #include "trace/prefiltered.h"
 #include "trace/traced.h"
 #include "maths/sampling.h"
@@ -46,7 +46,7 @@ TRACING_KERNEL void cone_real(
         cone.d = frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(first + ray, at.seed)));
         cone.rise = fmax(dot(cone.d, at.n), 1e-3f);
         cone.slope = cone_slope(IPRT_PI / (cones * cone.rise));
-        // The surface is none of the objects' voxels: they count from its very point on.
+        // The surface is no part of the objects' voxels: the cone needs no clearance.
         cone.lift = CONE_FAR;
         const ConeLight object = trace_cone(objects, cone, 0.0f, 0.0f, 1);
         if (!(object.passed < 1.0f))

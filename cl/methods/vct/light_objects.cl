@@ -1,5 +1,5 @@
-// What voxels of objects send, as diffuse surfaces, of the light that reaches them past the objects: one
-// bounce (K. Rohmer et al., "Natural Environment Illumination", section 6.4), by wide cones.
+// Reflected radiance of the objects' voxels, as diffuse surfaces: one bounce of the room's light, gathered by
+// wide cones and attenuated by the objects (K. Rohmer et al., "Natural Environment Illumination", section 6.4).
 //
 // in   scene, objects    lib/trace/voxels.h; the opacity of objects
 //      surroundings      lib/trace/prefiltered.h

@@ -1,4 +1,4 @@
-"""Distance impostor tracing: rays through a map of radiance and distance around the objects."""
+"""Distance impostor tracing: rays against a map of radiance and distance around the objects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iprt.settings.model import Settings
 
 
 class DitSettings(MethodSettings):
-    """Distance impostor tracing."""
+    """Resolution of the impostor, and directions of the rays from real surfaces."""
 
     resolution: int = Field(
         default=256,
@@ -29,15 +29,15 @@ class DitSettings(MethodSettings):
     )
     directions: Literal["cached", "all", "boxes"] = Field(
         default="cached",
-        description="Directions that real surfaces look for objects in. cached: of those sampled, "
-        "only what meets the boxes around objects is traced, up to `cache` rays; all: each is "
+        description="Directions of rays from real surfaces. cached: of the sampled directions, "
+        "only those that hit the boxes around objects are traced, up to `cache` rays; all: each is "
         "traced; boxes: they are aimed at the boxes, as in em.",
     )
     cache: int = Field(
         default=8,
         ge=1,
         le=1024,
-        description="Rays that are traced at most of `trace.rays` directions, where these are "
+        description="Most rays traced of the `trace.rays` sampled directions, with directions = "
         "cached.",
         json_schema_extra={"unit": "rays"},
     )

@@ -14,17 +14,17 @@ from iprt.world.real.panorama import Panorama
 
 FACES = 6
 SKY = 1e3
-"""Distance of open sky, relative to the farthest surface."""
+"""Distance of open sky as a multiple of the farthest surface's."""
 
 LIGHT = "impostor light"
-"""Name of its lights' buffers."""
+"""Name of the buffers of the impostor's lights."""
 
 
 class Impostor:
     """Cube map of radiance and distance around a point other than the capture centre.
 
     K. Rohmer, J. Jendersie, T. Grosch, "Natural Environment Illumination" (IEEE TVCG 2017), section
-    6.1. `cl/lib/world/real/impostor.h` traces rays in it.
+    6.1. `cl/lib/world/real/impostor.h` traces rays against it.
 
     Parameters
     ----------
@@ -32,21 +32,21 @@ class Impostor:
     side : int
         Texels along the side of a face.
     steps : int
-        Refinements of a ray's hit.
+        Iterations that refine a ray's hit.
     light_sampling : bool
-        Rays are aimed at its bright texels.
+        Build the table of lights, which rays are aimed at.
 
     Attributes
     ----------
     centre : (3,) float32
         Metres, in the axes of the capture centre.
     texels : (N, 4) float32
-        Linear radiance, and inverse distance in 1/m, of the faces (`cl/lib/maths/cube.h`) and then
-        of their coarser levels.
+        Linear radiance and inverse distance in 1/m of the faces (`cl/lib/maths/cube.h`), followed
+        by their coarser levels.
     inverse : (6 * side * side,) float32
         Inverse distances of the faces.
     lights : Lights or None
-        By directions from the centre.
+        Lights by direction from the centre; None without `light_sampling`.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Impostor:
         self._pull = device.kernel(fill, "pull_texels").fixed(texels=self.texels)
         self.lights: Lights | None = None
         if light_sampling:
-            # As fine as the faces.
+            # The resolution of the faces.
             self._rows = min(2 * side, LIGHT_ROWS)
             self.lights = Lights(device, 2 * self._rows, self._rows, name=LIGHT)
             self._picture = device.empty("impostor picture", (self._rows, 2 * self._rows, 3))
@@ -83,7 +83,7 @@ class Impostor:
             )
 
     def place(self, panorama: Panorama, centre: NDArray[np.floating]) -> None:
-        """Build the map around `centre` (3,), in metres, from the panorama."""
+        """Build the map around the point `centre` (3,), in metres, from the panorama."""
         device = self._device
         self.centre = centre.astype(np.float32)
         reach = panorama.farthest + float(np.linalg.norm(centre))
@@ -133,6 +133,6 @@ class Impostor:
         }
 
     def arguments(self) -> dict[str, Any]:
-        """Return the additional arguments of kernels built with `-D IMPOSTOR`."""
+        """Return the arguments of kernels built with `-D IMPOSTOR`: the map and its lights."""
         lights = self.lights
         return self._map() | (no_lights(LIGHT) if lights is None else lights.arguments())

@@ -19,17 +19,17 @@ from iprt.trace.tracers import RealTracer
 from iprt.world.world import World
 
 SLACK = 0.25
-"""While objects move, the map stays until their middle is so many of their radii from its centre:
-section 6.1 wants a threshold by their size, and does not say which."""
+"""Threshold for moving the map: distance of the objects' middle from its centre, relative to their
+radius. Section 6.1 requires a threshold that depends on their size, and gives no value."""
 
 
 class TraceCached(RealTracer):
-    """Rays in those of the sampled directions that meet the boxes of objects."""
+    """Rays in sampled directions, restricted to directions that hit the boxes of objects."""
 
     def __init__(
         self, device: ComputeDevice, guide: Guide, features: Features, *, name: str, cache: int
     ) -> None:
-        """`cache`: see `DitSettings`; 0: every direction is traced."""
+        """Build the kernel; `cache` is `DitSettings.cache`, 0 traces every direction."""
         defines = plane_defines() | features.trace_defines()
         super().__init__(
             device,
@@ -43,7 +43,7 @@ class TraceCached(RealTracer):
 
 
 class DistanceImpostorTracing(SparseMethod):
-    """Places the impostor in the middle of the objects, and lets rays find the room in it.
+    """Ray tracing against an impostor of the room, centred at the objects.
 
     Attributes
     ----------
@@ -63,18 +63,21 @@ class DistanceImpostorTracing(SparseMethod):
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
+        """Return the tracers of real surfaces for the setting `directions`."""
         if self._own.directions == "boxes":
             return Tracers()
         cache = self._own.cache if self._own.directions == "cached" else 0
         return Tracers(real=partial(TraceCached, cache=cache))
 
     def prepare_video(self, world: World) -> None:
+        """Invalidate the impostor, which shows the previous frame."""
         self._placed = False
 
     def trace(self, world: World, context: FrameContext) -> Signals:
+        """Build the impostor if it is outdated, then trace as `SparseMethod` does."""
         bounds = world.objects.bounds
         centre = middle_of(bounds)
-        # Objects at rest have a map of their own place, however they came there.
+        # The map of objects at rest is centred at them, so that it does not depend on their path.
         slack = SLACK * radius_of(bounds) if context.objects_changed else 0.0
         if not self._placed or np.linalg.norm(centre - self.impostor.centre) > slack:
             self.impostor.place(world.panorama, centre)
@@ -84,11 +87,11 @@ class DistanceImpostorTracing(SparseMethod):
 
 
 def middle_of(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(3,) middle of all boxes (N, 2, 4)."""
+    """Return the middle (3,) of the box around boxes (N, 2, 4)."""
     middle = 0.5 * (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0))
     return np.asarray(middle[:3], np.float32)
 
 
 def radius_of(bounds: NDArray[np.float32]) -> float:
-    """Half the diagonal of the box around all boxes (N, 2, 4)."""
+    """Return half the diagonal of the box around boxes (N, 2, 4)."""
     return 0.5 * float(np.linalg.norm((bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0))[:3]))

@@ -1,4 +1,4 @@
-"""Delta path tracing: only what objects hide and send, by paths with next event estimation."""
+"""Delta path tracing: the objects' change of light alone, by paths with next event estimation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from iprt.settings.paths import PATH_DEFAULTS, PathTracingSettings
 
 
 class DptSettings(PathTracingSettings):
-    """Delta path tracing."""
+    """Paths and relit surfaces of delta path tracing."""
 
 
 METHOD = MethodInfo(

@@ -7,7 +7,7 @@ from iprt.trace.paths import PathTracing
 
 
 class DeltaPathTracing(PathTracing):
-    """Path tracing of what meets objects alone."""
+    """Path tracing restricted to paths that hit objects."""
 
     own = DptSettings
     one_pass = False

@@ -1,4 +1,4 @@
-"""Delta voxel cone tracing: what objects change, as light and antiradiance in voxels."""
+"""Delta voxel cone tracing: the objects' change of light as radiance and antiradiance in voxels."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ class DvctSettings(MethodSettings):
         default=32,
         ge=1,
         le=256,
-        description="Discs that stand for what the panorama shows, by a median cut. A frame traces "
-        "cones towards a few of them (trace.rays).",
+        description="Area lights that replace the panorama, by a median cut. A frame traces cones "
+        "towards a few of them (trace.rays).",
     )
     map_side: int = Field(
         default=64,
         ge=8,
         le=1024,
-        description="Texels a side of each light's shadow map.",
+        description="Texels along each side of a light's shadow map.",
     )
     cones: int = Field(
         default=9,
@@ -35,13 +35,13 @@ class DvctSettings(MethodSettings):
         default=64,
         ge=16,
         le=512,
-        description="Resolution of the volumes around the objects: at most so many voxels cubed.",
+        description="Resolution n of the volumes around the objects, of at most n^3 voxels.",
     )
     room_voxels: int = Field(
         default=128,
         ge=16,
         le=512,
-        description="The same of the room, which objects reflect.",
+        description="Resolution n of the volume of the room, which objects reflect.",
     )
     anisotropic: bool = Field(
         default=True,
@@ -55,7 +55,7 @@ def _needs(settings: Settings) -> Needs:
 
 METHOD = MethodInfo(
     "dvct",
-    "Delta voxel cone tracing of what objects change",
+    "Delta voxel cone tracing of the objects' change of light",
     "iprt.methods.dvct.method:DeltaVoxelConeTracing",
     paper="Franke, Delta Voxel Cone Tracing, IEEE ISMAR 2014",
     doi="10.1109/ISMAR.2014.6948407",

@@ -1,4 +1,4 @@
-"""Lights that stand for all that a panorama shows: regions of equal flux, each as a disc."""
+"""Area lights from a panorama: a median cut into regions of equal flux, each replaced by a disc."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from iprt.geometry.equirect import equirect_texel, solid_angles
 Float = NDArray[np.float64]
 
 SKY = 4.0
-"""Open sky is this many times as far away as the farthest surface."""
+"""Distance of open sky as a multiple of the farthest surface's."""
 BEFORE = 0.98
-"""Lights lie at this share of their distance: rays that leave them are clear of their surface."""
+"""Factor of the lights' distances: rays that leave them are clear of the surface behind."""
 LEAST_COSINE = 0.2
-"""A light that turns away from the capture centre by more than this cosine gets no more power."""
+"""Lower bound of the cosine at a disc between its normal and the capture centre: its power is
+divided by this cosine."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """Cells [top, bottom) x [left, right) of an equirect grid."""
+    """Rectangle of cells, [top, bottom) x [left, right), of an equirect grid."""
 
     top: int
     bottom: int
@@ -33,20 +34,21 @@ class Region:
 
 
 def median_cut(flux: Float, count: int) -> list[Region]:
-    """Regions of about equal flux (P. Debevec, "A Median Cut Algorithm for Light Probe Sampling").
+    """Divide a panorama into regions of about equal flux.
 
-    The region of most flux is divided next, across its longer side, where halves of its flux meet.
+    P. Debevec, "A Median Cut Algorithm for Light Probe Sampling". The region of largest flux is
+    divided next, across its longer side, into halves of equal flux.
 
     Parameters
     ----------
     flux : (rows, columns) float64
-        Of the cells of an equirect grid, 0 or more.
+        Flux of the cells of an equirect grid, >= 0.
     count : int
-        Regions to end with; fewer where there are fewer cells that send light.
+        Number of regions; fewer are returned if fewer cells emit light.
     """
     if not flux.any():
         return []
-    # Equal fluxes are divided in the order in which they were found.
+    # The number makes the order of regions with equal flux deterministic.
     queue = [(-float(flux.sum()), 0, _lit(flux, Region(0, flux.shape[0], 0, flux.shape[1])))]
     done: list[Region] = []
     number = 0
@@ -63,7 +65,7 @@ def median_cut(flux: Float, count: int) -> list[Region]:
 
 
 def _lit(flux: Float, region: Region) -> Region:
-    """Without the rows and columns at its rim that send nothing."""
+    """Return a region without the dark rows and columns at its edges."""
     part = flux[region.top : region.bottom, region.left : region.right] > 0.0
     rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
     return Region(
@@ -75,7 +77,7 @@ def _lit(flux: Float, region: Region) -> Region:
 
 
 def _divided(flux: Float, region: Region) -> list[Region]:
-    """Its two halves, or itself where it is a single cell."""
+    """Return the two halves of a region, or a single cell itself."""
     top, bottom, left, right = region.top, region.bottom, region.left, region.right
     middle = np.pi * (0.5 * (top + bottom) / flux.shape[0] - 0.5)
     part = flux[top:bottom, left:right]
@@ -90,7 +92,7 @@ def _divided(flux: Float, region: Region) -> list[Region]:
 
 
 def _half(flux: Float) -> int:
-    """How many of the first of these have about half of the sum, at least one and not all."""
+    """Return the number of leading entries with about half of the sum: at least one, not all."""
     before = np.cumsum(flux)[:-1]
     return 1 + int(np.argmin(np.abs(before - 0.5 * flux.sum())))
 
@@ -98,23 +100,23 @@ def _half(flux: Float) -> int:
 def area_lights(
     radiance: Float, distance: Float, normal: Float, opening: Float, count: int, farthest: float
 ) -> NDArray[np.float32]:
-    """A disc for each region of a panorama.
+    """Build a disc for each region of a panorama.
 
-    It lies where the cell nearest to the region's centroid of flux is, faces as its surfaces do in
-    the mean, and sends towards the capture centre what the region does.
+    A disc lies at the cell nearest to its region's centroid of flux. It has the mean normal of the
+    region, weighted by flux, and the same flux at the capture centre.
 
     Parameters
     ----------
     radiance : (rows, columns, 3) float64
-        Means over the cells of an equirect grid.
+        Mean radiance of the cells of an equirect grid.
     distance : (rows, columns) float64
         Metres from the capture centre; 0: open sky.
     normal : (rows, columns, 3) float64
         Unit vectors towards the capture centre.
     opening : (rows, columns) float64
-        1 where it is a window's.
+        1 at windows, else 0.
     count : int
-        Regions.
+        Number of regions.
     farthest : float
         Largest distance, metres.
 
@@ -142,7 +144,7 @@ def area_lights(
         spread = share @ np.square(
             points[part].reshape(-1, 3) - share @ points[part].reshape(-1, 3)
         )
-        # A disc's points are, in the mean of squares, half of its squared radius from its centre.
+        # The mean squared distance of a disc's points from its centre is half its squared radius.
         cell = np.pi / rows * away[part].ravel()[place]
         squared = 2.0 * float(spread.sum()) + cell**2 / np.pi
         facing = share @ normal[part].reshape(-1, 3)
@@ -158,27 +160,28 @@ def area_lights(
 def aimed(
     lights: NDArray[np.float32], low: Float, high: Float, outside: Float | None
 ) -> NDArray[np.float32]:
-    """`AreaLight`s of `cl/methods/dvct/area_lights.h`: with maps that hold a box, and windows that
-    show what is behind them from there.
+    """Aim the shadow maps and the windows of lights at a box.
 
     Parameters
     ----------
     lights : (N, 3, 4) float32
-        Of `area_lights`.
+        Discs that `area_lights` returned.
     low, high : (3,) float64
         Corners of the box, metres.
     outside : (rows, columns, 3) float64 or None
-        Radiance behind windows, equirect; None: they send alike in all directions.
+        Radiance behind windows, equirect, by which their power is scaled towards the box; None:
+        windows emit alike in all directions.
 
     Returns
     -------
     (N, 4, 4) float32
+        Rows of `AreaLight` in `cl/methods/dvct/area_lights.h`.
     """
     position = lights[:, 0, :3].astype(np.float64)
     axis = 0.5 * (low + high) - position
     away = np.linalg.norm(axis, axis=1)
     radius = 0.5 * float(np.linalg.norm(high - low))
-    # From inside of the sphere around the box, a hemisphere.
+    # From inside the box's bounding sphere: a hemisphere.
     angle = np.arcsin(np.minimum(radius / np.maximum(away, 1e-9), 1.0))
     rows = np.zeros((len(lights), 4, 4), np.float32)
     rows[:, :3] = lights
@@ -194,6 +197,6 @@ def aimed(
 
 
 def _looked_up(picture: Float, directions: Float) -> Float:
-    """(N, 3) texels of an equirect picture in directions (N, 3) of any length."""
+    """Return the texels (N, 3) of an equirect picture in directions (N, 3) of any length."""
     rows, columns, _ = picture.shape
     return np.asarray(picture[equirect_texel(directions, columns, rows)])

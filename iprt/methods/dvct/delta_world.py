@@ -1,4 +1,4 @@
-"""The volumes of delta voxel cone tracing: what objects send, and what real surfaces send less."""
+"""Volumes of delta voxel cone tracing: radiance of objects, antiradiance of real surfaces."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from iprt.trace.voxels import Float, Voxels, fitted_grid
 from iprt.world.world import World
 
 CELL_LEVEL = 2
-"""Lights are found among the cells of this level of the prefiltered panorama: 64 rows."""
+"""Level of the prefiltered panorama whose cells the lights are made from: 64 rows."""
 LIGHT_ROWS = constant("methods/dvct/area_lights.h", "AREA_LIGHT_ROWS")
 AROUND = 2.0
-"""The volume around objects is a cube of so many times the longest side of their box (Franke,
+"""Side of the cubic volume around objects, relative to the longest side of their box (Franke,
 section 3.2)."""
 
 
 class DeltaWorld(VoxelWorld):
-    """Objects are lit by lights found in the panorama, and hide them from real surfaces.
+    """Voxels of room and objects, with area lights from the panorama and their shadow maps.
 
     Attributes
     ----------
     lights : (N, 4, 4) float32
-        `AreaLight`s of `cl/methods/dvct/area_lights.h`; the first `light_count` hold.
+        Rows of `AreaLight` in `cl/methods/dvct/area_lights.h`; the first `light_count` are valid.
     light_count : int
     maps : (N, map_side, map_side, 2) float32
-        Their shadow maps.
+        Shadow maps of the lights.
     delta : Voxels
-        Real surfaces around the objects; radiance is what objects change there.
+        Real surfaces around the objects; their radiance is the change by the objects.
     """
 
     delta: Voxels
@@ -71,6 +71,7 @@ class DeltaWorld(VoxelWorld):
         )
 
     def inject_real(self, world: World) -> None:
+        """Fill the room's voxels, and make area lights of the panorama."""
         super().inject_real(world)
         with self._device.profile.section("lights"):
             self._find(self._cells.shape[1::-1], self._panorama_arguments(world))
@@ -87,6 +88,7 @@ class DeltaWorld(VoxelWorld):
                 self._behind = self.outside.level(CELL_LEVEL)
 
     def light_objects(self, world: World, features: Features) -> None:
+        """Draw the shadow maps, light the objects' voxels, and fill `delta`."""
         low, high = box_around(world.objects.bounds)
         self._aim(low, high)
         with self._device.profile.section("shadow maps"):
@@ -107,7 +109,7 @@ class DeltaWorld(VoxelWorld):
         delta.reduce()
 
     def _aim(self, low: Float, high: Float) -> None:
-        """Let the maps of all lights show a box around the objects and what is beside them."""
+        """Aim the lights' maps at the box around the objects."""
         rows = np.zeros(self.lights.shape, np.float32)
         self.light_count = len(self._discs)
         rows[: self.light_count] = aimed(self._discs, low, high, self._behind)
@@ -123,7 +125,7 @@ class DeltaWorld(VoxelWorld):
         }
 
     def arguments(self) -> dict[str, Any]:
-        """`AREA_LIGHT_PARAMETERS` of `cl/methods/dvct/area_lights.h` as well."""
+        """Return the arguments of `VoxelWorld` and `AREA_LIGHT_PARAMETERS`."""
         return {
             **super().arguments(),
             "area_lights": self.lights,

@@ -19,7 +19,7 @@ from iprt.world.world import World
 
 
 class ConeGloss(GlossTracer):
-    """A cone as wide as the lobe, through the voxels of the objects and of the room."""
+    """Cone of the specular lobe of glossy real surfaces, through the voxels of all volumes."""
 
     def __init__(
         self, device: ComputeDevice, guide: Guide, features: Features, *, voxels: DeltaWorld
@@ -29,6 +29,7 @@ class ConeGloss(GlossTracer):
         super().__init__(device, guide, features, "methods/dvct/cone_gloss", defines, name=None)
 
     def arguments(self, world: World) -> dict[str, Any]:
+        """Return the world and the voxels as kernel arguments."""
         return world.arguments(self._features) | self._voxels.arguments()
 
 
@@ -46,6 +47,7 @@ class DeltaVoxelConeTracing(SparseMethod):
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
+        """Return the tracers of cones."""
         shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
         return Tracers(
             partial(ConeReal, kernel="methods/dvct/cone_delta", **shared),
@@ -54,5 +56,6 @@ class DeltaVoxelConeTracing(SparseMethod):
         )
 
     def trace(self, world: World, context: FrameContext) -> Signals:
+        """Update the voxels, then trace as `SparseMethod` does."""
         self.voxels.follow(world, self.setup.features)
         return super().trace(world, context)

@@ -1,4 +1,4 @@
-"""Environment mapping: the panorama as a distant environment, which objects hide."""
+"""Environment mapping: the panorama as a distant environment, occluded by the objects."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iprt.settings.model import Settings
 
 
 class EmSettings(MethodSettings):
-    """Environment mapping."""
+    """Occlusion of the environment."""
 
     visibility: bool = Field(
         default=True,

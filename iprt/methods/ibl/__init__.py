@@ -1,5 +1,4 @@
-"""Image-based lighting: the panorama as a distant environment, which objects neither shadow nor
-light."""
+"""Image-based lighting: the panorama as a distant environment, without effect of the objects."""
 
 from __future__ import annotations
 

@@ -18,8 +18,7 @@ class IprtSettings(MethodSettings):
         default=64,
         ge=16,
         le=2048,
-        description="Rows of the panorama that holds such shadows where the view does not show "
-        "them.",
+        description="Rows of the panorama that holds such shadows outside the view.",
         json_schema_extra={"unit": "rows"},
     )
 

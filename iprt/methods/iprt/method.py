@@ -1,4 +1,4 @@
-"""The default method: IPRT with what it was found to lack."""
+"""The default method: IPRT, with reflections of surfaces that are relit outside the view."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from iprt.world.world import World
 
 
 class Iprt(SparseMethod):
-    """Objects reflect real surfaces relit beside the view too."""
+    """IPRT in which objects also reflect real surfaces that are relit outside the view."""
 
     def __init__(self, setup: Setup) -> None:
         super().__init__(setup)
@@ -22,6 +22,7 @@ class Iprt(SparseMethod):
             self._ratio_map = RatioMap(device, features, setup.camera)
 
     def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
+        """Update the ratio map and return its ratio and rows; None without a map."""
         if self._ratio_map is None:
             return None
         self._ratio_map.run(world, context)

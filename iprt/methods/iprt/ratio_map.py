@@ -1,4 +1,4 @@
-"""Relighting of real surfaces beside the view."""
+"""Relighting of real surfaces outside the view, for reflections."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
 MIN_SOLID_ANGLE = 0.1
-"""sr: what objects do to surfaces from which they look smaller is not worth reflecting."""
+"""Solid angle, sr: surfaces at which the objects subtend less are left as they are."""
 
 MAP_SETTLED, MAP_EVERY = 16, 4
-"""After so many updates, the map of what objects do serves for so many frames if nothing moves."""
+"""Updates after which the map has settled, and period of its updates from then on, in frames, as
+long as nothing moves."""
 
 
 class RatioMap:
     """Relighting ratio of all real surfaces around the capture centre, at low resolution.
 
-    Virtual surfaces reflect real ones relit by it where the view does not show these.
+    Virtual surfaces reflect real surfaces relit by it where these are outside the view.
 
     Attributes
     ----------
@@ -39,7 +40,7 @@ class RatioMap:
     def __init__(
         self, device: ComputeDevice, features: Features, camera: cla.Array | None = None
     ) -> None:
-        """`camera`: `CameraMotion.rows`, where the camera moves."""
+        """Build the map; `camera` is `CameraMotion.rows`, where the camera moves."""
         self.rows = features.needs.ratio_rows
         self._device = device
         self._view = View(2 * self.rows, self.rows, projection="equirect")
@@ -58,15 +59,15 @@ class RatioMap:
         self._in_motion = False
 
     def run(self, world: World, context: FrameContext) -> None:
-        """Follow the frame; `context.view` is not used, the map does not turn."""
-        # A map that has settled gains little from a frame more.
+        """Update the map; it does not turn with the view and ignores `context.view`."""
+        # A settled map gains little from another frame.
         settled = self._updates >= MAP_SETTLED and not context.changed
         if settled and context.index % MAP_EVERY > 0:
             return
         here = replace(context, index=self._updates, view=self._constants, previous=self._constants)
         self._updates += 1
         with self._device.profile.section("ratio map"):
-            # What a camera's motion moved stands still in the frame after.
+            # The frame after a camera's motion still needs an update: its motion vectors are 0.
             if here.index == 0 or context.changed or self._in_motion:
                 self._pixels.layer.run(world.panorama, self._constants, self._constants)
             self._in_motion = self._follows_camera and context.changed

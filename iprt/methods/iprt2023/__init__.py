@@ -11,17 +11,18 @@ from iprt.settings.model import Settings
 
 
 class Iprt2023Settings(MethodSettings):
-    """Parts of the published method that can be exchanged, to see what each costs and gains."""
+    """Parts of the published method that can be exchanged, to measure their cost and gain."""
 
     objects: Literal["layers", "triangles"] = Field(
         default="layers",
-        description="What rays meet of objects: front and back layers rasterized in screen and "
-        "equirect space, or triangles.",
+        description="Representation of objects that rays intersect: front and back layers "
+        "rasterized in screen and equirect space, or triangles.",
     )
     filter: Literal["published", "fast-slow"] = Field(
         default="published",
-        description="published: in space first, without variance, then a fixed share of each "
-        "frame, the rest clamped to the frame's neighbourhoods. fast-slow: that of iprt.",
+        description="published: spatial filter first, without variance, then exponential averaging "
+        "with a fixed weight and history clamped to the frame's neighbourhoods. fast-slow: the "
+        "filter of iprt.",
     )
 
 

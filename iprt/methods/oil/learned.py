@@ -1,4 +1,4 @@
-"""Learned radiance of real surfaces, as shown by a video."""
+"""Radiance of real surfaces, learned from a video."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from iprt.world.real.real_world import RealWorld
 class LearnedRadiance:
     """Models of the radiance of real surfaces, updated from frame to frame of a video.
 
-    Models stay with their surfaces, in the axes of the world, while the camera moves.
+    The models stay with their surfaces, in world space, while the camera moves.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class LearnedRadiance:
         self._version, self._left, self._metre = 0, 0, 1.0
 
     def follow(self, real: RealWorld) -> None:
-        """Go on to the video's next frame, which is learned from now on.
+        """Start to learn from the video's next frame.
 
-        Models are forgotten where the video shows another scene, or another light.
+        All models are dropped when the scene or its light changes.
         """
         panorama = real.panorama
         if self._version == 0 or real.cut_version > self._version:
@@ -40,7 +40,7 @@ class LearnedRadiance:
         self._left = panorama.width * panorama.height
 
     def learn(self, panorama: Panorama) -> None:
-        """Learn from the next batch of texels, until every texel was drawn once on average."""
+        """Learn from a batch of random texels, up to the number of texels of the video's frame."""
         if self._left <= 0:
             return
         own = self._settings

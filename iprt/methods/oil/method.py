@@ -1,4 +1,4 @@
-"""Path tracing with radiance of real surfaces that is learned from the video."""
+"""Path tracing with learned radiance of real surfaces (Lee et al. 2022)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from iprt.world.world import World
 
 
 class LearnedEnvironment(Environment):
-    """What paths know of the scene: also what was learned of its real surfaces."""
+    """Environment with learned radiance of the real surfaces."""
 
     def __init__(self, device: ComputeDevice, own: OilSettings, learned: LearnedRadiance) -> None:
         super().__init__(device)
@@ -28,10 +28,11 @@ class LearnedEnvironment(Environment):
 
     @property
     def defines(self) -> dict[str, Define]:
+        """`-D` definitions of learned radiance and of the relit region."""
         return self._defines
 
     def arguments(self) -> dict[str, Any]:
-        """`LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h` as well."""
+        """Return the environment's arguments and `LEARNED_PARAMETERS`."""
         return super().arguments() | self._learned.arguments()
 
 
@@ -54,20 +55,24 @@ class OnlineIllumination(SparseMethod):
         )
 
     def tracers(self) -> Tracers:
+        """Return the tracers of paths."""
         shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
         return Tracers(
             partial(PathTraceReal, one_pass=False, **shared), partial(PathTraceVirtual, **shared)
         )
 
     def prepare_video(self, world: World) -> None:
+        """Draw samples of the frame's lights and start to learn from the frame."""
         self.environment.sample(world.real.lights)
         self.learned.follow(world.real)
 
     def trace(self, world: World, context: FrameContext) -> Signals:
+        """Learn from a batch of texels, then trace as `SparseMethod` does."""
         self.learned.learn(world.panorama)
         return super().trace(world, context)
 
     def aov(self, name: str) -> Image | None:
+        """Return the learned radiance for "learned", else as `SparseMethod` does."""
         if name != "learned":
             return super().aov(name)
         if self.real_pixels is None:

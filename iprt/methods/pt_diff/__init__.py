@@ -1,4 +1,4 @@
-"""One-pass differential path tracing: all light with objects and without, from the same paths."""
+"""One-pass differential path tracing: the same paths give the light with and without objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from iprt.settings.paths import PATH_DEFAULTS, PathTracingSettings
 
 
 class PtDiffSettings(PathTracingSettings):
-    """One-pass differential path tracing."""
+    """Paths and relit surfaces of one-pass differential path tracing."""
 
 
 METHOD = MethodInfo(

@@ -7,7 +7,7 @@ from iprt.trace.paths import PathTracing
 
 
 class DifferentialPathTracing(PathTracing):
-    """Path tracing of all light, with objects and without."""
+    """Path tracing of all light with and without the objects."""
 
     own = PtDiffSettings
     one_pass = True

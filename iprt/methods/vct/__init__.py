@@ -1,4 +1,4 @@
-"""Voxel cone tracing: the room and the objects as voxels, light by cones through them."""
+"""Voxel cone tracing: light gathered by cones through voxels of the room and of the objects."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class VctSettings(MethodSettings):
         default=128,
         ge=16,
         le=512,
-        description="Resolution of the room: at most so many voxels cubed.",
+        description="Resolution n of the volume of the room, of at most n^3 voxels.",
     )
     object_voxels: int = Field(
         default=64,
         ge=16,
         le=256,
-        description="The same of the box around the objects.",
+        description="Resolution n of the volume around the objects, of at most n^3 voxels.",
     )
     anisotropic: bool = Field(
         default=True,

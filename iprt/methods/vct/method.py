@@ -17,7 +17,7 @@ from iprt.world.world import World
 
 
 class GatheringWorld(VoxelWorld):
-    """Objects gather what they send by cones through the room's voxels and their own."""
+    """Voxels of room and objects in which object voxels gather their light by cones."""
 
     def __init__(
         self,
@@ -40,6 +40,7 @@ class GatheringWorld(VoxelWorld):
         ).fixed(surface=self._surface, facing=self._facing, light=self.objects.light)
 
     def light_objects(self, world: World, features: Features) -> None:
+        """Gather the light of the objects' voxels by wide cones."""
         self._gather((self.objects.finest,), self.arguments())
 
 
@@ -57,6 +58,7 @@ class VoxelConeTracing(SparseMethod):
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
+        """Return the tracers of cones."""
         shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
         return Tracers(
             partial(ConeReal, kernel="methods/vct/cone_real", **shared),
@@ -64,5 +66,6 @@ class VoxelConeTracing(SparseMethod):
         )
 
     def trace(self, world: World, context: FrameContext) -> Signals:
+        """Update the voxels, then trace as `SparseMethod` does."""
         self.voxels.follow(world, self.setup.features)
         return super().trace(world, context)
