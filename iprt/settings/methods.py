@@ -1,8 +1,8 @@
-"""Relighting methods, as settings know them: what they are, what one can set, what they need.
+"""Relighting methods as settings see them: descriptions, own settings and requirements.
 
-A method is an entry point of the group `iprt.methods`: a `MethodInfo` in a module that imports no
-more than this one, as it is loaded wherever settings are read. The class that it names is imported
-when a renderer is built. So an installed package adds a method without any change here.
+A method is an entry point of the group `iprt.methods`: a `MethodInfo`, loaded wherever settings are
+read, in a module that imports no more than this one. The class that it names is imported when a
+renderer is built. So an installed package adds a method without any change here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict
 from iprt.errors import IprtError
 
 ENTRY_POINTS = "iprt.methods"
-"""Group of the entry points, whose names are those of the methods."""
+"""Group of the entry points; each has the name of its method."""
 DEFAULT = "iprt"
 LOG = logging.getLogger("iprt.settings.methods")
 
@@ -28,8 +28,7 @@ LOG = logging.getLogger("iprt.settings.methods")
 class MethodSettings(BaseModel):
     """Base of a method's own settings. Files and flags set them as NAME.FIELD.
 
-    The first line of the docstring says what they are about; each field has a default and a
-    description.
+    The first line of the docstring is their title. Each field has a default and a description.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -42,25 +41,25 @@ class Needs:
     Attributes
     ----------
     tracing : bool
-        Rays are traced; without, there is none of the parts below but `relit`.
+        Rays are traced. Without, only `relit` may be set.
     distant : bool
-        Rays that light takes see the panorama infinitely far away, in their direction; only E_R is
-        found through its depth.
+        Light paths see the panorama infinitely far away, in their direction. Only E_R uses its
+        depth.
     impostor : bool
-        Rays that light takes see a distance impostor around the objects, which the method
-        places; only E_R is found through the panorama's depth.
+        Light paths see a distance impostor around the objects, placed by the method. Only E_R uses
+        the panorama's depth.
     relit : bool
         Real surfaces are relit: the method returns `Signals.ratio`.
     objects : {"triangles", "layers"}
-        What rays meet of objects: their triangles, or rasterized layers.
+        Representation of objects for rays: triangles, or rasterized layers.
     irradiance : bool
         E_R of real surfaces, cached.
     gloss : bool
         Highlights of glossy real surfaces are split from their diffuse part.
     relit_reflections : bool
-        Objects reflect what objects do to real surfaces.
+        Objects reflect relit real surfaces.
     ratio_rows : int
-        Rows of the map that holds this where the view does not show these; 0: none.
+        Rows of the map of ratios outside of the view; 0: no map.
     published_filter : bool
         Filter in space first, then accumulate a fixed share of each frame (IPRT, "Filtering").
     """
@@ -86,16 +85,15 @@ class MethodInfo:
     name : str
         Its name on the command line, and the group of its own settings.
     title : str
-        What it does, in a few words.
+        Short description.
     implementation : str
         "module:Class" of its `iprt.method.Method`.
     paper, doi : str
-        Where it was published; empty if it was not.
+        Publication; empty if there is none.
     settings : subclass of MethodSettings or None
         Its own settings.
     needs : callable
-        What it needs of the worlds, by `Settings`, of which it may read its own
-        (`Settings.own`).
+        Returns the requirements for given `Settings`; it may read its own (`Settings.own`).
     defaults : mapping of str to object
         General settings, by dotted key, whose defaults differ with this method.
     """
@@ -110,7 +108,7 @@ class MethodInfo:
     defaults: Mapping[str, object] = field(default_factory=dict)
 
     def load(self) -> Any:
-        """The class that implements it.
+        """Import the class that implements the method.
 
         Raises
         ------
@@ -125,7 +123,7 @@ class MethodInfo:
 
 @cache
 def methods() -> Mapping[str, MethodInfo]:
-    """All installed methods by name, the default one first, the others in alphabetical order."""
+    """Return all installed methods by name: the default one, then the others alphabetically."""
     found: dict[str, MethodInfo] = {}
     points = entry_points(group=ENTRY_POINTS)
     for point in sorted(points, key=lambda point: (point.name != DEFAULT, point.name)):
@@ -138,12 +136,12 @@ def methods() -> Mapping[str, MethodInfo]:
 
 
 def method(name: str) -> MethodInfo:
-    """The method of that name.
+    """Return the method of that name.
 
     Raises
     ------
     IprtError
-        There is none.
+        No such method is installed.
     """
     known = methods()
     if name not in known:
@@ -152,12 +150,12 @@ def method(name: str) -> MethodInfo:
 
 
 def _loaded(point: EntryPoint) -> MethodInfo | None:
-    """The method of an entry point; None, with a warning, if it is of no use."""
+    """Load the method of an entry point; None, with a warning, if it is unusable."""
     package = point.dist.name if point.dist is not None else point.module
     try:
         info = point.load()
     except Exception as error:
-        # A package from elsewhere may fail in any way, and is not to take the others with it.
+        # A foreign package may fail in any way, and must not take the others with it.
         LOG.warning("method '%s' of %s cannot be loaded: %s", point.name, package, error)
         return None
     if not isinstance(info, MethodInfo) or info.name != point.name:

@@ -32,23 +32,23 @@ def serve(
     target_fps: float | None = None,
     ready: Callable[[int], None],
 ) -> None:
-    """Let browsers of this machine look at what an engine renders, until interrupted (Ctrl+C).
+    """Serve an engine's pictures to browsers of this machine, until interrupted (Ctrl+C).
 
     Parameters
     ----------
     engine : Engine
         Stays open.
     view : View
-        Where browsers look at first; they have sizes of their own.
+        First view of each browser; its size follows the window.
     objects : tuple of str or None
-        Names of the objects that they show at first. None: all.
+        Names of the objects shown at first. None: all.
     port : int
-        0: any that is free.
+        0: any free port.
     target_fps : float or None
         Frames per second that windows hold at first while something moves; see
         `Viewport.target_fps`.
     ready : callable
-        Told the port, once browsers may come.
+        Called with the port once browsers can connect.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def serve(
     if view.projection == "equirect":
         view = replace(view, projection="perspective", fov_y_deg=FOV_DEG)
     with warnings.catch_warnings(), contextlib.suppress(KeyboardInterrupt):
-        # Browsers go at any moment; what is on its way to them then is lost, and is to be.
+        # Browsers may leave at any moment; messages on their way to them are dropped.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         begin = Start(view, objects, target_fps)
         with Host(engine, begin, port) as hosting:

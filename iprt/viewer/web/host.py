@@ -50,12 +50,12 @@ class Host:
 
     @property
     def url(self) -> str:
-        """Where browsers of this machine find it."""
+        """Address for browsers of this machine."""
         return f"http://localhost:{self.port}/"
 
     @property
     def browsers(self) -> tuple[Browser, ...]:
-        """Browsers that are connected."""
+        """Connected browsers."""
         with self._lock:
             return tuple(self._browsers.values())
 
