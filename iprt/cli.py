@@ -35,7 +35,7 @@ LEVELS = {
     "--verbose": "DEBUG",
     "--debug": "DEBUG",
 }
-"""Flags that stand anywhere on the line -> what is logged. Progress is shown where INFO is."""
+"""Flags valid anywhere on the line -> log level. Progress is shown where INFO is."""
 
 VERBS = {
     "doctor": "iprt.commands.doctor:doctor",

@@ -54,7 +54,7 @@ def calibrate(
         first two that have a truth, or else the first two.
     ssim
         Measure the accuracy too, on the views that have a truth, which takes some more minutes.
-        Accuracy hardly depends on the device: by default that of the table of iprt is kept.
+        Accuracy hardly depends on the device: by default, the SSIM of iprt's own table is kept.
     output
         TOML file to write the table to, in place of the one in the cache folder.
     device

@@ -54,7 +54,7 @@ def capture(
         up, z backward), camera to world or, with -from-world, world to camera. Default: that of
         the data set's format, or the one that agrees with depth.
     json
-        Print what was found as a JSON object instead of text.
+        Print the findings as a JSON object instead of text.
 
     Returns
     -------

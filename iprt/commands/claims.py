@@ -17,7 +17,7 @@ def claims(
     accumulate: int = 30,
     measurement_flags: Measured = EVERY_VIEW,
 ) -> int:
-    """Measure what the papers behind the methods claim, beside the papers' own figures.
+    """Measure the claims of the methods' papers, beside the papers' own figures.
 
     A table says which claims hold on this scene, and why others do not.
 

@@ -9,7 +9,7 @@ from iprt.errors import DeviceError
 
 
 def doctor(*, json: bool = False) -> int:
-    """Show OpenCL devices, the OpenGL renderer, versions, and how to install what is missing.
+    """Show OpenCL devices, the OpenGL renderer, versions, and how to install missing parts.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ class MeasurementFlags:
     view: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], plain_default("NAME")] = ()
     """Views to measure, separated by commas or with --view again. Default: all with a truth."""
     size: Annotated[Size, plain_default()] = None
-    """Width and height in pixels: those of the truth, divided by an integer. Default: its own."""
+    """Width and height in pixels: the truth's, divided by an integer. Default: the truth's."""
     background: Literal["panorama", "truth"] = "truth"
     """Background behind the objects: the resampled panorama, or the truth's own."""
     device: Annotated[str | None, plain_default("DEVICE")] = None

@@ -44,9 +44,9 @@ def profile(
     slowly, as for `iprt bench`. Times are medians over the frames, after a warm-up. Rays,
     their steps and active work items are counted in separate frames, by instrumented kernels.
 
-    The bytes of a kernel are those of the buffers bound to it, each counted once. A kernel moves
-    less if it needs only part of a buffer, and more if caches miss. Bandwidth is shown only for
-    kernels that read whole buffers, not for those that follow rays or lists.
+    The bytes of a kernel are the sizes of its buffers, each counted once. A kernel moves less if it
+    needs only part of a buffer, and more if caches miss. Bandwidth is shown only for kernels that
+    read whole buffers, not for kernels that follow rays or lists.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def profile(
         OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
         a name. Default: $IPRT_DEVICE, or else the fastest.
     compare
-        JSON file that this verb or `iprt bench` printed before: show what has changed since, and
+        JSON file that this verb or `iprt bench` printed before: show the changes since, and
         which changes exceed the noise.
     trace
         JSON file to write a trace to: what ran when, for Perfetto or Chrome's about:tracing.

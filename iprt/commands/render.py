@@ -64,7 +64,7 @@ def render(
 ) -> int:
     """Render one view of a scene to a picture or a video.
 
-    An EXR file holds linear radiance; PNG and video hold what a display shows. If the render of a
+    An EXR file holds linear radiance; PNG and video hold display values. If the render of a
     video is interrupted, the same command continues it: finished frames are kept.
 
     Parameters
@@ -77,7 +77,7 @@ def render(
     frames
         Which frames of the video to render: one number, such as 24; FIRST:LAST, such as 24:71, with
         both ends; or FIRST:LAST:STEP, such as 0:100:10. FIRST and LAST may be left out: ::10 is
-        every tenth frame. Numbers are those of scene.toml. Default: all frames for a video, the
+        every tenth frame. Numbers are as in scene.toml. Default: all frames for a video, the
         first one for a picture.
     view
         Name of a view of the scene, or `equirect` for the whole panorama; players let one look

@@ -216,7 +216,7 @@ def new(
     list_layers
         Print the layers of the files and stop; no folder is made.
     json
-        Print what was found as a JSON object instead of text.
+        Print the findings as a JSON object instead of text.
 
     Returns
     -------
@@ -319,7 +319,7 @@ def add(
     name
         Name of the object. Default: the mesh file's.
     json
-        Print what was found as a JSON object instead of text.
+        Print the findings as a JSON object instead of text.
     allow_outside
         Follow symbolic links that lead out of the scene folder.
 

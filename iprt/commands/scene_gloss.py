@@ -27,7 +27,7 @@ def gloss(
     """Find glossy surfaces in a scene's picture and print them as [[real_materials]] to edit.
 
     Each has the strength of its evidence beside it. By default (gloss = "auto" in the scene's
-    [video]) what is found here is rendered as glossy without being declared.
+    [video]) these surfaces are rendered as glossy without being declared.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def view(
 ) -> int:
     """Open a scene in an interactive viewer.
 
-    Look around, place objects, change settings and see what they cost. Drag to look, turn the
+    Look around, place objects, change settings and see their cost. Drag to look, turn the
     wheel to zoom, click an object to select it, drop a mesh file to add it; H shows all keys.
     Needs the extra `view`: pip install 'iprt[view]'.
 
@@ -70,8 +70,8 @@ def view(
         OpenCL device: gpu, cpu, PLATFORM:DEVICE such as 0:0 (`iprt doctor` lists them), or part of
         a name. Default: $IPRT_DEVICE, or else the fastest.
     web
-        Serve the viewer to browsers of this machine instead of opening a window. Those of other
-        machines come through ssh, by the command that is printed.
+        Serve the viewer to browsers of this machine instead of opening a window. Browsers of other
+        machines connect through ssh, by the printed command.
     port
         TCP port to serve at; 0: any that is free.
     allow_outside

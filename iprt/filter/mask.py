@@ -12,7 +12,7 @@ from iprt.files.kernel_source import constant
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import Guide, span_arguments
 from iprt.settings.features import TOUCHED_FRAMES
-from iprt.settings.filter import MaskSettings
+from iprt.settings.filter import MaskSettings, TemporalSettings
 
 LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 """Level of a pixel of level 0 that waits for its turn."""
@@ -24,9 +24,8 @@ STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
 """Frames, including the traced one, for which a strong influence of an object is remembered, if
 weakly affected pixels are distinguished."""
 
-SAME_PLANE, SAME_NORMAL = 0.02, 0.9
-"""Distance from a pixel's tangent plane over its depth, and cosine between normals, up to which the
-last picture showed the same surface: the defaults of `TemporalSettings`."""
+SAME_SURFACE = TemporalSettings()
+"""Tolerances within which the last picture showed the same surface: the defaults of histories."""
 
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
@@ -118,7 +117,7 @@ class Masks:
             spans,
             guide.camera_argument,
             batched(unseen=[mask.unseen for mask in masks]),
-            normal_agreement=SAME_NORMAL,
+            normal_agreement=SAME_SURFACE.normal_agreement,
         )
         listed = batched(
             level=[mask.level for mask in masks],
@@ -182,7 +181,7 @@ class Masks:
                     guide_previous=[mask.guide.previous for mask in masks],
                     before=[mask.before for mask in masks],
                 ),
-                plane_tolerance=-1.0 if cut else SAME_PLANE,
+                plane_tolerance=-1.0 if cut else SAME_SURFACE.plane_tolerance,
             )
             self._choose(
                 size,

@@ -222,7 +222,7 @@ class Scene:
         return Ahead(self.preparation(drift=drift).frames(raws), ahead)
 
     def preparation(self, *, drift: bool = True) -> Preparation:
-        """Return the stages from raw frames to frames, anew for each pass over the video."""
+        """Return new stages from raw frames to frames, for one pass over the video."""
         return Preparation(self.source.white, self.real_materials, drift=drift)
 
     @property

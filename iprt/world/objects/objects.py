@@ -31,7 +31,7 @@ LOG = logging.getLogger("iprt.world.objects.objects")
 BOX_MARGIN = 1e-3
 """Enlargement of the boxes around objects, as a fraction of their diagonals."""
 LAYER_MARGIN = 0.02
-"""The same for rasterized surfaces, whose tangent planes per texel protrude a little."""
+"""Enlargement of boxes around rasterized surfaces, whose tangent planes protrude a little."""
 MAX_LAYER_ROWS = 1024
 """Most rows of the equirect layers, in which off-screen rays intersect objects."""
 
