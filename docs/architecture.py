@@ -1,7 +1,7 @@
-"""Draws which packages import which into docs/architecture.md: python docs/architecture.py
+"""Draws the packages and lists the passes of a frame in docs/architecture.md.
 
-Fails where the page was not up to date, which `./run lint` notices. An arrow that others imply is
-left out: if A uses B and B uses C, A may use C as well.
+`python docs/architecture.py` fails where the page was not up to date, which `./run lint` notices.
+An arrow that others imply is left out: if A uses B and B uses C, A may use C as well.
 """
 
 from __future__ import annotations
@@ -13,8 +13,15 @@ from pathlib import Path
 import grimp
 import networkx as nx
 
+from iprt.device.plan import PlanDevice
+from iprt.renderer import Renderer
+from iprt.scene.scene import Scene
+
 PAGE = Path(__file__).with_name("architecture.md")
-START, END = "<!-- drawn by docs/architecture.py -->", "<!-- end -->"
+SCENE = Path(__file__).parents[1] / "scenes360/lounge"
+"""Scene whose passes are listed."""
+PACKAGES, PASSES = (f"<!-- {what} by docs/architecture.py -->" for what in ("drawn", "listed"))
+END = "<!-- end -->"
 
 
 def packages() -> nx.DiGraph[str]:
@@ -47,11 +54,25 @@ def _node(name: str) -> str:
     return f"{name.replace('/', '_')}[{name}]"
 
 
+def passes() -> str:
+    """Return a Markdown table of the passes of a frame with the default settings."""
+    scene = Scene.open(SCENE)
+    view = next(iter(scene.views.values())).view
+    renderer = Renderer(PlanDevice(), scene.frame(), scene.instances, view)
+    rows = [
+        f"| {one.name} | {one.clock} | {', '.join(one.reads)} | {', '.join(one.writes)} |"
+        for schedule in (renderer.real_world.schedule, renderer.schedule)
+        for one in schedule.passes
+    ]
+    return "\n".join(["| pass | clock | reads | writes |", "|---|---|---|---|", *rows])
+
+
 def main() -> int:
-    """The command."""
-    text = PAGE.read_text(encoding="utf-8")
-    pattern = f"{re.escape(START)}.*?{re.escape(END)}"
-    drawn = re.sub(pattern, f"{START}\n{drawing()}\n{END}", text, flags=re.DOTALL)
+    """Update the page; return 1 if it was not up to date."""
+    text = drawn = PAGE.read_text(encoding="utf-8")
+    for start, made in ((PACKAGES, drawing()), (PASSES, passes())):
+        pattern = f"{re.escape(start)}.*?{re.escape(END)}"
+        drawn = re.sub(pattern, f"{start}\n{made}\n{END}", drawn, flags=re.DOTALL)
     PAGE.write_text(drawn, encoding="utf-8")
     return int(drawn != text)
 

@@ -168,12 +168,10 @@ def playing(
     settings = Settings.model_validate(size.settings)
     footage = Footage.of(frame, video=True, static_camera=True)
     found = {}
-    with Renderer(device, frame, scene.instances, view, settings, footage=footage) as renderer:
-        renderer.real_world.split_highlights()
-        with watch(VIDEO) as found[VIDEO]:
-            for _ in range(count):
-                renderer.load(replace(frame))
-                renderer.real_world.split_highlights()
+    given = (device, frame, scene.instances, view, settings)
+    with Renderer(*given, footage=footage) as renderer, watch(VIDEO) as found[VIDEO]:
+        for _ in range(count):
+            renderer.load(replace(frame))
     reel = Turn(frame, scene.instances, view, settings)
     with reel.renderer(device) as renderer:
         for index in range(size.warm_up):

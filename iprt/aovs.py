@@ -13,8 +13,8 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import LightView
 from iprt.method import Image, Method, Signals, in_front
+from iprt.view.object_layer import VisibleLayer
 from iprt.view.real_layer import UNEVEN, RealLayer
-from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.real_world import RealWorld
 
 
@@ -29,7 +29,10 @@ class RenderedView(Protocol):
     visible: VisibleLayer | None
     method: Method | None
     light: LightView | None
-    signals: Signals
+
+    @property
+    def signals(self) -> Signals:
+        """Components of the picture."""
 
 
 Reader = Callable[[RenderedView], Image | None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +14,12 @@ from iprt.device.kernel import Kernel
 from iprt.gbuffer.context import FrameContext, ViewConstants
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.method import GBuffer, Image, Signals
+from iprt.method import GBuffer, Image, Method, Signals
+from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
-from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleSurfaces
-from iprt.world.real.real_world import RealWorld
+from iprt.view.object_layer import VisibleSurfaces
+from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
+from iprt.world.world import World
 
 _Layer = RealLayer | VisibleSurfaces
 
@@ -125,38 +127,48 @@ class LightView:
             **self._likeness,
         )
 
-    def prepare(
-        self, world: RealWorld, view: View, previous: View, context: FrameContext
-    ) -> FrameContext:
-        """Fill `gbuffer` and return the frame's context at this resolution.
+    def begin(self, context: FrameContext) -> None:
+        """Begin a frame, before its passes run."""
+        now, before = (v.reduced(self._scale) for v in (context.camera, context.previous_camera))
+        self._constants.follow(now, before)
+        constants = {"view": self._constants.current, "previous": self._constants.previous}
+        self._here = replace(context, camera=now, previous_camera=before, **constants)
 
-        Parameters
-        ----------
-        world : RealWorld
-        view, previous : View
-            Views of `context`, in the full resolution.
-        """
-        scale = self._scale
-        self._constants.follow(view.reduced(scale), previous.reduced(scale))
-        here = replace(context, view=self._constants.current, previous=self._constants.previous)
-        shown_anew = context.view_changed or context.video_changed
-        if shown_anew:
-            self.gbuffer.real.show(world, here)
-        if shown_anew or context.objects_changed:
-            with self._device.profile.section("reduce"):
-                self._reduce(self.layout.size, view=here.view, full_view=context.view)
-        return here
+    def passes(self, world: World, method: Method) -> list[Pass[FrameContext]]:
+        """Return the passes of a method at this resolution, and the passes before and after."""
 
-    def enlarge(self, signals: Signals, view: cla.Array) -> Signals:
-        """Return `signals` for each pixel of the view, with constants `view` on the device."""
-        with self._device.profile.section("enlarge"):
-            for name, kernel in self._enlarge.items():
-                kernel(
-                    self._enlarging_size,
-                    view=view,
-                    block_view=self._constants.current,
-                    block_light=getattr(signals, name),
-                )
+        def resample(_: FrameContext) -> None:
+            self.gbuffer.real.show(world.real, self._here)
+
+        def enlarge(context: FrameContext) -> None:
+            self._enlarge_light(method.signals, context)
+
+        def reduced(run: Callable[[FrameContext], None]) -> Callable[[FrameContext], None]:
+            return lambda _: run(self._here)
+
+        layers, light = ("real layer", "object layer"), ("ratio", "real light", "reflected light")
+        return [
+            Pass("resample", Clock.VIEW, resample, REAL_LAYER_READS, ("real blocks",)),
+            Pass("reduce", Clock.VIEW, self._reduce_objects, layers, ("object blocks",)),
+            *(replace(one, run=reduced(one.run)) for one in method.passes(world)),
+            Pass("enlarge", Clock.FRAME, enlarge, light, ("light",)),
+        ]
+
+    def _reduce_objects(self, context: FrameContext) -> None:
+        self._reduce(self.layout.size, view=self._here.view, full_view=context.view)
+
+    def _enlarge_light(self, signals: Signals, context: FrameContext) -> None:
+        for name, kernel in self._enlarge.items():
+            kernel(
+                self._enlarging_size,
+                view=context.view,
+                block_view=self._constants.current,
+                block_light=getattr(signals, name),
+            )
+
+    @property
+    def signals(self) -> Signals:
+        """Signals of the last frame, for each pixel of the view."""
         return Signals(**self._enlarged)
 
     def repeated(self, image: Image) -> Image:

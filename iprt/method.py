@@ -18,9 +18,10 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
+from iprt.passes import Pass
 from iprt.settings.features import Features
+from iprt.view.object_layer import VisibleSurfaces
 from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleSurfaces
 from iprt.world.world import World
 
 Image = NDArray[np.float32]
@@ -56,7 +57,7 @@ class Setup:
     features : Features
         Features that the scene and the settings require.
     gbuffer : GBuffer
-        The renderer's G-buffer, filled when `Method.trace` is called.
+        The renderer's G-buffer, filled before the method's passes run.
     camera : (12,) float32 or None
         `CameraMotion.rows`, where the 360° camera moves.
     """
@@ -113,28 +114,25 @@ class Method(ABC):
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
 
-    def prepare_video(self, world: World) -> None:  # noqa: B027
-        """Update data that depends on the video alone; called at each new frame of the video."""
-
-    def prepare_objects(self, world: World) -> None:  # noqa: B027
-        """Update data that depends on the objects; called when they are new or have moved."""
-
     @abstractmethod
-    def trace(self, world: World, context: FrameContext) -> Signals:
-        """Light the pixels of `setup.gbuffer`.
+    def passes(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes that light the pixels of `setup.gbuffer`, in order; called once.
 
         Parameters
         ----------
         world : World
             Real surfaces and objects, as kernel arguments.
-        context : FrameContext
-            Index and view of the frame, and changes since the previous one.
         """
+
+    @property
+    @abstractmethod
+    def signals(self) -> Signals:
+        """Signals of the last frame."""
 
     def aov(self, name: str) -> Image | None:
         """Return an auxiliary picture of `iprt.aovs.AOVS`, (H, W) or (H, W, 3); None: no such one.
 
-        Called after `trace`.
+        Called after a frame.
         """
         return None
 

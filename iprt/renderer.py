@@ -1,8 +1,7 @@
 """Renderer: the work on each clock, and its order. Read this file first.
 
-There are three clocks: the video (`RealWorld`: the panorama and data derived from it for rays), the
-objects (`Objects`: their geometry for rays), and the view (everything after). A view compares the
-versions of both worlds with its last frame's. `Features` tells which passes a scene needs.
+`RealWorld` lists the passes of a video frame, `Renderer` those of a view frame. `Schedule` runs the
+passes that are due. `Features` tells which ones a scene needs.
 """
 
 from __future__ import annotations
@@ -26,12 +25,14 @@ from iprt.geometry.mesh import Instance, require_same_objects
 from iprt.geometry.pose import seen_from, view_from
 from iprt.light_view import LightView
 from iprt.method import GBuffer, Method, Setup, Signals
+from iprt.passes import Clock, Pass, Schedule
 from iprt.settings.features import Features
 from iprt.settings.methods import method
 from iprt.settings.model import Settings
 from iprt.view.composite import Composite
-from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleLayer
+from iprt.view.drawing import Drawing
+from iprt.view.object_layer import VisibleLayer
+from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
 from iprt.world.objects.objects import Objects
 from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.shared import Worlds
@@ -55,13 +56,13 @@ class RenderedFrame:
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """State of the last view frame: versions of the worlds, and the camera.
+class _Moment:
+    """Moment of a view frame on the clocks.
 
     Attributes
     ----------
     real, objects : int
-        `RealWorld.version` and `Objects.version`.
+        Versions of the video's and the objects' clock.
     objects_moved : bool
         Objects had other positions in the previous frame.
     view, previous : View
@@ -107,8 +108,8 @@ class Renderer:
         Surfaces of the objects in the view.
     light : LightView or None
         The method's view, if light has a lower resolution than the view.
-    signals : Signals
-        Components of the picture, after a frame.
+    schedule : Schedule
+        Passes of a view frame.
 
     Raises
     ------
@@ -143,8 +144,7 @@ class Renderer:
             deforming=any(instance.mesh.deforms for instance in self.instances),
         )
         self._frame_index = 0
-        self._seen: _Seen | None = None
-        self._placed = self.instances, frame.pose  # state that the objects follow
+        self._last: _Moment | None = None
 
         self._camera: CameraMotion | None = None
         if features.moving_camera and frame.pose is not None:
@@ -170,27 +170,29 @@ class Renderer:
         self.visible: VisibleLayer | None = None
         self.light: LightView | None = None
         self.method: Method | None = None
-        self.signals = Signals()
         self._objects: Objects | None = None
         if features.objects:
-            equirect = view.projection == "equirect"
-            self.visible = VisibleLayer(device, self.layout, self.real.edges, equirect=equirect)
+            self.visible = VisibleLayer(device, self.layout, self.real.edges)
             gbuffer = GBuffer(self.real, self.visible)
             setup = Setup(device, view, self.layout, features, gbuffer, camera)
             if self.settings.light_scale > 1:
                 self.light = light = LightView(device, gbuffer, view, features, camera)
                 setup = Setup(device, light.view, light.layout, features, light.gbuffer, camera)
             self.method = method(self.settings.method).load()(setup)
-            placed = seen_from(self.instances, frame.pose)
-            self._objects = Objects(
-                device, placed, view, self.real_world.panorama, features, worlds.hierarchy
+            panorama, placed = self.real_world.panorama, seen_from(self.instances, frame.pose)
+            self._objects = objects = Objects(
+                device, placed, view, panorama.height, features, worlds.hierarchy
             )
-            self.world = World(self.real_world, self._objects)
+            self._drawing = Drawing(device, self.visible, objects, panorama, view, features)
+            self.world = World(self.real_world, objects)
+        self._placed = self.instances, frame.pose  # state that the objects follow
+        self.schedule = Schedule(self._passes(), device.profile, self.real_world.schedule)
+        self.schedule.tick(Clock.OBJECTS)
 
     def close(self) -> None:
         """Release the OpenGL context."""
         if self._objects is not None:
-            self._objects.close()
+            self._drawing.close()
 
     def __enter__(self) -> Self:
         return self
@@ -200,76 +202,94 @@ class Renderer:
 
     # The frame ------------------------------------------------------------------------------
 
+    def _passes(self) -> list[Pass[FrameContext]]:
+        """Return the passes of a view frame; `RealWorld` lists those of a video frame."""
+        passes = [Pass("resample", Clock.VIEW, self._resample, REAL_LAYER_READS, ("real layer",))]
+        objects, method = self._objects, self.method
+        if objects is not None and method is not None:
+            moved = Clock.MOTION if self.features.deforming else Clock.OBJECTS
+            passes.append(Pass("hierarchy", moved, lambda _: objects.place(), (), ("hierarchy",)))
+            passes += self._drawing.passes()
+            light = self.light
+            lit = method.passes(self.world) if light is None else light.passes(self.world, method)
+            passes += lit
+        shown = ("real layer", "object layer", "ratio", "reflected light")
+        return [*passes, Pass("composite", Clock.FRAME, self._composite, shown, ("picture",))]
+
     def step(self) -> None:
         """Render one view frame; temporal passes continue from the previous ones."""
-        real, objects = self.real_world, self._objects
-        pose = real.frame.pose
-        placed, placed_from = self._placed
-        if objects is not None and (self.instances is not placed or pose is not placed_from):
-            objects.move(seen_from(self.instances, pose))
-            self._placed = self.instances, pose
-        seen = self._look()
-        context = self._context(seen)
-        self._resample_real_layer(context)
-        self.signals = Signals()
-        if self.method is not None and self.visible is not None and objects is not None:
-            objects.place(self.visible, seen.view, seen.previous, context)
-            self.signals = self._light(self.method, seen, context)
-        self._composite()
+        self._move_objects()
+        now = self._look()
+        context = self._begin(now)
+        if self.light is not None:
+            self.light.begin(context)
+        self.schedule.walk(context)
         self._frame_index += 1
-        self._seen = seen
+        self._last = now
         self.device.profile.end_frame()
 
-    def _look(self) -> _Seen:
-        """Return the state of the worlds and of the camera in this frame."""
+    def _move_objects(self) -> None:
+        """Let the objects follow their instances and the 360° camera."""
+        pose = self.real_world.frame.pose
+        placed, placed_from = self._placed
+        if self._objects is None or (self.instances is placed and pose is placed_from):
+            return
+        if self._objects.move(seen_from(self.instances, pose)):
+            self.schedule.tick(Clock.OBJECTS)
+        self._placed = self.instances, pose
+
+    def _look(self) -> _Moment:
+        """Return the versions of the worlds, and the camera, in this frame."""
         view = view_from(self.view, self.real_world.frame.pose)
-        before, objects = self._seen, 0 if self._objects is None else self._objects.version
-        return _Seen(
+        last, objects = self._last, self.schedule.versions[Clock.OBJECTS]
+        return _Moment(
             self.real_world.version,
             objects,
-            before is not None and objects != before.objects,
+            last is not None and objects != last.objects,
             view,
-            view if before is None else before.view,
+            view if last is None else last.view,
         )
 
-    def _context(self, now: _Seen) -> FrameContext:
-        real, before, constants = self.real_world, self._seen, self._view_constants
-        turned = constants.follow(now.view, now.previous)
-        carried = False
-        if self._camera is not None and real.frame.pose is not None:
-            carried = self._camera.step(real.frame.pose)
+    def _begin(self, now: _Moment) -> FrameContext:
+        """Let the clocks tick that go on in this frame, and return its state."""
+        real, last, constants = self.real_world, self._last, self._view_constants
+        tick = self.schedule.tick
+        tick(Clock.FRAME)
+        if constants.follow(now.view, now.previous):
+            tick(Clock.VIEW)
+        camera, pose = self._camera, real.frame.pose
+        if camera is not None and pose is not None and camera.step(pose):
+            tick("camera motion")
+        # Motion ends in the frame after the last one that moves the objects.
+        moving = last is None or now.objects_moved or last.objects_moved
+        if moving:
+            tick(Clock.MOTION)
         return FrameContext(
             self._frame_index,
+            camera=now.view,
+            previous_camera=now.previous,
             view=constants.current,
             previous=constants.previous,
-            view_changed=turned or carried,
-            video_changed=before is None or now.real != before.real,
-            # Motion ends in the frame after the last one that moves the objects.
-            objects_changed=before is None or now.objects_moved or before.objects_moved,
+            moving=moving,
+            changed=last is not None and (moving or now.real != last.real),
             fading=self.fading,
             grids=self._grids,
-            cut=before is not None and real.cut_version > before.real,
+            cut=last is not None and real.cut_version > last.real,
         )
 
-    def _resample_real_layer(self, context: FrameContext) -> None:
-        real = self.real_world
-        real.split_highlights()
-        if context.view_changed or context.video_changed:
-            self.real.show(real, context)
-            if self.background is not None:
-                self.real.replace_color(self.background, real.color_map)
+    def _resample(self, context: FrameContext) -> None:
+        self.real.show(self.real_world, context)
+        if self.background is not None:
+            self.real.replace_color(self.background, self.real_world.color_map)
 
-    def _light(self, method: Method, seen: _Seen, context: FrameContext) -> Signals:
-        if context.video_changed:
-            method.prepare_video(self.world)
-        if context.objects_changed:
-            method.prepare_objects(self.world)
-        if self.light is None:
-            return method.trace(self.world, context)
-        reduced = self.light.prepare(self.real_world, seen.view, seen.previous, context)
-        return self.light.enlarge(method.trace(self.world, reduced), context.view)
+    @property
+    def signals(self) -> Signals:
+        """Components of the picture, after a frame."""
+        if self.light is not None:
+            return self.light.signals
+        return Signals() if self.method is None else self.method.signals
 
-    def _composite(self) -> None:
+    def _composite(self, _: FrameContext) -> None:
         visible, signals = self.visible, self.signals
         self.composite.run(
             self.real.color,

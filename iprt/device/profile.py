@@ -145,6 +145,7 @@ class Profile:
         self._clock_ns: int | None = None  # host clock minus device clock
         self.every_s = 0.0
         self.recording = True
+        self._recorded = 0  # launches, transfers and host sections so far
         self._began_s = time.perf_counter()  # start of the last recorded frame
         self.reset()
 
@@ -175,7 +176,7 @@ class Profile:
     def section(self, name: str) -> AbstractContextManager[None]:
         """Record the events of a `with` block under pass `name`, unless another pass encloses it.
 
-        The enqueue time of the block is recorded too.
+        The enqueue time of the block is recorded too, if it launches anything.
         """
         if self._pass != OTHER:
             return _OUTER
@@ -183,7 +184,7 @@ class Profile:
 
     @contextmanager
     def host(self, name: str) -> Iterator[None]:
-        """Record the wall time of a `with` block as host work of pass `name`.
+        """Record the wall time of a `with` block as host work of the current pass, else of `name`.
 
         The block must not enqueue kernels.
         """
@@ -196,7 +197,9 @@ class Profile:
     def _host(self, name: str, kind: Kind, start: int) -> None:
         if not self.recording:
             return
-        key = self._key(name, name, kind)
+        self._recorded += 1
+        inside = name if self._pass == OTHER else self._pass
+        key = self._key(inside, name, kind)
         self._pending.append(Span(key, self.frames, start, time.perf_counter_ns(), 0))
 
     def _key(self, *parts: Any) -> Key:
@@ -242,6 +245,7 @@ class Profile:
         """
         if not self.recording:
             return
+        self._recorded += 1
         key = self._key(self._pass, name, kind)
         self._pending.append(_Launch(key, self.frames, event, time.perf_counter_ns(), size))
 
@@ -348,7 +352,7 @@ class Profile:
 class _Section:
     """Context manager of a pass. A generator-based one would take twice the time."""
 
-    __slots__ = ("_name", "_profile", "_start")
+    __slots__ = ("_before", "_name", "_profile", "_start")
 
     def __init__(self, profile: Profile, name: str) -> None:
         self._profile = profile
@@ -357,12 +361,15 @@ class _Section:
     def __enter__(self) -> None:
         self._profile._pass = self._name
         if self._profile.recording:
+            self._before = self._profile._recorded
             self._start = time.perf_counter_ns()
 
     def __exit__(self, *_: object) -> None:
-        self._profile._pass = OTHER
-        if self._profile.recording:
-            self._profile._host(self._name, Kind.ENQUEUE, self._start)
+        profile = self._profile
+        profile._pass = OTHER
+        # A pass without launches has no row.
+        if profile.recording and profile._recorded > self._before:
+            profile._host(self._name, Kind.ENQUEUE, self._start)
 
 
 def by_pass(costs: FrameCosts) -> dict[str, FrameCosts]:

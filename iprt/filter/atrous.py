@@ -89,6 +89,11 @@ class Atrous:
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
 
     @property
+    def name(self) -> str:
+        """Name of its pass."""
+        return f"filter {self._kind}"
+
+    @property
     def _kind(self) -> str:
         """Suffix of the kernels for this kind of signal."""
         return "real" if self._real else "reflected"
@@ -168,16 +173,15 @@ class Atrous:
         size = (*layout.size, len(signals))
         if settings.levels == 0:
             return signals
-        with self._device.profile.section(f"filter {self._kind}"):
-            variances = self._nothing if variances is None else variances
-            guide = batched(guide=[signal.guide.current for signal in self._signals])
-            if self._extent is not None:
-                self._extent.run(signals[0], variances[0])
-            lobes = {} if self._real else batched(roughness=roughness or [None] * len(signals))
-            unit = {"unit": half_unit(self._signals[0].kind, radiance)}
-            self._smooth(size, guide, lobes, unit, batched(variance=variances))
-            for kernel in self._levels:
-                kernel(size, guide, unit, batched(signal=signals))
+        variances = self._nothing if variances is None else variances
+        guide = batched(guide=[signal.guide.current for signal in self._signals])
+        if self._extent is not None:
+            self._extent.run(signals[0], variances[0])
+        lobes = {} if self._real else batched(roughness=roughness or [None] * len(signals))
+        unit = {"unit": half_unit(self._signals[0].kind, radiance)}
+        self._smooth(size, guide, lobes, unit, batched(variance=variances))
+        for kernel in self._levels:
+            kernel(size, guide, unit, batched(signal=signals))
         return self._filtered
 
 

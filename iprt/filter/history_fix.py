@@ -25,7 +25,6 @@ class HistoryFix:
         enough: float,
     ) -> None:
         """Create the kernel, which leaves histories of at least `enough` samples unchanged."""
-        self._device = device
         self._guide = guide = signal.guide
         layout = guide.layout
         planes = signal_planes(signal.kind)
@@ -46,13 +45,12 @@ class HistoryFix:
 
     def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
         """Return the same signal, in buffers of this object; `level` is `Mask.level`."""
-        with self._device.profile.section("history fix"):
-            self._fix(
-                self._guide.layout.size,
-                guide=self._guide.current,
-                signal=accumulated.signal,
-                variance=accumulated.variance,
-                length=accumulated.length,
-                level=level,
-            )
+        self._fix(
+            self._guide.layout.size,
+            guide=self._guide.current,
+            signal=accumulated.signal,
+            variance=accumulated.variance,
+            length=accumulated.length,
+            level=level,
+        )
         return Accumulated(self._signal, accumulated.length, self._variance)

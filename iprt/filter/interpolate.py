@@ -20,7 +20,6 @@ class Interpolate:
         self, device: ComputeDevice, signals: Sequence[Signal], settings: InterpolateSettings
     ) -> None:
         self.settings = settings
-        self._device = device
         self._guides = [signal.guide for signal in signals]
         self._kernel = device.kernel(
             "filter/neighbours.cl", "interpolate", signal_defines(signals)
@@ -50,13 +49,12 @@ class Interpolate:
             As for `Masks.run`.
         """
         layout = self._guides[0].layout
-        with self._device.profile.section("interpolate"):
-            self._kernel(
-                (*layout.size, len(samples)),
-                batched(
-                    guide=[guide.current for guide in self._guides],
-                    level=levels,
-                    signal=samples,
-                ),
-                origin=grid,
-            )
+        self._kernel(
+            (*layout.size, len(samples)),
+            batched(
+                guide=[guide.current for guide in self._guides],
+                level=levels,
+                signal=samples,
+            ),
+            origin=grid,
+        )

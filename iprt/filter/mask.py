@@ -105,7 +105,7 @@ class Masks:
     """Tracing levels of the layers of a view, and the lists of pixels that get a ray."""
 
     def __init__(self, device: ComputeDevice, masks: Sequence[Mask]) -> None:
-        self._device, self._masks = device, masks
+        self._masks = masks
         defines = masks[0].guide.defines()
         size = masks[0].guide.layout.arguments()
         spans = span_arguments([mask.guide for mask in masks])
@@ -173,34 +173,33 @@ class Masks:
             motion=motions,
             touched=[mask.touched for mask in masks],
         )
-        with self._device.profile.section("mask"):
-            self._carry(
-                size,
-                carried,
-                batched(
-                    guide_previous=[mask.guide.previous for mask in masks],
-                    before=[mask.before for mask in masks],
-                ),
-                plane_tolerance=-1.0 if cut else SAME_SURFACE.plane_tolerance,
-            )
-            self._choose(
-                size,
-                carried,
-                batched(
-                    # Without a history another plane is bound, which is not used.
-                    length=[
-                        mask.before if length is None else length
-                        for mask, length in zip(masks, lengths, strict=True)
-                    ],
-                    keep=[
-                        length is not None and mask.settings.sparse
-                        for mask, length in zip(masks, lengths, strict=True)
-                    ],
-                    sigma_position=[mask.settings.sigma_position / metre for mask in masks],
-                ),
-                origin=grid,
-            )
-            self._list(
-                (-(-layout.width // _CHUNK), layout.height, len(masks)),
-                origin=grid,
-            )
+        self._carry(
+            size,
+            carried,
+            batched(
+                guide_previous=[mask.guide.previous for mask in masks],
+                before=[mask.before for mask in masks],
+            ),
+            plane_tolerance=-1.0 if cut else SAME_SURFACE.plane_tolerance,
+        )
+        self._choose(
+            size,
+            carried,
+            batched(
+                # Without a history another plane is bound, which is not used.
+                length=[
+                    mask.before if length is None else length
+                    for mask, length in zip(masks, lengths, strict=True)
+                ],
+                keep=[
+                    length is not None and mask.settings.sparse
+                    for mask, length in zip(masks, lengths, strict=True)
+                ],
+                sigma_position=[mask.settings.sigma_position / metre for mask in masks],
+            ),
+            origin=grid,
+        )
+        self._list(
+            (-(-layout.width // _CHUNK), layout.height, len(masks)),
+            origin=grid,
+        )

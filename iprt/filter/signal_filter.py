@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import pyopencl.array as cla
@@ -15,6 +15,7 @@ from iprt.filter.mask import Mask
 from iprt.filter.signals import Signal
 from iprt.filter.temporal import Accumulated, Temporal
 from iprt.gbuffer.context import FrameContext
+from iprt.passes import Clock, Pass
 from iprt.settings.model import Settings
 
 
@@ -48,6 +49,8 @@ class SignalFilter:
         As in `Atrous`.
     accumulated : list of Accumulated
         The signals before the spatial filter, after the first frame; with `published`, after it.
+    filtered : sequence of arrays
+        Planes of each signal, after the last pass that ran.
     """
 
     def __init__(
@@ -72,6 +75,8 @@ class SignalFilter:
         self._atrous = Atrous(device, signals, settings.atrous, guided=not published)
         self.spans, self.variances = self._atrous.spans, self._atrous.variances
         self.accumulated: list[Accumulated] = []
+        self.filtered: Sequence[cla.Array] = []
+        self._frame: Sequence[Samples] = []
         enough = settings.temporal.enough
         fixed = enough > 0.0 and settings.atrous.levels > 0 and not published
         self._fixes = [
@@ -101,29 +106,80 @@ class SignalFilter:
         if context.cut:
             self._temporal.reset()
 
+    def passes(
+        self,
+        of: str,
+        frame: Callable[[], Sequence[Samples]],
+        radiance: Callable[[], float],
+    ) -> list[Pass[FrameContext]]:
+        """Return the passes that fill `filtered` from the samples of a frame.
+
+        Parameters
+        ----------
+        of : str
+            Name of the pixels.
+        frame : callable
+            Returns the frame's samples of each signal, once they are traced.
+        radiance : callable
+            Returns the mean radiance of the panorama.
+        """
+        samples, signals, smooth = f"{of} samples", f"{of} signals", f"{of} light"
+
+        def add(name: str, run: Callable[[FrameContext], None], reads: str, writes: str) -> None:
+            passes.append(Pass(name, Clock.FRAME, run, (reads, f"{of} guide"), (writes,)))
+
+        def blur(_: FrameContext) -> None:
+            self._blur(radiance())
+
+        passes: list[Pass[FrameContext]] = []
+        add("interpolate", lambda context: self._begin(frame(), context), samples, samples)
+        if self._published:
+            add(self._atrous.name, blur, samples, signals)
+            add("temporal", self._accumulate, signals, smooth)
+            return passes
+        add("temporal", self._accumulate, samples, signals)
+        if any(self._fixes):
+            add("history fix", self._fix, signals, signals)
+        add(self._atrous.name, blur, signals, smooth)
+        return passes
+
     def run(
         self, frame: Sequence[Samples], context: FrameContext, *, radiance: float
     ) -> Sequence[cla.Array]:
         """Return the filtered planes of each signal; `radiance` is the mean of the panorama."""
-        planes: Sequence[cla.Array] = [samples.planes for samples in frame]
-        levels = [samples.mask.level for samples in frame]
-        roughness = [samples.roughness for samples in frame]
-        self._interpolate.run(levels, planes, context.grid)
-        if self._published:
-            planes = self._atrous.run(planes, roughness=roughness, radiance=radiance)
-        accumulated = self._temporal.run(
-            planes,
-            [samples.motion for samples in frame],
-            levels,
+        for one in self.passes("", lambda: frame, lambda: radiance):
+            one.run(context)
+        return self.filtered
+
+    def _begin(self, frame: Sequence[Samples], context: FrameContext) -> None:
+        self._frame = frame
+        self.filtered = [samples.planes for samples in frame]
+        self._interpolate.run(self._levels, self.filtered, context.grid)
+
+    @property
+    def _levels(self) -> list[cla.Array]:
+        return [samples.mask.level for samples in self._frame]
+
+    def _accumulate(self, context: FrameContext) -> None:
+        self.accumulated = self._temporal.run(
+            self.filtered,
+            [samples.motion for samples in self._frame],
+            self._levels,
             fading=context.fading,
             changed=context.changed,
         )
+        self.filtered = [signal.signal for signal in self.accumulated]
+
+    def _fix(self, _: FrameContext) -> None:
         self.accumulated = [
             signal if fix is None else fix.run(signal, level)
-            for signal, fix, level in zip(accumulated, self._fixes, levels, strict=True)
+            for signal, fix, level in zip(self.accumulated, self._fixes, self._levels, strict=True)
         ]
-        planes = [signal.signal for signal in self.accumulated]
-        if self._published:
-            return planes
-        variances = [signal.variance for signal in self.accumulated]
-        return self._atrous.run(planes, variances, roughness=roughness, radiance=radiance)
+        self.filtered = [signal.signal for signal in self.accumulated]
+
+    def _blur(self, radiance: float) -> None:
+        variances = None if self._published else [one.variance for one in self.accumulated]
+        roughness = [samples.roughness for samples in self._frame]
+        self.filtered = self._atrous.run(
+            self.filtered, variances, roughness=roughness, radiance=radiance
+        )

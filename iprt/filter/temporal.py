@@ -211,13 +211,12 @@ class Temporal:
             **self._now.arguments("{}"),
             "fading": fading,
         }
-        with self._device.profile.section("temporal"):
-            if not self._published and self._unsettle(changed=changed):
-                self._follow_changes(fetched, added)
-                self._add_corrected(added)
-            else:
-                self._run(self._accumulate, fetched, added)
-            self._run(self._estimate, added)
+        if not self._published and self._unsettle(changed=changed):
+            self._follow_changes(fetched, added)
+            self._add_corrected(added)
+        else:
+            self._run(self._accumulate, fetched, added)
+        self._run(self._estimate, added)
         return [
             Accumulated(accumulated, length, variance)
             for accumulated, length, variance in zip(

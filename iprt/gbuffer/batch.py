@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
-
-from pyopencl import cltypes
 
 from iprt.files.kernel_source import constant
 
 MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
-
-Rect = tuple[int, int, int, int]
-"""Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
-
-
-@lru_cache(maxsize=256)
-def int4(rect: Rect) -> Any:
-    """Return a rectangle as a kernel argument, cached: equal rectangles give the same object."""
-    return cltypes.make_int4(*rect)
 
 
 def batched(**values: Sequence[Any]) -> dict[str, Any]:

@@ -52,16 +52,14 @@ class FrameContext:
     ----------
     index : int
         Frames since the start.
-    view : (16,) float32
-        `View.kernel_constants()` on the device.
-    previous : (16,) float32
-        The same of the previous frame.
-    view_changed : bool
-        The view or the previous view differs from the last frame's.
-    video_changed : bool
-        The panorama differs from the previous frame's.
-    objects_changed : bool
-        Objects moved since the previous frame.
+    camera, previous_camera : View
+        This frame's view and the previous frame's, in the axes of the capture centre.
+    view, previous : (16,) float32
+        `View.kernel_constants()` of both, on the device.
+    moving : bool
+        Objects have moved since the previous frame, or did until then.
+    changed : bool
+        The scene differs from the previous frame's: objects or the video have moved.
     fading : float
         Least share of this frame in the temporal means; 0: an equal share for all frames.
     grids : 16 of (2,) int32
@@ -71,11 +69,12 @@ class FrameContext:
     """
 
     index: int
+    camera: View
+    previous_camera: View
     view: cla.Array
     previous: cla.Array
-    view_changed: bool
-    video_changed: bool
-    objects_changed: bool
+    moving: bool
+    changed: bool
     fading: float
     grids: Sequence[cla.Array]
     cut: bool = False
@@ -84,8 +83,3 @@ class FrameContext:
     def grid(self) -> cla.Array:
         """Origin of the tracing grid in this frame, (2,) int32."""
         return self.grids[self.index % len(self.grids)]
-
-    @property
-    def changed(self) -> bool:
-        """True if the scene differs from the previous frame's."""
-        return self.index > 0 and (self.video_changed or self.objects_changed)

@@ -148,7 +148,7 @@ class Guides:
         self, device: ComputeDevice, guides: Sequence[Guide], layers: Sequence[Layer]
     ) -> None:
         """Create the kernels for one layer per guide."""
-        self._device, self._guides = device, guides
+        self._guides = guides
         defines = guides[0].defines()
         size, spans = guides[0].layout.arguments(), span_arguments(guides)
         of_surfaces = batched(
@@ -173,10 +173,9 @@ class Guides:
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
         layout = self._guides[0].layout
-        with self._device.profile.section("guide"):
-            self._find_spans((layout.height, len(self._guides)))
-            self._build(
-                (*layout.size, len(self._guides)),
-                batched(guide=[guide.current for guide in self._guides]),
-                view=view,
-            )
+        self._find_spans((layout.height, len(self._guides)))
+        self._build(
+            (*layout.size, len(self._guides)),
+            batched(guide=[guide.current for guide in self._guides]),
+            view=view,
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,7 @@ _MARGIN = 1
 """Margin around the bounds in pixels: sub-pixel coverage borrows from the next pixel."""
 
 
-@dataclass(frozen=True)
-class Rect:
+class Rect(NamedTuple):
     """A rectangle of the pixels x0 <= x < x1, y0 <= y < y1."""
 
     x0: int

@@ -12,9 +12,11 @@ from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
+from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.geometry.camera import View
 from iprt.method import Setup
+from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.settings.paths import PathTracingSettings
 from iprt.trace.sparse import SparseMethod, Tracers
@@ -48,7 +50,14 @@ class Environment:
         self._count = 0
         self.plane = np.array([0.0, 1.0, 0.0, 0.0], np.float32)
 
-    def sample(self, lights: Lights | None) -> None:
+    def sampling(self, world: World) -> Pass[FrameContext]:
+        """Return the pass that draws samples of the lights."""
+        samples = ("light samples",)
+        return Pass(
+            "lights", Clock.VIDEO, lambda _: self._sample(world.real.lights), ("lights",), samples
+        )
+
+    def _sample(self, lights: Lights | None) -> None:
         """Draw as many samples as the table of lights has cells."""
         if lights is None:
             return
@@ -57,10 +66,7 @@ class Environment:
             self._samples = self._device.zeros("environment samples", (cells, 4))
         self._count = cells if lights.count > 0 else 0
         if self._count:
-            with self._device.profile.section("lights"):
-                self._kernel(
-                    (cells,), lights.arguments(), samples_count=cells, samples=self._samples
-                )
+            self._kernel((cells,), lights.arguments(), samples_count=cells, samples=self._samples)
 
     @property
     def defines(self) -> dict[str, Define]:
@@ -203,11 +209,13 @@ class PathTracing(SparseMethod):
             partial(PathTraceVirtual, **shared),
         )
 
-    def prepare_video(self, world: World) -> None:
-        """Draw samples of the frame's lights."""
-        self.environment.sample(world.real.lights)
-
-    def prepare_objects(self, world: World) -> None:
-        """Fit the supporting plane, where only its surfaces are relit."""
+    def prepare(self, world: World) -> list[Pass[FrameContext]]:
+        """Draw samples of the frame's lights; fit the supporting plane, if only it is relit."""
+        passes = [self.environment.sampling(world)]
         if self._own.surfaces == "plane":
-            self.environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)
+
+            def fit(_: FrameContext) -> None:
+                self.environment.plane = support_plane(world.real.frame.depth, world.objects.bounds)
+
+            passes.append(Pass("support plane", Clock.MOTION, fit, (), ("support plane",)))
+        return passes

@@ -14,12 +14,13 @@ from iprt.filter.signals import Kind, Signal
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
+from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
-from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual
+from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual, traced_arguments
+from iprt.view.object_layer import VisibleSurfaces
 from iprt.view.real_layer import RealLayer
-from iprt.world.objects.object_layers import VisibleSurfaces
 from iprt.world.world import World
 
 
@@ -34,8 +35,6 @@ class RealPixels:
     mask : Mask
     relight : Relight
         Holds the relighting ratio.
-    change : 6 planes or None
-        `TraceReal.signal`, filtered; None before the first frame.
     """
 
     def __init__(
@@ -77,36 +76,53 @@ class RealPixels:
             delta=features.delta,
             name=name,
         )
-        self.change: cla.Array | None = None
 
     @property
     def accumulated(self) -> Accumulated | None:
         """`change` before the spatial filter; None before the first frame."""
         return self._filter.accumulated[0] if self._filter.accumulated else None
 
-    def history(self, context: FrameContext) -> cla.Array | None:
-        """Return the history of `mask` for `Masks.run`; None without one."""
+    @property
+    def change(self) -> cla.Array | None:
+        """`TraceReal.signal` (6 planes), filtered; None before the first frame."""
+        return self._filter.filtered[0] if self._filter.filtered else None
+
+    def start(self, context: FrameContext) -> cla.Array | None:
+        """Begin a frame and return the history of `mask` for `Masks.run`; None without one."""
+        self._filter.start(context)
         known = self._filter.known(context) if self._features.delta else None
         return known[0] if known else None
 
-    def run(self, world: World, context: FrameContext) -> cla.Array:
-        """Relight the pixels of `mask` and return the ratio of all pixels."""
-        layer, mask, cache = self.layer, self.mask, world.irradiance
-        self._filter.start(context)
+    def passes(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes that relight the pixels of `mask`, and fill the ratio of all pixels."""
+        mask, cache, panorama = self.mask, world.irradiance, world.panorama
+        least = self._min_solid_angle
+
+        def refine(context: FrameContext) -> None:
+            assert cache is not None
+            traced = traced_arguments(self.guide, mask, context.view)
+            cache.run(world.arguments(self._features), traced, min_solid_angle=least)
+
+        def trace(context: FrameContext) -> None:
+            self._trace.run(world, mask, context.view, cache, min_solid_angle=least)
+
+        def relight(_: FrameContext) -> None:
+            assert self.change is not None
+            self.relight.run(self.change, self.layer.diffuse, world, cache, mask.touched)
+
+        passes = []
+        met = ("traced pixels", "hierarchy", "surfaces", "radiated", "lights")
         if cache is not None:
-            cache.run(
-                world.arguments(self._features),
-                self.guide,
-                mask,
-                context.view,
-                min_solid_angle=self._min_solid_angle,
-            )
-        self._trace.run(world, mask, context.view, cache, min_solid_angle=self._min_solid_angle)
-        samples = Samples(self._trace.signal, mask, layer.motion)
-        radiance = world.panorama.mean_radiance
-        (self.change,) = self._filter.run([samples], context, radiance=radiance)
-        self.relight.run(self.change, layer.diffuse, world, cache, mask.touched)
-        return self.relight.ratio
+            passes.append(Pass("irradiance", Clock.FRAME, refine, (*met, "cells"), ("cells",)))
+        samples = ("real samples",)
+        passes.append(Pass("trace real", Clock.FRAME, trace, (*met, "cells"), samples))
+        passes += self._filter.passes("real", self._samples, lambda: panorama.mean_radiance)
+        lit = ("real light", "cells", "real layer")
+        passes.append(Pass("relight", Clock.FRAME, relight, lit, ("ratio",)))
+        return passes
+
+    def _samples(self) -> list[Samples]:
+        return [Samples(self._trace.signal, self.mask, self.layer.motion)]
 
 
 class ReflectingPixels:
@@ -121,11 +137,6 @@ class ReflectingPixels:
         Pixels of virtual surfaces.
     gloss_mask : Mask or None
         Pixels of glossy real surfaces; None without any.
-    diffuse, specular : 3 planes or None
-        Light that objects reflect, filtered; None before the first frame.
-    change : 3 planes or None
-        Radiance of either sign to add to the captured radiance of glossy real surfaces, filtered;
-        None before the first frame.
     """
 
     def __init__(
@@ -170,9 +181,7 @@ class ReflectingPixels:
         # Without hit distances, reflections move with the surface.
         moving = self._trace.hit is not None and not published
         self._reflections = ReflectionMotion(device, guide) if moving else None
-        self.change: cla.Array | None = None
-        self.diffuse: cla.Array | None = None
-        self.specular: cla.Array | None = None
+        self._reflected_motion = visible.motion
 
     @property
     def hit(self) -> cla.Array | None:
@@ -184,42 +193,65 @@ class ReflectingPixels:
         """Each signal of objects before the spatial filter; none before the first frame."""
         return self._filter.accumulated[0 if self.gloss_mask is None else 1 :]
 
-    def gloss_history(self, context: FrameContext) -> cla.Array | None:
-        """Return the history of `gloss_mask` for `Masks.run`; None without one."""
-        known = self._filter.known(context)
-        return known[0] if known else None
+    def filtered(self, signal: str) -> cla.Array | None:
+        """Return a signal's filtered planes; None before the first frame, or without such one."""
+        names = [one.name for one in self._signals]
+        planes = dict(zip(names, self._filter.filtered, strict=False))
+        return planes.get(signal)
 
-    def run(self, world: World, context: FrameContext) -> None:
-        """Shade the pixels of both masks; they reflect `world.relit`."""
+    def start(self, context: FrameContext) -> list[cla.Array | None]:
+        """Begin a frame and return the histories of `gloss_mask`, if any, and of `mask`."""
         self._filter.start(context)
-        found = {}
-        if self.gloss_mask is not None:
-            self._trace_gloss.run(world, self.gloss_mask, context.view)
-            found["gloss"] = Samples(
-                self._trace_gloss.change,
-                self.gloss_mask,
-                self._real.motion,
-                roughness=self._real.roughness,
-            )
-        found |= self._shade(world, context)
-        frame = [found[signal.name] for signal in self._signals]
-        filtered = self._filter.run(frame, context, radiance=world.panorama.mean_radiance)
-        named = dict(zip((signal.name for signal in self._signals), filtered, strict=True))
-        self.change = named.get("gloss")
-        self.diffuse, self.specular = named.get("diffuse"), named.get("specular")
+        if self.gloss_mask is None:
+            return [None]
+        known = self._filter.known(context)
+        return [known[0] if known else None, None]
 
-    def _shade(self, world: World, context: FrameContext) -> dict[str, Samples]:
-        """Trace the virtual surfaces and return their samples by signal."""
-        seen, trace, mask = self._visible, self._trace, self.mask
-        # All signals of objects have the same rays, hence the same history.
-        trace.run(world, mask, context.view, seen.albedo, self._filter.histories[-1])
-        found = {}
-        if trace.diffuse is not None:
-            found["diffuse"] = Samples(trace.diffuse, mask, seen.motion)
+    def passes(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes that shade the pixels of both masks; they reflect `world.relit`."""
+        panorama = world.panorama
+        met = ("traced pixels", "hierarchy", "surfaces", "radiated", "lights", "ratio")
+        passes = []
+
+        def trace_gloss(context: FrameContext) -> None:
+            assert self.gloss_mask is not None
+            self._trace_gloss.run(world, self.gloss_mask, context.view)
+
+        def trace(context: FrameContext) -> None:
+            # All signals of objects have the same rays, hence the same history.
+            history = self._filter.histories[-1]
+            self._trace.run(world, self.mask, context.view, self._visible.albedo, history)
+
+        samples = ("reflected samples",)
+        if self.gloss_mask is not None:
+            passes.append(Pass("trace gloss", Clock.FRAME, trace_gloss, met, samples))
+        passes.append(Pass("trace virtual", Clock.FRAME, trace, met, samples))
+        if self._reflections is not None:
+            moved = ("reflected motion",)
+            of = (*samples, "object layer")
+            passes.append(Pass("reflection motion", Clock.FRAME, self._move_reflections, of, moved))
+        passes += self._filter.passes("reflected", self._samples, lambda: panorama.mean_radiance)
+        return passes
+
+    def _move_reflections(self, context: FrameContext) -> None:
+        seen, reflections = self._visible, self._reflections
+        self._reflected_motion = seen.motion
+        # A pure rotation of the view moves a surface and its reflection alike.
+        if context.changed and reflections is not None:
+            self._reflected_motion = reflections.run(
+                seen.motion, seen.roughness, self._trace.hit, context.previous
+            )
+
+    def _samples(self) -> list[Samples]:
+        """Return the samples of each signal."""
+        seen, trace, real = self._visible, self._trace, self._real
+        found = []
+        if self.gloss_mask is not None:
+            change, mask = self._trace_gloss.change, self.gloss_mask
+            found.append(Samples(change, mask, real.motion, real.roughness))
         if trace.specular is not None:
-            motion = seen.motion
-            # A pure rotation of the view moves a surface and its reflection alike.
-            if context.changed and self._reflections is not None:
-                motion = self._reflections.run(motion, seen.roughness, trace.hit, context.previous)
-            found["specular"] = Samples(trace.specular, mask, motion, roughness=seen.roughness)
+            motion = self._reflected_motion
+            found.append(Samples(trace.specular, self.mask, motion, seen.roughness))
+        if trace.diffuse is not None:
+            found.append(Samples(trace.diffuse, self.mask, seen.motion))
         return found

@@ -12,7 +12,6 @@ class ReflectionMotion:
     """Reprojection of reflections to the previous picture while objects move."""
 
     def __init__(self, device: ComputeDevice, guide: Guide) -> None:
-        self._device = device
         self._guide = guide
         defines = guide.defines(**guide.camera_define)
         self._kernel = device.kernel("trace/reflection_motion.cl", "move_reflections", defines)
@@ -35,16 +34,15 @@ class ReflectionMotion:
             `View.kernel_constants()` of the previous picture.
         """
         guide = self._guide
-        with self._device.profile.section("temporal"):
-            self._kernel(
-                guide.layout.size,
-                guide.arguments(),
-                guide.camera_argument,
-                guide_previous=guide.previous,
-                motion=motion,
-                roughness=roughness,
-                hit=hit,
-                view=previous,
-                moved=self._moved,
-            )
+        self._kernel(
+            guide.layout.size,
+            guide.arguments(),
+            guide.camera_argument,
+            guide_previous=guide.previous,
+            motion=motion,
+            roughness=roughness,
+            hit=hit,
+            view=previous,
+            moved=self._moved,
+        )
         return self._moved

@@ -48,7 +48,6 @@ class Relight:
         delta : bool
             Signals are relative to a cached E_R.
         """
-        self._device = device
         self._guide = guide
         noise = {} if variance is None or not delta else {"variance": variance}
         defines = guide.defines(
@@ -93,11 +92,10 @@ class Relight:
         known: dict[str, Any] = {"black": BLACK * world.panorama.mean_radiance}
         if cache is not None:
             known = {**cache.arguments(world.panorama), "touched": touched}
-        with self._device.profile.section("relight"):
-            self._kernel(
-                self._guide.layout.size,
-                known,
-                guide=self._guide.current,
-                signal=signal,
-                colour=colour,
-            )
+        self._kernel(
+            self._guide.layout.size,
+            known,
+            guide=self._guide.current,
+            signal=signal,
+            colour=colour,
+        )

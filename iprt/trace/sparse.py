@@ -15,9 +15,13 @@ from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.method import Image, Method, Setup, Signals, in_front
+from iprt.passes import Clock, Pass
 from iprt.trace.pixels import RealPixels, ReflectingPixels
 from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual
 from iprt.world.world import World
+
+Around = tuple[cla.Array, int] | None
+"""Ratio of real surfaces around the capture centre and its rows, for `World.relight`."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,6 @@ class SparseMethod(Method):
         self._motions: list[cla.Array] = []
         layers: list[Layer] = []
         masks: list[Mask] = []
-        self._histories: list[Callable[[FrameContext], cla.Array | None] | None] = []
         tracers = self.tracers()
         self.real_pixels: RealPixels | None = None
         if features.tracing:
@@ -66,7 +69,6 @@ class SparseMethod(Method):
                 device, real, guide, features, name="real", tracer=tracers.real
             )
             masks.append(self.real_pixels.mask)
-            self._histories.append(self.real_pixels.history)
         gloss_guide = None
         if real.gloss is not None:
             gloss_guide = self._guide("gloss", real.motion)
@@ -85,9 +87,7 @@ class SparseMethod(Method):
         )
         if pixels.gloss_mask is not None:
             masks.append(pixels.gloss_mask)
-            self._histories.append(pixels.gloss_history)
         masks.append(pixels.mask)
-        self._histories.append(None)
         self._gather = Guides(device, self._guides, layers)
         self._masks = Masks(device, masks)
 
@@ -109,34 +109,61 @@ class SparseMethod(Method):
         self._motions.append(motion)
         return guide
 
-    def trace(self, world: World, context: FrameContext) -> Signals:
-        """Select the pixels to trace, relight real surfaces, then shade reflecting ones."""
+    def passes(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes: select pixels to trace, relight real ones, shade reflecting ones."""
         self._world = world
-        self._gather.run(context.view)
-        histories = [None if of is None else of(context) for of in self._histories]
-        self._masks.run(
-            context.grid,
-            self._motions,
-            histories,
-            metre=world.panorama.scale,
-            cut=context.cut,
-        )
-        ratio = None
+        surfaces, chosen = ("real layer", "object layer"), ("traced pixels",)
+        guides = "real guide", "reflected guide"
+        passes = [
+            *self.prepare(world),
+            Pass("guide", Clock.FRAME, lambda c: self._gather.run(c.view), surfaces, guides),
+            Pass("mask", Clock.FRAME, lambda c: self._choose(world, c), guides, chosen),
+        ]
         if self.real_pixels is not None:
-            ratio = self.real_pixels.run(world, context)
+            passes += self.real_pixels.passes(world)
             if self.setup.features.relit_reflections:
-                around = self.relight_around(world, context)
-                world.relight(ratio, self.setup.view, context.view, around)
-        pixels = self.reflecting_pixels
-        pixels.run(world, context)
-        return Signals(ratio, pixels.change, pixels.diffuse, pixels.specular)
+                passes += self._relit_reflections(world, self.real_pixels.relight.ratio)
+        return passes + self.reflecting_pixels.passes(world)
 
-    def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
-        """Return the ratio of real surfaces outside the view and its rows, for `World.relight`.
+    def _relit_reflections(self, world: World, ratio: cla.Array) -> list[Pass[FrameContext]]:
+        """Return the passes that let virtual surfaces reflect relit real ones."""
+        around, passes = self.relight_around(world)
+
+        def show(context: FrameContext) -> None:
+            world.relight(ratio, self.setup.view, context.view, around)
+
+        known = ("ratio", "ratio around")
+        return [*passes, Pass("relit reflections", Clock.FRAME, show, known, ("relit",))]
+
+    def prepare(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes that prepare what rays meet."""
+        return []
+
+    def relight_around(self, world: World) -> tuple[Around, list[Pass[FrameContext]]]:
+        """Return the ratio of real surfaces outside the view and its rows, and passes that fill it.
 
         None: the method does not relight them.
         """
-        return None
+        return None, []
+
+    def _choose(self, world: World, context: FrameContext) -> None:
+        """Select the pixels to trace."""
+        histories = [] if self.real_pixels is None else [self.real_pixels.start(context)]
+        self._masks.run(
+            context.grid,
+            self._motions,
+            [*histories, *self.reflecting_pixels.start(context)],
+            metre=world.panorama.scale,
+            cut=context.cut,
+        )
+
+    @property
+    def signals(self) -> Signals:
+        """Signals of the last frame."""
+        pixels = self.reflecting_pixels
+        ratio = None if self.real_pixels is None else self.real_pixels.relight.ratio
+        shown = (pixels.filtered(name) for name in ("gloss", "diffuse", "specular"))
+        return Signals(ratio, *shown)
 
     @property
     def traced_count(self) -> cla.Array | None:
@@ -163,7 +190,10 @@ class SparseMethod(Method):
         cache = self._world.irradiance
         if cache is None:
             return self.read(self.real_pixels.change, slice(0, 3))
-        return self.read(cache.show(self._world.panorama, self.real_pixels.guide), slice(0, 3))
+        device, guide = self.setup.device, self.real_pixels.guide
+        shown = device.zeros("irradiance shown", guide.layout.shape(3))
+        cache.show(self._world.panorama, guide.arguments(), shown)
+        return self.read(shown, slice(0, 3))
 
     def _irradiance_mixed(self) -> Image | None:
         pixels, real = self.real_pixels, self._irradiance_real()

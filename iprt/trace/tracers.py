@@ -21,9 +21,9 @@ from iprt.world.world import World
 
 
 def traced_arguments(guide: Guide, mask: Mask, view: cla.Array) -> dict[str, Any]:
-    """Return the `TRACED_PARAMETERS` of `cl/lib/trace/traced.h` that vary from frame to frame."""
+    """Return the arguments `TRACED_PARAMETERS` of `cl/lib/trace/traced.h`."""
     return {
-        "guide": guide.current,
+        **guide.arguments(),
         "list": mask.traced,
         "count": mask.count,
         "view": view,
@@ -60,7 +60,7 @@ class _Tracer:
         **own
             Parameters of this kernel alone.
         """
-        self._device, self._guide, self._features = device, guide, features
+        self._guide, self._features = guide, features
         layout = guide.layout
         if name is not None:
             own["samples"] = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
@@ -74,16 +74,15 @@ class _Tracer:
         """Return the scene that rays are traced through, as kernel arguments."""
         return world.arguments(self._features)
 
-    def _launch(self, section: str, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
+    def _launch(self, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
         """Run the kernel; `more` are further arguments, of which the kernel may lack some."""
         layout = self._guide.layout
-        with self._device.profile.section(section):
-            self._kernel(
-                (layout.width * layout.height,),
-                traced_arguments(self._guide, mask, view),
-                self.arguments(world),
-                more,
-            )
+        self._kernel(
+            (layout.width * layout.height,),
+            traced_arguments(self._guide, mask, view),
+            self.arguments(world),
+            more,
+        )
 
 
 class RealTracer(_Tracer):
@@ -134,7 +133,7 @@ class RealTracer(_Tracer):
             Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
         """
         known = {} if cache is None else cache.arguments(world.panorama)
-        self._launch("trace real", world, mask, view, min_solid_angle=min_solid_angle, **known)
+        self._launch(world, mask, view, min_solid_angle=min_solid_angle, **known)
 
 
 class TraceReal(RealTracer):
@@ -216,7 +215,7 @@ class VirtualTracer(_Tracer):
         history : 1 plane
             `Temporal.length` of the signals. Only rays need it; cones and paths ignore it.
         """
-        self._launch("trace virtual", world, mask, view, albedo=albedo, history=history)
+        self._launch(world, mask, view, albedo=albedo, history=history)
 
 
 class TraceVirtual(VirtualTracer):
@@ -259,7 +258,7 @@ class GlossTracer(_Tracer):
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
         """Trace the pixels of `mask`."""
-        self._launch("trace gloss", world, mask, view)
+        self._launch(world, mask, view)
 
 
 class TraceGloss(GlossTracer):

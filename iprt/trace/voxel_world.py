@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.gbuffer.context import FrameContext
+from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.voxels import Float, PrefilteredPanorama, Voxels, fitted_grid, room_box
 from iprt.world.world import World
@@ -79,22 +81,24 @@ class VoxelWorld(ABC):
             surface=self._surface,
             facing=self._facing,
         )
-        self._seen = (0, 0)
 
-    def follow(self, world: World, features: Features) -> None:
-        """Update the voxels, if the video's frame or the objects have changed."""
-        seen = (world.real.version, world.objects.version)
-        before, self._seen = self._seen, seen
-        if seen == before:
-            return
-        if seen[0] != before[0]:
-            with self._device.profile.section("voxels of the room"):
-                self.inject_real(world)
-        with self._device.profile.section("voxels of objects"):
-            if seen[1] != before[1] or before[1] == 0:
-                self._inject_objects(world.arguments(features), world.objects.bounds)
+    def passes(self, world: World, features: Features) -> list[Pass[FrameContext]]:
+        """Return the passes that update the voxels."""
+
+        def inject_objects(_: FrameContext) -> None:
+            self._inject_objects(world.arguments(features), world.objects.bounds)
+
+        def light(_: FrameContext) -> None:
             self.light_objects(world, features)
             self.objects.reduce()
+
+        room, objects = "voxels of the room", "voxels of objects"
+        seen, lit = ("surfaces", "radiated"), (room, objects)
+        return [
+            Pass(room, Clock.VIDEO, lambda _: self.inject_real(world), seen, (room,)),
+            Pass(objects, Clock.OBJECTS, inject_objects, ("hierarchy",), (objects,)),
+            Pass(objects, Clock.OBJECTS, light, lit, ("light of voxels",)),
+        ]
 
     @abstractmethod
     def light_objects(self, world: World, features: Features) -> None:

@@ -18,7 +18,7 @@ class Composite:
     """
 
     def __init__(self, device: ComputeDevice, layout: PlaneLayout) -> None:
-        self._device, self._layout = device, layout
+        self._layout = layout
         self.picture = device.empty("picture", (layout.height, layout.width, 4))
         self._kernel = device.kernel("view/composite.cl", "composite").fixed(
             layout.arguments(), picture=self.picture
@@ -61,20 +61,19 @@ class Composite:
             `ColorMap.rows`: all but `colour` is in the reference's colours.
         """
         based = ratio is not None and (change is not None or color_map is not None)
-        with self._device.profile.section("composite"):
-            self._kernel(
-                self._layout.size,
-                colour=colour,
-                other=other,
-                other_pixel=other_pixel,
-                corner=corner,
-                ratio=ratio,
-                base=base if based else None,
-                change=change,
-                maps=color_map,
-                coverage=coverage,
-                sides=sides,
-                albedo=albedo,
-                diffuse=diffuse,
-                specular=specular,
-            )
+        self._kernel(
+            self._layout.size,
+            colour=colour,
+            other=other,
+            other_pixel=other_pixel,
+            corner=corner,
+            ratio=ratio,
+            base=base if based else None,
+            change=change,
+            maps=color_map,
+            coverage=coverage,
+            sides=sides,
+            albedo=albedo,
+            diffuse=diffuse,
+            specular=specular,
+        )

@@ -21,6 +21,9 @@ from iprt.world.real.real_world import RealWorld
 UNEVEN = -2
 """Value in `other_pixel`, as in `cl/lib/world/real/uneven.h`."""
 
+REAL_LAYER_READS = ("surfaces", "radiance", "highlights", "color map", "camera motion")
+"""Data that `RealLayer.show` reads, besides the view."""
+
 
 class RealLayer:
     """Pass that resamples the panorama into the view.
@@ -156,21 +159,20 @@ class RealLayer:
             color, clipped = panorama.radiated, NOTHING_CLIPPED
         kernels = self._clipped if clipped else self._plain
         assert kernels is not None, "no kernels for it"
-        with self._device.profile.section("resample"):
-            for kernel in kernels:
-                kernel(
-                    self._layout.size,
-                    gloss,
-                    clipped,
-                    view=view,
-                    previous=previous,
-                    panorama_width=panorama.width,
-                    panorama_height=panorama.height,
-                    panorama_color=color,
-                    panorama_surface=panorama.surface,
-                    panorama_range=panorama.range,
-                )
-            self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
+        for kernel in kernels:
+            kernel(
+                self._layout.size,
+                gloss,
+                clipped,
+                view=view,
+                previous=previous,
+                panorama_width=panorama.width,
+                panorama_height=panorama.height,
+                panorama_color=color,
+                panorama_surface=panorama.surface,
+                panorama_range=panorama.range,
+            )
+        self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 
     def show(self, world: RealWorld, context: FrameContext) -> None:
         """Fill the planes with the view of the world in a frame."""

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import pyopencl.array as cla
 
-from iprt.gbuffer.batch import int4
+from iprt.device.vectors import int4
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.world.objects.object_layers import EMPTY
@@ -115,9 +115,9 @@ class World:
         }
 
     def _layers(self) -> dict[str, Any]:
-        screen, equirect = self.objects.screen, self.objects.equirect
+        screen, around = self.objects.screen, self.objects.around
         return {
             **(screen.arguments("screen") if screen else {}),
-            **(equirect.arguments("equirect") if equirect else {}),
+            **(around.arguments("equirect") if around else {}),
             "objects_rectangle": int4(screen.rect if screen else EMPTY),
         }

@@ -90,11 +90,12 @@ def still_frame(device: ComputeDevice, view: cla.Array) -> FrameContext:
     """The first frame; nothing has changed."""
     return FrameContext(
         0,
+        View(1, 1),
+        View(1, 1),
         view,
         view,
-        view_changed=False,
-        video_changed=False,
-        objects_changed=False,
+        moving=False,
+        changed=False,
         fading=0.0,
         grids=tracing_grids(device),
     )

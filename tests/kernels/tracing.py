@@ -14,8 +14,8 @@ from iprt.device.counting import CountingDevice, CountingKernel
 from iprt.device.kernel import Kernel
 from iprt.device.program import Program
 from iprt.device.program import build as build_program
+from iprt.device.vectors import int4
 from iprt.footage.frame import Frame
-from iprt.gbuffer.batch import int4
 from iprt.geometry.camera import View
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.settings.trace import TraceSettings

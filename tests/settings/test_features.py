@@ -94,7 +94,7 @@ def test_kernels_that_trace_are_built_alike_for_all_objects() -> None:
     for file in (
         "world/real/irradiance.cl",
         "world/real/highlight.cl",
-        "world/objects/visibility.cl",
+        "view/visibility.cl",
         "trace/trace_delta.cl",
         "trace/trace_virtual.cl",
         "trace/trace_gloss.cl",

@@ -28,6 +28,7 @@ from iprt.settings.features import Features
 from iprt.settings.filter import MaskSettings
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
+from iprt.trace.tracers import traced_arguments
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
@@ -123,22 +124,20 @@ class Kernels:
         signal = self._planes(trace.signal)
         if renderer.real_world.irradiance is None:
             return signal[..., :3], signal[..., 3:], np.ones(3)
-        shown = renderer.real_world.irradiance.show(
-            renderer.real_world.panorama, renderer.method.real_pixels.guide
-        )
+        guide = renderer.method.real_pixels.guide
+        shown = self.device.zeros("shown", guide.layout.shape(3))
+        renderer.real_world.irradiance.show(renderer.real_world.panorama, guide.arguments(), shown)
         return signal[..., :3], signal[..., 3:], self._planes(shown)
 
     def irradiance(self, seed: int, rays: int) -> Float:
         """(N, 3) E_R / π of the cells of a cache that knew nothing; each begins with 2 * rays."""
         renderer = self.renderer
-        panorama = renderer.real_world.panorama
+        panorama, pixels = renderer.real_world.panorama, renderer.method.real_pixels
         cache = IrradianceCache(self.device, panorama, self._features(seed, rays))
         cache.place(panorama, STILL, changed=0.0, cut=False)
         cache.run(
             renderer.world.arguments(self._features(seed, rays)),
-            renderer.method.real_pixels.guide,
-            renderer.method.real_pixels.mask,
-            self.view,
+            traced_arguments(pixels.guide, pixels.mask, self.view),
             min_solid_angle=0.0,
         )
         mean = self.device.read(cache.mean).astype(np.float64)
@@ -200,7 +199,9 @@ def kernels(
         if lights is not None and aim_at is not None:
             lights.load(uploaded(device, aim_at))
             assert lights.count > 0
-            renderer.method.prepare_video(renderer.world)
+            for one in renderer.schedule.passes:
+                if one.name == "lights":
+                    one.run(None)
         yield Kernels(device, renderer, device.upload("run view", view.kernel_constants()))
 
 

@@ -96,15 +96,14 @@ class Impostor:
             "color": panorama.radiated,
             "centre": self._centre(),
         }
-        with device.profile.section("impostor"):
-            device.fill_zero(self._nearest)
-            device.fill_zero(self._source)
-            for claims in (0, 1):
-                self._splat((panorama.width, panorama.height), seen, claims=claims)
-            self._shade((self._side, FACES * self._side), seen)
-            self.fill()
-            if self.lights is not None:
-                self._show((2 * self._rows, self._rows), self._map())
+        device.fill_zero(self._nearest)
+        device.fill_zero(self._source)
+        for claims in (0, 1):
+            self._splat((panorama.width, panorama.height), seen, claims=claims)
+        self._shade((self._side, FACES * self._side), seen)
+        self.fill()
+        if self.lights is not None:
+            self._show((2 * self._rows, self._rows), self._map())
         if self.lights is not None:
             self.lights.load(self._picture)
 

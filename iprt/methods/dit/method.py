@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
-from iprt.method import Setup, Signals
+from iprt.method import Setup
 from iprt.methods.dit import DitSettings
 from iprt.methods.dit.impostor import Impostor
+from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.sparse import SparseMethod, Tracers
 from iprt.trace.tracers import RealTracer
@@ -59,7 +60,6 @@ class DistanceImpostorTracing(SparseMethod):
             self._own.iterations,
             light_sampling=features.light_sampling,
         )
-        self._placed = False
         super().__init__(setup)
 
     def tracers(self) -> Tracers:
@@ -69,21 +69,25 @@ class DistanceImpostorTracing(SparseMethod):
         cache = self._own.cache if self._own.directions == "cached" else 0
         return Tracers(real=partial(TraceCached, cache=cache))
 
-    def prepare_video(self, world: World) -> None:
-        """Invalidate the impostor, which shows the previous frame."""
-        self._placed = False
-
-    def trace(self, world: World, context: FrameContext) -> Signals:
-        """Build the impostor if it is outdated, then trace as `SparseMethod` does."""
-        bounds = world.objects.bounds
-        centre = middle_of(bounds)
-        # The map of objects at rest is centred at them, so that it does not depend on their path.
-        slack = SLACK * radius_of(bounds) if context.objects_changed else 0.0
-        if not self._placed or np.linalg.norm(centre - self.impostor.centre) > slack:
-            self.impostor.place(world.panorama, centre)
-            self._placed = True
+    def prepare(self, world: World) -> list[Pass[FrameContext]]:
+        """Build the impostor of each video frame, and anew where objects leave its centre."""
         world.impostor = self.impostor
-        return super().trace(world, context)
+
+        def build(_: FrameContext) -> None:
+            self.impostor.place(world.panorama, middle_of(world.objects.bounds))
+
+        def follow(context: FrameContext) -> None:
+            bounds = world.objects.bounds
+            away = np.linalg.norm(middle_of(bounds) - self.impostor.centre)
+            # At rest it is centred at the objects, so that it does not depend on their path.
+            if away > (SLACK * radius_of(bounds) if context.moving else 0.0):
+                build(context)
+
+        seen, built = ("surfaces", "radiated"), ("impostor",)
+        return [
+            Pass("impostor", Clock.VIDEO, build, seen, built),
+            Pass("impostor", Clock.FRAME, follow, seen, built),
+        ]
 
 
 def middle_of(bounds: NDArray[np.float32]) -> NDArray[np.float32]:

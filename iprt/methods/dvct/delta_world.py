@@ -73,31 +73,29 @@ class DeltaWorld(VoxelWorld):
     def inject_real(self, world: World) -> None:
         """Fill the room's voxels, and make area lights of the panorama."""
         super().inject_real(world)
-        with self._device.profile.section("lights"):
-            self._find(self._cells.shape[1::-1], self._panorama_arguments(world))
-            cells = self._device.read(self._cells).astype(np.float64)
-            self._discs = area_lights(
-                cells[..., 0, :3],
-                cells[..., 0, 3],
-                cells[..., 1, :3],
-                cells[..., 1, 3],
-                self._own.lights,
-                world.panorama.farthest,
-            )
-            if self.outside is not None:
-                self._behind = self.outside.level(CELL_LEVEL)
+        self._find(self._cells.shape[1::-1], self._panorama_arguments(world))
+        cells = self._device.read(self._cells).astype(np.float64)
+        self._discs = area_lights(
+            cells[..., 0, :3],
+            cells[..., 0, 3],
+            cells[..., 1, :3],
+            cells[..., 1, 3],
+            self._own.lights,
+            world.panorama.farthest,
+        )
+        if self.outside is not None:
+            self._behind = self.outside.level(CELL_LEVEL)
 
     def light_objects(self, world: World, features: Features) -> None:
         """Draw the shadow maps, light the objects' voxels, and fill `delta`."""
         low, high = box_around(world.objects.bounds)
         self._aim(low, high)
-        with self._device.profile.section("shadow maps"):
-            if self.light_count:
-                self._map(
-                    (self._own.map_side**2, self.light_count),
-                    world.arguments(features),
-                    area_light_count=self.light_count,
-                )
+        if self.light_count:
+            self._map(
+                (self._own.map_side**2, self.light_count),
+                world.arguments(features),
+                area_light_count=self.light_count,
+            )
         arguments = self.arguments()
         self._inject_objects_light((self.objects.finest,), arguments)
         middle, reach = 0.5 * (low + high), 0.5 * AROUND * float((high - low).max())

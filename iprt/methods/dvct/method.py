@@ -8,9 +8,10 @@ from typing import Any
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
-from iprt.method import Setup, Signals
+from iprt.method import Setup
 from iprt.methods.dvct import DvctSettings
 from iprt.methods.dvct.delta_world import DeltaWorld
+from iprt.passes import Pass
 from iprt.settings.features import Features
 from iprt.trace.cones import ConeReal, ConeVirtual
 from iprt.trace.sparse import SparseMethod, Tracers
@@ -55,7 +56,6 @@ class DeltaVoxelConeTracing(SparseMethod):
             partial(ConeGloss, voxels=self.voxels),
         )
 
-    def trace(self, world: World, context: FrameContext) -> Signals:
-        """Update the voxels, then trace as `SparseMethod` does."""
-        self.voxels.follow(world, self.setup.features)
-        return super().trace(world, context)
+    def prepare(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes of the voxels."""
+        return self.voxels.passes(world, self.setup.features)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pyopencl.array as cla
-
 from iprt.gbuffer.context import FrameContext
 from iprt.method import Setup
 from iprt.methods.iprt.ratio_map import RatioMap
-from iprt.trace.sparse import SparseMethod
+from iprt.passes import Pass
+from iprt.trace.sparse import Around, SparseMethod
 from iprt.world.world import World
 
 
@@ -21,9 +20,7 @@ class Iprt(SparseMethod):
         if features.ratio_map:
             self._ratio_map = RatioMap(device, features, setup.camera)
 
-    def relight_around(self, world: World, context: FrameContext) -> tuple[cla.Array, int] | None:
-        """Update the ratio map and return its ratio and rows; None without a map."""
-        if self._ratio_map is None:
-            return None
-        self._ratio_map.run(world, context)
-        return self._ratio_map.ratio, self._ratio_map.rows
+    def relight_around(self, world: World) -> tuple[Around, list[Pass[FrameContext]]]:
+        """Return the ratio map's ratio and rows, and its passes."""
+        found = self._ratio_map
+        return (None, []) if found is None else ((found.ratio, found.rows), found.passes(world))

@@ -12,6 +12,7 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
+from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.pixels import RealPixels
 from iprt.view.real_layer import RealLayer
@@ -42,11 +43,12 @@ class RatioMap:
     ) -> None:
         """Build the map; `camera` is `CameraMotion.rows`, where the camera moves."""
         self.rows = features.needs.ratio_rows
-        self._device = device
         self._view = View(2 * self.rows, self.rows, projection="equirect")
         layout = PlaneLayout.of(self._view)
         self._constants = device.upload("ratio map view", self._view.kernel_constants())
-        layer = RealLayer(device, layout, name="ratio map", radiated=True, camera=camera)
+        self._layer = layer = RealLayer(
+            device, layout, name="ratio map", radiated=True, camera=camera
+        )
         guide = Guide(device, layout, name="ratio map", camera=camera)
         self._guides = Guides(device, [guide], [Layer(layer.normal, layer.depth, layer.id)])
         self._pixels = RealPixels(
@@ -55,24 +57,31 @@ class RatioMap:
         self._masks = Masks(device, [self._pixels.mask])
         self.ratio = self._pixels.relight.ratio
         self._updates = 0
-        self._follows_camera = camera is not None
-        self._in_motion = False
 
-    def run(self, world: World, context: FrameContext) -> None:
-        """Update the map; it does not turn with the view and ignores `context.view`."""
-        # A settled map gains little from another frame.
-        settled = self._updates >= MAP_SETTLED and not context.changed
-        if settled and context.index % MAP_EVERY > 0:
-            return
-        here = replace(context, index=self._updates, view=self._constants, previous=self._constants)
-        self._updates += 1
-        with self._device.profile.section("ratio map"):
-            # The frame after a camera's motion still needs an update: its motion vectors are 0.
-            if here.index == 0 or context.changed or self._in_motion:
-                self._pixels.layer.run(world.panorama, self._constants, self._constants)
-            self._in_motion = self._follows_camera and context.changed
-            layer = self._pixels.layer
+    def passes(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes that update the map, which does not turn with the view."""
+        steps = self._pixels.passes(world)
+
+        def resample(_: FrameContext) -> None:
+            self._layer.run(world.panorama, self._constants, self._constants)
+
+        def update(context: FrameContext) -> None:
+            # A settled map gains little from another frame.
+            settled = self._updates >= MAP_SETTLED and not context.changed
+            if settled and context.index % MAP_EVERY > 0:
+                return
+            constants = {"view": self._constants, "previous": self._constants}
+            here = replace(context, index=self._updates, **constants)
+            self._updates += 1
             self._guides.run(self._constants)
             metre = world.panorama.scale
-            self._masks.run(here.grid, [layer.motion], metre=metre, cut=context.cut)
-            self._pixels.run(world, here)
+            self._masks.run(here.grid, [self._layer.motion], metre=metre, cut=context.cut)
+            self._pixels.start(here)
+            for step in steps:
+                step.run(here)
+
+        seen, shown = ("surfaces", "radiated", "camera motion"), ("map surfaces",)
+        return [
+            Pass("ratio map", Clock.VIDEO, resample, seen, shown),
+            Pass("ratio map", Clock.FRAME, update, shown, ("ratio around",)),
+        ]

@@ -22,7 +22,7 @@ class LearnedRadiance:
     """
 
     def __init__(self, device: ComputeDevice, settings: LearningSettings) -> None:
-        self._device, self._settings = device, settings
+        self._settings = settings
         self.learner = Learner(device, settings.samples, settings.models)
         self._version, self._left, self._metre = 0, 0, 1.0
 
@@ -51,8 +51,7 @@ class LearnedRadiance:
             unit=max(panorama.mean_radiance, 1e-20),
             forgetting=own.forgetting,
         )
-        with self._device.profile.section("learn"):
-            self.learner.learn(self.learner.draw(panorama.surfaces, panorama.radiated), how)
+        self.learner.learn(self.learner.draw(panorama.surfaces, panorama.radiated), how)
 
     def arguments(self) -> dict[str, Any]:
         """Return `LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""

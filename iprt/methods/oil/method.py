@@ -9,9 +9,10 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import plane_defines
-from iprt.method import Image, Setup, Signals
+from iprt.method import Image, Setup
 from iprt.methods.oil import OilSettings
 from iprt.methods.oil.learned import LearnedRadiance
+from iprt.passes import Clock, Pass
 from iprt.trace.paths import Environment, PathTraceReal, PathTraceVirtual
 from iprt.trace.sparse import SparseMethod, Tracers
 from iprt.world.world import World
@@ -61,15 +62,14 @@ class OnlineIllumination(SparseMethod):
             partial(PathTraceReal, one_pass=False, **shared), partial(PathTraceVirtual, **shared)
         )
 
-    def prepare_video(self, world: World) -> None:
-        """Draw samples of the frame's lights and start to learn from the frame."""
-        self.environment.sample(world.real.lights)
-        self.learned.follow(world.real)
-
-    def trace(self, world: World, context: FrameContext) -> Signals:
-        """Learn from a batch of texels, then trace as `SparseMethod` does."""
-        self.learned.learn(world.panorama)
-        return super().trace(world, context)
+    def prepare(self, world: World) -> list[Pass[FrameContext]]:
+        """Draw samples of the frame's lights, and learn from a batch of texels in each frame."""
+        seen, models = ("surfaces", "radiated"), ("models",)
+        return [
+            self.environment.sampling(world),
+            Pass("learn", Clock.VIDEO, lambda _: self.learned.follow(world.real), seen, models),
+            Pass("learn", Clock.FRAME, lambda _: self.learned.learn(world.panorama), seen, models),
+        ]
 
     def aov(self, name: str) -> Image | None:
         """Return the learned radiance for "learned", else as `SparseMethod` does."""

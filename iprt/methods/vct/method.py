@@ -7,8 +7,9 @@ from typing import Any
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
-from iprt.method import Setup, Signals
+from iprt.method import Setup
 from iprt.methods.vct import VctSettings
+from iprt.passes import Pass
 from iprt.settings.features import Features
 from iprt.trace.cones import ConeReal, ConeVirtual
 from iprt.trace.sparse import SparseMethod, Tracers
@@ -65,7 +66,6 @@ class VoxelConeTracing(SparseMethod):
             partial(ConeVirtual, **shared),
         )
 
-    def trace(self, world: World, context: FrameContext) -> Signals:
-        """Update the voxels, then trace as `SparseMethod` does."""
-        self.voxels.follow(world, self.setup.features)
-        return super().trace(world, context)
+    def prepare(self, world: World) -> list[Pass[FrameContext]]:
+        """Return the passes of the voxels."""
+        return self.voxels.passes(world, self.setup.features)

@@ -88,17 +88,16 @@ class ObjectBvh:
             return
         with self._device.profile.host("build bvh"):
             scene = self._builder.build(instances)
-        with self._device.profile.section("upload"):
-            for name in self._buffers:
-                values = getattr(scene, name)
-                buffer = self._room_for(name, 0 if values is None else len(values))
-                if values is None:
-                    self._device.fill_zero(buffer)
-                    continue
-                # Trees may exceed the bound on the number of nodes.
-                rows = np.zeros(buffer.shape, buffer.dtype)
-                rows[: len(values)] = values
-                self._device.write(buffer, rows)
+        for name in self._buffers:
+            values = getattr(scene, name)
+            buffer = self._room_for(name, 0 if values is None else len(values))
+            if values is None:
+                self._device.fill_zero(buffer)
+                continue
+            # Trees may exceed the bound on the number of nodes.
+            rows = np.zeros(buffer.shape, buffer.dtype)
+            rows[: len(values)] = values
+            self._device.write(buffer, rows)
 
         self._loaded = instances
 

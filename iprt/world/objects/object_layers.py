@@ -1,8 +1,7 @@
-"""Virtual objects on the device as layers: traced ones and the visible one."""
+"""Rasterized layers of the objects that rays meet."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,14 +9,12 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.batch import Rect, int4
-from iprt.gbuffer.guide import plane_defines
-from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.raster.layers import COVERAGE_TOLERANCE, ObjectLayers
+from iprt.raster.layers import ObjectLayers
+from iprt.raster.region import Rect
 from iprt.world.real.pyramid import Pyramid, PyramidShape, equirect_edges
 
-EMPTY: Rect = (0, 0, 0, 0)
+EMPTY = Rect(0, 0, 0, 0)
 
 
 class TracedLayers:
@@ -25,12 +22,13 @@ class TracedLayers:
 
     Attributes
     ----------
-    rect : (x0, y0, x1, y1)
+    view : View
+    rect : Rect
         Pixels covered by objects.
     """
 
     def __init__(self, device: ComputeDevice, view: View, name: str) -> None:
-        self._device = device
+        self._device, self.view = device, view
         self.width, self.height = view.width, view.height
         equirect = view.projection == "equirect"
         self.footprint = np.pi / view.height if equirect else 1.0 / view.focal_px
@@ -46,7 +44,7 @@ class TracedLayers:
         self._build = device.kernel(
             "world/objects/object_surface.cl",
             "build_object_surface",
-            plane_defines(equirect=equirect),
+            {"VIEW_EQUIRECT": equirect},
         )
         self._pyramid = Pyramid(device)
         self.rect = EMPTY
@@ -55,21 +53,19 @@ class TracedLayers:
         """Upload rasterized layers; `view` holds the constants of their view."""
         assert layers.back is not None
         self.rect = covered_rect(layers.front.geometry[..., 3])
-        with self._device.profile.section("upload"):
-            pair = (layers.front, layers.back)
-            self._device.write(self.geometry, np.stack([p.geometry for p in pair]))
-            self._device.write(self.material, np.stack([p.material for p in pair]))
-        with self._device.profile.section("object surface"):
-            self._build(
-                (self.width, self.height),
-                width=self.width,
-                height=self.height,
-                footprint=self.footprint,
-                view=view,
-                geometry=self.geometry,
-                planes=self._planes,
-                range=self._range,
-            )
+        pair = (layers.front, layers.back)
+        self._device.write(self.geometry, np.stack([p.geometry for p in pair]))
+        self._device.write(self.material, np.stack([p.material for p in pair]))
+        self._build(
+            (self.width, self.height),
+            width=self.width,
+            height=self.height,
+            footprint=self.footprint,
+            view=view,
+            geometry=self.geometry,
+            planes=self._planes,
+            range=self._range,
+        )
         self._pyramid.run(self._range, self.shape)
 
     def arguments(self, name: str) -> dict[str, Any]:
@@ -88,83 +84,10 @@ class TracedLayers:
         }
 
 
-class VisibleSurfaces:
-    """Nearest surfaces of the objects, as planes.
-
-    Attributes
-    ----------
-    normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
-        See `cl/world/objects/unpack.cl`.
-    """
-
-    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, name: str) -> None:
-        """Allocate the planes; `name` prefixes their buffers."""
-        self.normal = device.zeros(f"{name} normal", layout.shape(3))
-        self.depth = device.zeros(f"{name} depth", layout.shape(1))
-        self.id = device.zeros(f"{name} id", layout.shape(1))
-        self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
-        self.albedo = device.zeros(f"{name} albedo", layout.shape(3))
-        self.coverage = device.zeros(f"{name} coverage", layout.shape(1))
-        self.motion = device.zeros(f"{name} motion", layout.shape(2))
-
-    def planes(self, prefix: str = "") -> dict[str, cla.Array]:
-        """Return all planes by name, as kernel arguments."""
-        names = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
-        return {prefix + name: getattr(self, name) for name in names}
-
-
-class VisibleLayer(VisibleSurfaces):
-    """Nearest surfaces in the view, unpacked from a drawn image.
-
-    Attributes
-    ----------
-    display : (3, H, W, 4) float32
-        The drawn image: `ObjectLayers.display`.
-    sides : (H * W, 2) float32
-        Share of either real surface that objects hide, in pixels at depth edges.
-    """
-
-    def __init__(
-        self,
-        device: ComputeDevice,
-        layout: PlaneLayout,
-        edges: Mapping[str, cla.Array],
-        *,
-        equirect: bool,
-    ) -> None:
-        """Allocate the planes. `edges` is `RealLayer.edges` of the view, filled before this."""
-        super().__init__(device, layout, name="object")
-        self._device = device
-        self._layout = layout
-        self.display = device.empty("object display", (3, layout.height, layout.width, 4))
-        self.sides = device.empty("object sides", (layout.height * layout.width, 2))
-        self._kernel = device.kernel(
-            "world/objects/unpack.cl",
-            "unpack_objects",
-            plane_defines(equirect=equirect, COVERAGE_TOLERANCE=COVERAGE_TOLERANCE),
-        ).fixed(layout.arguments(), self.planes(), edges, display=self.display, sides=self.sides)
-
-    def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
-        """Upload and unpack layers rasterized with `shade=True`."""
-        assert layers.display is not None
-        with self._device.profile.section("upload"):
-            self._device.write(self.display, layers.display)
-        self.unpack(view, materials, [(0, 0, *self._layout.size)])
-
-    def unpack(self, view: cla.Array, materials: cla.Array, regions: Sequence[Rect]) -> None:
-        """Fill the planes from `display` in the regions that may have changed."""
-        with self._device.profile.section("unpack"):
-            for region in regions:
-                x0, y0, x1, y1 = region
-                self._kernel(
-                    (x1 - x0, y1 - y0), rectangle=int4(region), view=view, materials=materials
-                )
-
-
 def covered_rect(image: NDArray[np.float32]) -> Rect:
-    """Return the smallest (x0, y0, x1, y1) that contains all positive pixels."""
+    """Return the smallest rectangle that contains all positive pixels."""
     rows = np.flatnonzero(image.max(axis=1) > 0.0)
     columns = np.flatnonzero(image.max(axis=0) > 0.0)
     if rows.size == 0:
         return EMPTY
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+    return Rect(int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1)

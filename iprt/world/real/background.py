@@ -61,7 +61,6 @@ class Background:
         `surfaces` are the frame's. `trace.thickness` is the least distance between the background
         and a surface that hides it.
         """
-        self._device = device
         self._trace = trace
         self._first = surfaces
         width, height = surfaces.width, surfaces.height
@@ -101,33 +100,32 @@ class Background:
         self.first = forget or not self._seen
         self._seen = True
         self.farthest = farthest if self.first else max(self.farthest, farthest)
-        first, device = self._first, self._device
+        first = self._first
         known = {"kept_depth": self.depth, "kept_plane": self.plane, "kept_marks": self.marks}
-        with device.profile.section("background"):
-            self._remember(
-                first.items(first.height),
-                first.grid,
-                known,
-                forget=self.first,
-                thickness=self._trace.thickness * scale,
-                thickness_ratio=self._trace.thickness_ratio,
-                inverse=first.inverse,
-                lines=first.lines,
-                surface=first.surface,
-                radiance=radiance,
-                kept_color=self.color,
-                kept_around=self.around,
-                hidden_light=self.hidden_light,
-            )
-            self._join(
-                (-(-first.width // STRIP), first.height),
-                first.grid,
-                known,
-                first_surface=first.surface,
-                first_range=range_,
-                surface=self.surface,
-                range=self.range,
-            )
+        self._remember(
+            first.items(first.height),
+            first.grid,
+            known,
+            forget=self.first,
+            thickness=self._trace.thickness * scale,
+            thickness_ratio=self._trace.thickness_ratio,
+            inverse=first.inverse,
+            lines=first.lines,
+            surface=first.surface,
+            radiance=radiance,
+            kept_color=self.color,
+            kept_around=self.around,
+            hidden_light=self.hidden_light,
+        )
+        self._join(
+            (-(-first.width // STRIP), first.height),
+            first.grid,
+            known,
+            first_surface=first.surface,
+            first_range=range_,
+            surface=self.surface,
+            range=self.range,
+        )
 
     def arguments(self) -> dict[str, Any]:
         """Return `BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h`."""

@@ -76,56 +76,55 @@ class Highlight:
         settings, gloss = self._settings, panorama.gloss
         highlight, radiated = panorama.highlight, panorama.radiated
         assert gloss is not None
-        with device.profile.section("highlights"):
-            glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
-            count = len(glossy)
-            if count:
-                device.write(self._list[:count], glossy)
-                trace = settings.trace
-                real = {
-                    **panorama.arguments(trace),
-                    "list": self._list,
-                    "count": count,
-                    "gloss": gloss,
-                    "real_materials": self.table,
-                    "real_reflectance": self.reflectance,
-                }
-                self._sample(
+        glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
+        count = len(glossy)
+        if count:
+            device.write(self._list[:count], glossy)
+            trace = settings.trace
+            real = {
+                **panorama.arguments(trace),
+                "list": self._list,
+                "count": count,
+                "gloss": gloss,
+                "real_materials": self.table,
+                "real_reflectance": self.reflectance,
+            }
+            self._sample(
+                (count,),
+                real,
+                most_rays=settings.gloss.rays,
+                frame_seed=settings.seed,
+                highlight=highlight,
+                variance=self._variances[0],
+            )
+            signal, filtered = zip((highlight, radiated), self._variances, strict=True)
+            for level in range(LEVELS):
+                self._filter(
                     (count,),
                     real,
-                    most_rays=settings.gloss.rays,
-                    frame_seed=settings.seed,
-                    highlight=highlight,
-                    variance=self._variances[0],
+                    step=1 << level,
+                    highlight=signal[0],
+                    variance=signal[1],
+                    filtered=filtered[0],
+                    filtered_variance=filtered[1],
                 )
-                signal, filtered = zip((highlight, radiated), self._variances, strict=True)
-                for level in range(LEVELS):
-                    self._filter(
-                        (count,),
-                        real,
-                        step=1 << level,
-                        highlight=signal[0],
-                        variance=signal[1],
-                        filtered=filtered[0],
-                        filtered_variance=filtered[1],
-                    )
-                    signal, filtered = filtered, signal
-                self._calibrate(real)
-            rows, columns, _ = self.gain.shape
-            self._remove(
-                (panorama.width, panorama.height),
-                width=panorama.width,
-                height=panorama.height,
-                gloss=gloss,
-                real_materials=self.table,
-                color=panorama.radiance,
-                columns=columns,
-                rows=rows,
-                gain=self.gain,
-                min_base=self._min_base,
-                highlight=highlight,
-                radiated=radiated,
-            )
+                signal, filtered = filtered, signal
+            self._calibrate(real)
+        rows, columns, _ = self.gain.shape
+        self._remove(
+            (panorama.width, panorama.height),
+            width=panorama.width,
+            height=panorama.height,
+            gloss=gloss,
+            real_materials=self.table,
+            color=panorama.radiance,
+            columns=columns,
+            rows=rows,
+            gain=self.gain,
+            min_base=self._min_base,
+            highlight=highlight,
+            radiated=radiated,
+        )
 
     def arguments(self) -> dict[str, Any]:
         """Return `GLOSS_PARAMETERS` of `cl/lib/world/world.h`."""

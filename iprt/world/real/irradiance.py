@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.filter.mask import Mask
 from iprt.footage.frame import LUMINANCE
-from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
 
@@ -62,7 +60,7 @@ class IrradianceCache:
         self.rows, self.columns = self.settings.rows, 2 * self.settings.rows
         # With objects as layers, an equirect view has only the layers around the capture centre.
         equirect = features.equirect_view and features.traced_layers
-        defines = plane_defines(equirect=equirect) | features.real_defines()
+        defines = {"VIEW_EQUIRECT": equirect, **features.real_defines()}
 
         self._entries = entries = SURFACES * self.rows * self.columns
 
@@ -141,19 +139,18 @@ class IrradianceCache:
             "real_surface": panorama.surface,
             "point": self.point,
         }
-        with self._device.profile.section("irradiance"):
-            if still:
-                self._place(grid, seen, self._named(""), kept=1.0 if cut else FOREVER)
-            else:
-                known = self._named("_before")
-                now_held = (self.plane, self.mean, self.irradiance)
-                (self.plane, self.mean, self.irradiance), self._before = self._before, now_held
-                self._device.write(self._camera, motion.astype(np.float32).ravel())
-                kept = 1.0 if cut else MOVED_SAMPLES
-                self._move(grid, seen, known, self._named(""), kept=kept, camera=self._camera)
-            self._light.follow(panorama)
-            if still and changed > 0.0 and not cut:
-                self._relight(*self._light.change(changed))
+        if still:
+            self._place(grid, seen, self._named(""), kept=1.0 if cut else FOREVER)
+        else:
+            known = self._named("_before")
+            now_held = (self.plane, self.mean, self.irradiance)
+            (self.plane, self.mean, self.irradiance), self._before = self._before, now_held
+            self._device.write(self._camera, motion.astype(np.float32).ravel())
+            kept = 1.0 if cut else MOVED_SAMPLES
+            self._move(grid, seen, known, self._named(""), kept=kept, camera=self._camera)
+        self._light.follow(panorama)
+        if still and changed > 0.0 and not cut:
+            self._relight(*self._light.change(changed))
 
     def forget(self) -> None:
         """Drop all samples, as in a new cache."""
@@ -188,44 +185,43 @@ class IrradianceCache:
 
     def run(
         self,
-        traced: Mapping[str, Any],
-        guide: Guide,
-        mask: Mask,
-        view: cla.Array,
+        world: Mapping[str, Any],
+        pixels: Mapping[str, Any],
         *,
         min_solid_angle: float,
     ) -> None:
-        """Refine the cells around the pixels that `mask` has listed.
+        """Refine the cells around traced pixels.
 
-        `traced` holds `World.arguments`. Few rays are used where objects have no noticeable
-        influence yet, and none where objects span less than `min_solid_angle` sr.
+        Few rays are used where objects have no noticeable influence yet, and none where objects
+        span less than `min_solid_angle` sr.
+
+        Parameters
+        ----------
+        world : mapping
+            `World.arguments`.
+        pixels : mapping
+            Arguments of the pixels: `TRACED_PARAMETERS` of `cl/lib/trace/traced.h`.
         """
-        layout = guide.layout
         self._count, self._next_count = self._next_count, self._count
         known = {**self._named(""), "count": self._count}
-        with self._device.profile.section("irradiance"):
-            self._list(
-                (layout.width * layout.height,),
-                guide.arguments(),
-                list=mask.traced,
-                count=mask.count,
-                touched=mask.touched,
-                boxes=traced["objects_bounds"],
-                box_count=traced["objects_count"],
-                min_solid_angle=min_solid_angle,
-                plane=self.plane,
-                mean=self.mean,
-                cell_count=self._count,
-                next_count=self._next_count,
-            )
-            self._refine((self._entries,), known, traced, view=view)
-            self._smooth((self._entries,), known)
+        self._list(
+            (pixels["width"] * pixels["height"],),
+            pixels,
+            boxes=world["objects_bounds"],
+            box_count=world["objects_count"],
+            min_solid_angle=min_solid_angle,
+            plane=self.plane,
+            mean=self.mean,
+            cell_count=self._count,
+            next_count=self._next_count,
+        )
+        self._refine((self._entries,), known, world, view=pixels["view"])
+        self._smooth((self._entries,), known)
 
-    def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
-        """Return E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has needed it."""
-        planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
-        self._show(guide.layout.size, guide.arguments(), self.arguments(panorama), shown=planes)
-        return planes
+    def show(self, panorama: Panorama, pixels: Mapping[str, Any], shown: cla.Array) -> None:
+        """Fill 3 planes with E_R / π of `pixels`; 0 where no traced pixel has needed it."""
+        size = pixels["width"], pixels["height"]
+        self._show(size, pixels, self.arguments(panorama), shown=shown)
 
     def arguments(self, panorama: Panorama) -> dict[str, Any]:
         """Return `CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h`."""

@@ -48,24 +48,22 @@ class Lights:
         `hidden` (H, W) is the luminance of lights in the hidden background, else 0.
         """
         height, width, _ = radiance.shape
-        with self._device.profile.section("lights"):
-            self._sum(
-                (self.columns, self.rows),
-                width=width,
-                height=height,
-                texels=radiance,
-                hidden_light=hidden,
-            )
+        self._sum(
+            (self.columns, self.rows),
+            width=width,
+            height=height,
+            texels=radiance,
+            hidden_light=hidden,
+        )
         density, cells, cumulative = light_table(self._device.read(self.luminance))
         self.count = len(cells)
         padded = np.zeros(self._cumulative.shape, np.float32)
         padded[: self.count + 1] = cumulative
         numbers = np.zeros(self._cell.shape, np.int32)
         numbers[: self.count] = cells
-        with self._device.profile.section("upload"):
-            self._device.write(self._cumulative, padded)
-            self._device.write(self._cell, numbers)
-            self._device.write(self._density, density.astype(np.float32))
+        self._device.write(self._cumulative, padded)
+        self._device.write(self._cell, numbers)
+        self._device.write(self._density, density.astype(np.float32))
 
     def arguments(self) -> dict[str, Any]:
         """Return `LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`, prefixed by the name."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.passes import Clock, Pass, Schedule
 from iprt.world.real.background import Background
 from iprt.world.real.clipped import ShownTexels
 from iprt.world.real.pyramid import Pyramid, PyramidShape
@@ -106,10 +107,21 @@ class Panorama:
         self.flux = Flux(0.0, 0.0)
         self.median_depth = self.nearest = self.farthest = 0.0
 
+    def passes(self) -> list[Pass[Frame]]:
+        """Return the passes that load a video frame."""
+        return [
+            Pass("picture", Clock.VIDEO, self._load_picture, writes=("radiance",)),
+            Pass("surfaces", Clock.VIDEO, self._load_surfaces, writes=("surfaces",)),
+            Pass("pyramid", Clock.VIDEO, self._build_pyramid, ("surfaces",), ("pyramid",)),
+            Pass("windows and gloss", Clock.VIDEO, self._load_marks, (), ("windows", "gloss")),
+            Pass("flux", Clock.VIDEO, self._measure_flux, ("radiance",), ("flux",)),
+        ]
+
     def load(self, frame: Frame) -> None:
         """Upload a video frame and build the tracer's data."""
-        device = self._device
-        self._load_light(frame)
+        Schedule(self.passes(), self._device.profile).walk(frame)
+
+    def _load_surfaces(self, frame: Frame) -> None:
         normal = None if frame.normal is None else self._enlarged(frame.normal)
         self.surfaces.load(
             self._enlarged(frame.depth),
@@ -118,16 +130,21 @@ class Panorama:
             frame.fit_tolerance,
             self.range,
         )
-        self._pyramid.run(self.range, self.shape)
         self.median_depth = frame.median_depth
         self.nearest, self.farthest = frame.nearest, frame.farthest
-        with device.profile.section("upload"):
-            if self.outside is not None:
-                device.write(self.outside, self._outside(frame))
-            if self.gloss is not None:
-                diffuse = np.zeros(frame.depth.shape, np.uint8)
-                gloss = diffuse if frame.gloss is None else frame.gloss
-                device.write(self.gloss, self._enlarged(gloss))
+
+    def _build_pyramid(self, _: Frame) -> None:
+        self._pyramid.run(self.range, self.shape)
+
+    def _load_marks(self, frame: Frame) -> None:
+        if self.outside is not None:
+            self._device.write(self.outside, self._outside(frame))
+        if self.gloss is not None:
+            diffuse = np.zeros(frame.depth.shape, np.uint8)
+            gloss = diffuse if frame.gloss is None else frame.gloss
+            self._device.write(self.gloss, self._enlarged(gloss))
+
+    def _measure_flux(self, _: Frame) -> None:
         self.flux = self._pictures.flux()
 
     @staticmethod
@@ -136,7 +153,7 @@ class Panorama:
         light = frame.radiance_of(frame.color.reshape(-1, 3)[texel])
         return outside_radiance(light, frame.opening)
 
-    def _load_light(self, frame: Frame) -> None:
+    def _load_picture(self, frame: Frame) -> None:
         color = self._enlarged(frame.color)
         self._pictures.load(self._color, color)
         if self._radiance is not self._color:
@@ -144,8 +161,7 @@ class Panorama:
         clipped = frame.clipped
         if clipped is not None and self._repeat > 1:
             clipped = clipped.repeated(self._repeat, frame.width)
-        with self._device.profile.section("upload"):
-            self.clipped.load(clipped)
+        self.clipped.load(clipped)
 
     def remember(self, *, forget: bool) -> None:
         """Update the background with the loaded frame, if it is remembered.

@@ -50,21 +50,19 @@ class Pyramid:
     """Kernel that builds the coarser levels in place over a filled finest level."""
 
     def __init__(self, device: ComputeDevice) -> None:
-        self._device = device
         self._reduce = device.kernel("world/real/pyramid.cl", "reduce_range")
 
     def run(self, range_: cla.Array, shape: PyramidShape) -> None:
         """Fill levels 1 and up of `range_`, (cells, 2) float32, from level 0."""
-        with self._device.profile.section("pyramid"):
-            for level in range(shape.levels - 1):
-                self._reduce(
-                    (shape.columns[level + 1], shape.rows[level + 1]),
-                    columns=shape.columns[level],
-                    rows=shape.rows[level],
-                    fine=shape.offsets[level],
-                    coarse=shape.offsets[level + 1],
-                    range=range_,
-                )
+        for level in range(shape.levels - 1):
+            self._reduce(
+                (shape.columns[level + 1], shape.rows[level + 1]),
+                columns=shape.columns[level],
+                rows=shape.rows[level],
+                fine=shape.offsets[level],
+                coarse=shape.offsets[level + 1],
+                range=range_,
+            )
 
 
 def equirect_edges(width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -96,16 +96,15 @@ class PictureLoader:
             return
         assert color_map is None, "a map would change the host's picture"
         picture.texels = self._device.share(picture.name, values)
-        with self._device.profile.section("upload"):
-            self._load(
-                (self._strips, self._height),
-                first=0,
-                done=0,
-                color=picture.texels,
-                map=None,
-                before=before,
-                texels=None,
-            )
+        self._load(
+            (self._strips, self._height),
+            first=0,
+            done=0,
+            color=picture.texels,
+            map=None,
+            before=before,
+            texels=None,
+        )
 
     def _copy(
         self,
@@ -122,17 +121,16 @@ class PictureLoader:
         end = 0
         for first in bands(self._height, self._width):
             done, end = end - first, first + self._band
-            with device.profile.section("upload"):
-                device.write(self._color, values[first : first + self._band])
-                self._load(
-                    (self._strips, self._band),
-                    first=first,
-                    done=done,
-                    color=self._color,
-                    map=None if color_map is None else self._map,
-                    before=before,
-                    texels=picture.texels,
-                )
+            device.write(self._color, values[first : first + self._band])
+            self._load(
+                (self._strips, self._band),
+                first=first,
+                done=done,
+                color=self._color,
+                map=None if color_map is None else self._map,
+                before=before,
+                texels=picture.texels,
+            )
 
     def flux(self) -> Flux:
         """Wait for the device, and return the flux of the last loaded picture."""

@@ -9,6 +9,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.cut_detection import SWITCHED, is_cut
 from iprt.footage.frame import Frame
 from iprt.geometry.pose import camera_motion
+from iprt.passes import Clock, Pass, Schedule
 from iprt.settings.features import Features
 from iprt.world.real.background import OTHER_LIGHT
 from iprt.world.real.camera_motion import STILL
@@ -32,8 +33,8 @@ class RealWorld:
     Attributes
     ----------
     frame : Frame
-    version : int
-        Number of frames loaded. A view compares it with its last picture's.
+    schedule : Schedule
+        Passes of a frame of the video.
     cut_version : int
         The version since which the video shows one scene under one light. Accumulated state
         from before is invalid.
@@ -45,8 +46,8 @@ class RealWorld:
 
     def __init__(self, device: ComputeDevice, frame: Frame, features: Features) -> None:
         self._features = features
-        self.frame, self._complete = frame, False
-        self.version = self.cut_version = self._split_version = 0
+        self.frame = frame
+        self.cut_version = 0
         self.panorama = Panorama(
             device,
             frame.width,
@@ -63,7 +64,44 @@ class RealWorld:
             IrradianceCache(device, self.panorama, features) if features.delta else None
         )
         self.highlight = Highlight(device, self.panorama, features) if features.gloss else None
+        self.schedule = Schedule(self._passes(), device.profile)
         self._load(frame)
+
+    def _passes(self) -> list[Pass[Frame]]:
+        """Return the passes of a frame of the video."""
+        panorama, lights, highlight = self.panorama, self.lights, self.highlight
+        passes = panorama.passes()
+        if self._color_map is not None:
+            passes.append(Pass("color map", Clock.VIDEO, self._map_colors, (), ("color map",)))
+        if self._features.objects:
+            light = ("flux", "radiance")
+            passes.append(Pass("cuts", Clock.VIDEO, self._find_cut, light, ("cuts",)))
+        if panorama.background is not None:
+            seen = ("surfaces", "radiance", "cuts")
+            passes.append(Pass("background", Clock.VIDEO, self._remember, seen, ("background",)))
+        if lights is not None:
+            passes.append(
+                Pass(
+                    "lights",
+                    Clock.VIDEO,
+                    lambda _: lights.load(panorama.radiance, panorama.hidden_light),
+                    ("radiance", "background"),
+                    ("lights",),
+                )
+            )
+        if self.irradiance is not None:
+            placed = ("surfaces", "flux", "cuts")
+            passes.append(Pass("irradiance", Clock.VIDEO, self._place_cells, placed, ("cells",)))
+        if highlight is not None:
+            shiny = ("surfaces", "pyramid", "radiance", "gloss")
+            split = ("highlights", "radiated")
+            passes.append(Pass("highlights", Clock.VIDEO, lambda _: highlight.run(), shiny, split))
+        return passes
+
+    @property
+    def version(self) -> int:
+        """Number of frames loaded. A view compares it with its last picture's."""
+        return self.schedule.versions[Clock.VIDEO]
 
     @property
     def color_map(self) -> cla.Array | None:
@@ -80,36 +118,36 @@ class RealWorld:
         ValueError
             Only one of it and the previous frame has a pose.
         """
-        if frame is not self.frame or not self._complete:
+        if frame is not self.frame or not self.schedule.complete:
             self._load(frame)
 
     def _load(self, frame: Frame) -> None:
-        features, before = self._features, self.frame
-        motion = camera_motion(before.pose, frame.pose)
-        # After an abandoned update, accumulated state is invalid.
-        abandoned, self._complete = not self._complete and self.version > 0, False
+        features = self._features
         mapped = features.objects and frame.color_map is not None
         assert features.color_map or not mapped, "no buffer for it"
-        self.panorama.load(frame)
-        if self._color_map is not None:
-            self._color_map.load(frame.color_map)
-        self.version += 1
-        if features.objects:
-            changed = self.panorama.flux.change
-            cut = abandoned or is_cut(before, frame, changed)
-            if cut or changed > SWITCHED:
-                self.cut_version = self.version
-            elsewhere = cut or not np.array_equal(motion, STILL)
-            self.panorama.remember(forget=elsewhere or changed > OTHER_LIGHT)
-            if self.lights is not None:
-                self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
-            if self.irradiance is not None:
-                self.irradiance.place(self.panorama, motion, changed=changed, cut=cut)
-        self.frame, self._complete = frame, True
+        self._motion = camera_motion(self.frame.pose, frame.pose)
+        # After an abandoned update, accumulated state is invalid.
+        self._cut = not self.schedule.complete
+        self.schedule.tick(Clock.VIDEO)
+        self.schedule.walk(frame)
+        self.frame = frame
 
-    def split_highlights(self) -> None:
-        """Separate highlights from the panorama before its first use, where surfaces are glossy."""
-        if self.highlight is None or self._split_version == self.version:
-            return
-        self.highlight.run()
-        self._split_version = self.version
+    def _map_colors(self, frame: Frame) -> None:
+        assert self._color_map is not None
+        self._color_map.load(frame.color_map)
+
+    def _find_cut(self, frame: Frame) -> None:
+        """Decide whether the frame continues the scene, and the light, of the previous one."""
+        changed = self.panorama.flux.change
+        self._cut |= is_cut(self.frame, frame, changed)
+        if self._cut or changed > SWITCHED:
+            self.cut_version = self.version
+
+    def _remember(self, _: Frame) -> None:
+        elsewhere = self._cut or not np.array_equal(self._motion, STILL)
+        self.panorama.remember(forget=elsewhere or self.panorama.flux.change > OTHER_LIGHT)
+
+    def _place_cells(self, _: Frame) -> None:
+        assert self.irradiance is not None
+        changed = self.panorama.flux.change
+        self.irradiance.place(self.panorama, self._motion, changed=changed, cut=self._cut)

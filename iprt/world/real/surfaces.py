@@ -164,20 +164,16 @@ class Surfaces:
         marks = opening.view(np.uint8)
         for first in bands(self.height, self.width):
             rows = slice(first, first + band)
-            with device.profile.section("upload"):
-                device.write(self._depth, depth[rows])
-                device.write(self._marks, marks[rows])
-            with device.profile.section("surface"):
-                self._invert((self.width, band), first=first)
+            device.write(self._depth, depth[rows])
+            device.write(self._marks, marks[rows])
+            self._invert((self.width, band), first=first)
         for first in bands(self.height, self.width):
             # One more row beyond either end, to join the rows at the ends with.
-            with device.profile.section("surface"):
-                self._fit(self.items(band + 2), first=first - 1, tolerance=tolerance)
+            self._fit(self.items(band + 2), first=first - 1, tolerance=tolerance)
             if normal is not None:
                 self._take_given(normal, first - 1)
-            with device.profile.section("surface"):
-                fitted = int(normal is None)
-                self._build(self.items(band), first=first, fitted=fitted, range=range_)
+            fitted = int(normal is None)
+            self._build(self.items(band), first=first, fitted=fitted, range=range_)
 
     def items(self, rows: int) -> tuple[int, int]:
         """Return the work items, over some rows, of kernels built with WIDE."""
@@ -191,10 +187,8 @@ class Surfaces:
         given = np.zeros(self._normal.shape, np.float32)
         low, high = max(first, 0), min(first + rows, self.height)
         given[low - first : high - first] = normal[low:high]
-        with device.profile.section("upload"):
-            device.write(self._normal, given)
-        with device.profile.section("surface"):
-            self._take((self.width, rows), first=first, normals=self._normal)
+        device.write(self._normal, given)
+        self._take((self.width, rows), first=first, normals=self._normal)
 
 
 def band_rows(height: int, width: int) -> int:

@@ -16,7 +16,8 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
 from iprt.raster.layers import Layer, ObjectLayers, blank_display
-from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
+from iprt.view.object_layer import VisibleLayer
+from iprt.world.objects.object_layers import EMPTY, TracedLayers
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Box, Solid, Sphere, World
 from tests.raster.shapes import rasterizer
@@ -112,9 +113,8 @@ def rasterized(
 
 
 def visible(device: ComputeDevice, layers: ObjectLayers, view: View) -> VisibleLayer:
-    equirect = view.projection == "equirect"
     layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
+    layer = VisibleLayer(device, layout, no_edges(device, view))
     constants = device.upload("view", view.kernel_constants())
     layer.load(layers, constants, device.upload("materials", material_table(MATERIALS)))
     return layer

@@ -15,9 +15,9 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
+from iprt.view.object_layer import VisibleLayer
+from iprt.view.visibility import Visibility
 from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import VisibleLayer
-from iprt.world.objects.visibility import Visibility
 from tests.kernels.tracing import panorama_of
 from tests.oracles.worlds import Box, World
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
@@ -79,9 +79,8 @@ class Both:
         materials = [m for i in instances for m in i.mesh.materials]
         table = device.upload("materials", material_table(materials))
         layout = PlaneLayout.of(view)
-        equirect = view.projection == "equirect"
-        self.drawn = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
-        self.traced = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
+        self.drawn = VisibleLayer(device, layout, no_edges(device, view))
+        self.traced = VisibleLayer(device, layout, no_edges(device, view))
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
             opened.move(instances)
@@ -212,7 +211,7 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(ball.mesh.materials))
     layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=True)
+    layer = VisibleLayer(device, layout, no_edges(device, view))
     bvh = ObjectBvh(device, [ball])
     bvh.load([ball])
     bounds = object_bounds([ball], margin=1e-3)
@@ -235,9 +234,8 @@ def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
     panorama = panorama_of(device, frame)
     constants = device.upload("view", view.kernel_constants())
     table = device.upload("materials", material_table(seen[0].mesh.materials))
-    equirect = view.projection == "equirect"
     layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
+    layer = VisibleLayer(device, layout, no_edges(device, view))
     bvh = ObjectBvh(device, seen)
     visibility = Visibility(device, view, bvh, seen, SAMPLES)
     visibility.follow(seen)
@@ -266,10 +264,9 @@ def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
     bvh = ObjectBvh(device, [ball])
 
     def pair() -> tuple[Visibility, VisibleLayer]:
-        equirect = view.projection == "equirect"
         visibility = Visibility(device, view, bvh, [ball], SAMPLES)
         visibility.follow([ball])
-        return visibility, VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
+        return visibility, VisibleLayer(device, layout, no_edges(device, view))
 
     kept = pair()
     for x, z in ((0.0, -2.0), (0.7, -1.5), (0.0, 2.0), (-0.4, -1.2), (0.0, -500.0), (0.3, -2.0)):

@@ -10,14 +10,14 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.batch import int4
+from iprt.device.vectors import int4
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.layers import COVERAGE_TOLERANCE
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.settings.features import BVH_DEFINES
+from iprt.view.object_layer import VisibleLayer
 from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.real.panorama import Panorama
 
 MOTION, FRONT, MATERIAL, MET, DISPLACED = BUFFERS = (
@@ -59,8 +59,8 @@ class Visibility:
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         bvh.follow_vertices()
         defines = {"COVERAGE_TOLERANCE": COVERAGE_TOLERANCE, **BVH_DEFINES}
-        self._see = device.kernel("world/objects/visibility.cl", "see_objects", defines)
-        self._show = device.kernel("world/objects/visibility.cl", "show_objects", defines)
+        self._see = device.kernel("view/visibility.cl", "see_objects", defines)
+        self._show = device.kernel("view/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
         self._met = device.empty(MET, (view.height, view.width, 2), np.int32)
@@ -139,21 +139,20 @@ class Visibility:
 
         def run(kernel: Callable[..., None], **own: Any) -> None:
             for region in regions:
-                kernel(region.viewport[2:], seen, rectangle=int4(corners(region)), **own)
+                kernel(region.viewport[2:], seen, rectangle=int4(region), **own)
 
-        with self._device.profile.section("trace view"):
-            if not known:
-                for array in (self.front, self.material, visible.display):
-                    self._device.fill_zero(array)
-            run(self._see)
-            run(
-                self._show,
-                previous=previous,
-                moved=self.motion,
-                display=visible.display,
-            )
-        whole = [(0, 0, view.width, view.height)]
-        visible.unpack(constants, materials, [corners(r) for r in regions] if known else whole)
+        if not known:
+            for array in (self.front, self.material, visible.display):
+                self._device.fill_zero(array)
+        run(self._see)
+        run(
+            self._show,
+            previous=previous,
+            moved=self.motion,
+            display=visible.display,
+        )
+        whole = [Rect(0, 0, view.width, view.height)]
+        visible.unpack(constants, materials, regions if known else whole)
         self._shown = visible, around
 
 
@@ -161,8 +160,3 @@ def regions_of(view: View, bounds: NDArray[np.float32]) -> list[Rect]:
     """Return non-empty rectangles around all pixels in which a view can show boxes (N, 2, 4)."""
     seen_at = [box_rects(view, box_corners(low, high)) for low, high in bounds[:, :, :3]]
     return merge([rect for rects in seen_at for rect in rects])
-
-
-def corners(rect: Rect) -> tuple[int, int, int, int]:
-    """Return the corners (x0, y0, x1, y1) of a rectangle of the rasterizer."""
-    return rect.x0, rect.y0, rect.x1, rect.y1

@@ -1,0 +1,81 @@
+"""Nearest surfaces of the objects in the view, as planes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pyopencl.array as cla
+
+from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import int4
+from iprt.gbuffer.layout import PlaneLayout
+from iprt.raster.layers import COVERAGE_TOLERANCE, ObjectLayers
+from iprt.raster.region import Rect
+
+
+class VisibleSurfaces:
+    """Nearest surfaces of the objects, as planes.
+
+    Attributes
+    ----------
+    normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
+        See `cl/view/unpack.cl`.
+    """
+
+    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, name: str) -> None:
+        """Allocate the planes; `name` prefixes their buffers."""
+        self.normal = device.zeros(f"{name} normal", layout.shape(3))
+        self.depth = device.zeros(f"{name} depth", layout.shape(1))
+        self.id = device.zeros(f"{name} id", layout.shape(1))
+        self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
+        self.albedo = device.zeros(f"{name} albedo", layout.shape(3))
+        self.coverage = device.zeros(f"{name} coverage", layout.shape(1))
+        self.motion = device.zeros(f"{name} motion", layout.shape(2))
+
+    def planes(self, prefix: str = "") -> dict[str, cla.Array]:
+        """Return all planes by name, as kernel arguments."""
+        names = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
+        return {prefix + name: getattr(self, name) for name in names}
+
+
+class VisibleLayer(VisibleSurfaces):
+    """Nearest surfaces in the view, unpacked from a drawn image.
+
+    Attributes
+    ----------
+    display : (3, H, W, 4) float32
+        The drawn image: `ObjectLayers.display`.
+    sides : (H * W, 2) float32
+        Share of either real surface that objects hide, in pixels at depth edges.
+    """
+
+    def __init__(
+        self,
+        device: ComputeDevice,
+        layout: PlaneLayout,
+        edges: Mapping[str, cla.Array],
+    ) -> None:
+        """Allocate the planes. `edges` is `RealLayer.edges` of the view, filled before this."""
+        super().__init__(device, layout, name="object")
+        self._device = device
+        self._layout = layout
+        self.display = device.empty("object display", (3, layout.height, layout.width, 4))
+        self.sides = device.empty("object sides", (layout.height * layout.width, 2))
+        self._kernel = device.kernel(
+            "view/unpack.cl",
+            "unpack_objects",
+            {"VIEW_EQUIRECT": layout.equirect, "COVERAGE_TOLERANCE": COVERAGE_TOLERANCE},
+        ).fixed(layout.arguments(), self.planes(), edges, display=self.display, sides=self.sides)
+
+    def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
+        """Upload and unpack layers rasterized with `shade=True`."""
+        assert layers.display is not None
+        self._device.write(self.display, layers.display)
+        self.unpack(view, materials, [Rect(0, 0, *self._layout.size)])
+
+    def unpack(self, view: cla.Array, materials: cla.Array, regions: Sequence[Rect]) -> None:
+        """Fill the planes from `display` in the regions that may have changed."""
+        for region in regions:
+            self._kernel(
+                region.viewport[2:], rectangle=int4(region), view=view, materials=materials
+            )
