@@ -54,10 +54,10 @@ class Environment:
         """Return the pass that draws samples of the lights."""
         samples = ("light samples",)
         return Pass(
-            "lights", Clock.VIDEO, lambda _: self._sample(world.real.lights), ("lights",), samples
+            "lights", Clock.VIDEO, lambda _: self.sample(world.real.lights), ("lights",), samples
         )
 
-    def _sample(self, lights: Lights | None) -> None:
+    def sample(self, lights: Lights | None) -> None:
         """Draw as many samples as the table of lights has cells."""
         if lights is None:
             return

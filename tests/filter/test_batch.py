@@ -71,7 +71,7 @@ class Frames:
         still = still_frame(device, view)
         gather.run(view)  # the picture before the first
         for frame in range(FRAMES):
-            context = replace(still, index=frame, objects_changed=frame == 3)
+            context = replace(still, index=frame, moving=frame == 3, changed=frame == 3)
             gather.run(view)
             motions = [self.planes(self.motion[frame, i]) for i in used]
             choose.run(context.grid, motions)

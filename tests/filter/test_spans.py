@@ -82,7 +82,7 @@ def test_what_is_left_out_is_what_it_was(
             if everywhere:
                 whole = np.tile(np.int32([0, WIDTH]), (1, HEIGHT, 1))
                 device.write(guide.spans.rows, whole)
-            context = replace(still, index=frame, objects_changed=frame == 4)
+            context = replace(still, index=frame, moving=frame == 4, changed=frame == 4)
             moved = upload(device, layout, motion[frame])
             choose.run(context.grid, [moved])
             # Rays are traced at pixels with surfaces; elsewhere, planes keep what they hold.

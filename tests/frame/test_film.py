@@ -22,7 +22,7 @@ from iprt.output.display import display
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
-from iprt.world.real.panorama import Panorama
+from iprt.world.real.real_world import RealWorld
 from tests.clips import clip_color, write_clip
 from tests.films import FEW
 from tests.scene.files import write_rgb
@@ -154,9 +154,9 @@ def test_a_warm_up_gives_a_long_memory_what_it_needs(
 ) -> None:
     """Earlier frames are shown to the renderer, oldest first, and not rendered."""
     told: list[int | str] = []
-    load, render = Panorama.load, Renderer.render
+    load, render = RealWorld._load, Renderer.render
 
-    def loading(self: Panorama, frame: Frame) -> None:
+    def loading(self: RealWorld, frame: Frame) -> None:
         told.append(frame.index)
         load(self, frame)
 
@@ -164,7 +164,7 @@ def test_a_warm_up_gives_a_long_memory_what_it_needs(
         told.append("rendered")
         return render(self, *arguments)
 
-    monkeypatch.setattr(Panorama, "load", loading)
+    monkeypatch.setattr(RealWorld, "_load", loading)
     monkeypatch.setattr(Renderer, "render", rendering)
     with film(scene, device) as running:
         assert [index for index, _ in running.frames([20], warm_up=2)] == [20]

@@ -74,7 +74,7 @@ class RealWorld:
         objects = SimpleNamespace(
             bvh=None,
             screen=None,
-            equirect=None,
+            around=None,
             materials=device.upload("materials", material_table(materials)),
             device_bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
         )

@@ -14,7 +14,7 @@ from iprt.errors import DeviceError
 from iprt.footage.properties import Footage
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
-from iprt.world.objects import objects
+from iprt.view import drawing
 from tests.films import films
 from tests.like_gpu import LikeGpu, traffic
 
@@ -41,7 +41,7 @@ def test_by_itself_a_cpu_has_rays_draw(
     def decide(*_: Any) -> None:
         raise AssertionError("timed")
 
-    monkeypatch.setattr(objects, "timed_ways", decide)
+    monkeypatch.setattr(drawing, "timed_ways", decide)
     assert Settings().gbuffer == "auto"
     np.testing.assert_array_equal(picture(device, "auto"), picture(device, "cl"))
 
@@ -58,7 +58,7 @@ def test_elsewhere_the_faster_one_draws_and_the_other_is_gone(
         assert set(timed_ways(device, ways)) == {"OpenGL", "rays"}
         return {name: 1.0 if name == faster else 2.0 for name in ways}
 
-    monkeypatch.setattr(objects, "timed_ways", times)
+    monkeypatch.setattr(drawing, "timed_ways", times)
     with caplog.at_level("DEBUG", "iprt"):
         found = picture(gpu, "auto")
     (record,) = caplog.records
@@ -77,7 +77,7 @@ def test_it_is_decided_once_and_when_objects_are_in_view(
         decided.append(list(ways))
         return {"OpenGL": 1.0, "rays": 2.0}
 
-    monkeypatch.setattr(objects, "timed_ways", times)
+    monkeypatch.setattr(drawing, "timed_ways", times)
     with renderer(gpu, "environment") as found, renderer(gpu, "environment", gbuffer="gl") as known:
         there = found.view
         for turn, decisions in ((180.0, 0), (180.0, 0), (0.0, 1), (4.0, 1)):
