@@ -8,7 +8,7 @@ from typing import Any
 
 from pyopencl import cltypes
 
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 
 MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
 

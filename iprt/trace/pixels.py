@@ -95,10 +95,10 @@ class RealPixels:
         self._filter.start(context)
         if cache is not None:
             cache.run(
-                world.arguments(self._features),
+                world.arguments(self._features, context.view, captured=True),
+                world.objects.device_bounds,
                 self.guide,
                 mask,
-                context.view,
                 min_solid_angle=self._min_solid_angle,
             )
         self._trace.run(world, mask, context.view, cache, min_solid_angle=self._min_solid_angle)

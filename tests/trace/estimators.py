@@ -135,10 +135,10 @@ class Kernels:
         cache = IrradianceCache(self.device, panorama, self._features(seed, rays))
         cache.place(panorama, STILL, changed=0.0, cut=False)
         cache.run(
-            renderer.world.arguments(self._features(seed, rays)),
+            renderer.world.arguments(self._features(seed, rays), self.view),
+            renderer.world.objects.device_bounds,
             renderer.method.real_pixels.guide,
             renderer.method.real_pixels.mask,
-            self.view,
             min_solid_angle=0.0,
         )
         mean = self.device.read(cache.mean).astype(np.float64)

@@ -7,19 +7,21 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.device.fastest import timed_ways
 from iprt.errors import DeviceError
+from iprt.gbuffer.batch import int4
 from iprt.gbuffer.context import FrameContext
 from iprt.geometry.camera import View
 from iprt.geometry.material import material_table
 from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.features import Features
-from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import TracedLayers, VisibleLayer
+from iprt.world.objects.object_bvh import ObjectBvh, ObjectsArgs
+from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
 from iprt.world.objects.visibility import Visibility, regions_of
 from iprt.world.real.panorama import Panorama
 
@@ -110,6 +112,20 @@ class Objects:
     def _bounds(self) -> NDArray[np.float32]:
         margin = LAYER_MARGIN if self._features.traced_layers else BOX_MARGIN
         return object_bounds(self._instances, margin=margin)
+
+    def arguments(self, view: cla.Array | None) -> ObjectsArgs:
+        """Return the objects for rays; `view` holds the constants of the view of `screen`."""
+        if self.bvh is not None:
+            return self.bvh.arguments(self.device_bounds)
+        screen, equirect = self.screen, self.equirect
+        return ObjectsArgs(
+            bounds=self.device_bounds,
+            count=len(self.bounds),
+            screen=screen.arguments() if screen else None,
+            equirect=equirect.arguments() if equirect else None,
+            view=view,
+            rectangle=int4(screen.rect if screen else EMPTY),
+        )
 
     def close(self) -> None:
         """Release the OpenGL context."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import Block, Float4s, Float32, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.filter.mask import Mask
@@ -34,6 +35,29 @@ FOREVER = 1e6
 MOVED_SAMPLES = 64.0
 """Most samples of a cell that is reprojected because the camera moved. Each reprojection mixes it
 with its neighbours a little, and light may have changed."""
+
+
+@dataclass(kw_only=True)
+class IrradianceCacheArgs(Block):
+    """Irradiance cache (`cl/lib/world/real/irradiance.h`).
+
+    Attributes
+    ----------
+    plane : (entries, 4) float32
+        xyz: g of the tangent plane g·x = 1; w > 0: a surface.
+    irradiance : (2 * entries, 4) float32
+        rgb / π, and samples; 0: unknown. Then, per entry, xyz of the flux: sum over directions
+        times their luminance / π.
+    columns, rows : int
+    black : float
+        Irradiance up to this counts as black.
+    """
+
+    plane: Float4s
+    irradiance: Float4s
+    columns: Int32
+    rows: Int32
+    black: Float32
 
 
 class IrradianceCache:
@@ -188,17 +212,18 @@ class IrradianceCache:
 
     def run(
         self,
-        traced: Mapping[str, Any],
+        world: Block,
+        boxes: cla.Array,
         guide: Guide,
         mask: Mask,
-        view: cla.Array,
         *,
         min_solid_angle: float,
     ) -> None:
         """Refine the cells around the pixels that `mask` has listed.
 
-        `traced` holds `World.arguments`. Few rays are used where objects have no noticeable
-        influence yet, and none where objects span less than `min_solid_angle` sr.
+        Few rays are used where objects have no noticeable influence yet, and none where objects
+        span less than `min_solid_angle` sr. `world` is built for the panorama's surfaces; `boxes`
+        is `object_bounds()` on the device.
         """
         layout = guide.layout
         self._count, self._next_count = self._next_count, self._count
@@ -210,29 +235,31 @@ class IrradianceCache:
                 list=mask.traced,
                 count=mask.count,
                 touched=mask.touched,
-                boxes=traced["objects_bounds"],
-                box_count=traced["objects_count"],
+                boxes=boxes,
+                box_count=boxes.shape[0],
                 min_solid_angle=min_solid_angle,
                 plane=self.plane,
                 mean=self.mean,
                 cell_count=self._count,
                 next_count=self._next_count,
             )
-            self._refine((self._entries,), known, traced, view=view)
+            self._refine((self._entries,), known, world=world)
             self._smooth((self._entries,), known)
 
     def show(self, panorama: Panorama, guide: Guide) -> cla.Array:
         """Return E_R / π at a picture's pixels, 3 planes; 0 where no traced pixel has needed it."""
         planes = self._device.zeros("irradiance shown", guide.layout.shape(3))
-        self._show(guide.layout.size, guide.arguments(), self.arguments(panorama), shown=planes)
+        self._show(
+            guide.layout.size, guide.arguments(), cache=self.arguments(panorama), shown=planes
+        )
         return planes
 
-    def arguments(self, panorama: Panorama) -> dict[str, Any]:
-        """Return `CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h`."""
-        return {
-            "cache_plane": self.plane,
-            "cache_irradiance": self.irradiance,
-            "cache_columns": self.columns,
-            "cache_rows": self.rows,
-            "cache_black": BLACK * panorama.mean_radiance,
-        }
+    def arguments(self, panorama: Panorama) -> IrradianceCacheArgs:
+        """Return the cache for kernels that read it."""
+        return IrradianceCacheArgs(
+            plane=self.plane,
+            irradiance=self.irradiance,
+            columns=self.columns,
+            rows=self.rows,
+            black=BLACK * panorama.mean_radiance,
+        )
