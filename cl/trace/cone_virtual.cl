@@ -24,14 +24,14 @@
 #define FAR_HIT 1e6f
 
 TRACING_KERNEL void cone_virtual(
-    TRACED_PARAMETERS,
+    const Pixels pixels,
     __global const float *restrict albedo,
     __global const float4 *restrict materials,
-    SCENE_VOXEL_PARAMETERS,
-    OBJECT_VOXEL_PARAMETERS,
-    SURROUNDINGS_PARAMETERS,
+    const Voxels scene,
+    const Voxels objects,
+    const Surroundings around,
 #ifdef DELTA
-    DELTA_VOXEL_PARAMETERS,
+    const Voxels delta,
 #endif
     const int cones,
     __global uint *restrict samples,
@@ -43,16 +43,14 @@ TRACING_KERNEL void cone_virtual(
     __global float *restrict hit_distance,
     const int seam,
 #endif
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS;
-    const Surroundings around = SURROUNDINGS;
 #ifdef DELTA
-    const Voxels delta = DELTA_VOXELS;
 #endif
-    const TracedPixel at = TRACED_PIXEL(item, 0x76636f6eu);
+    const TracedPixel at = traced_pixel(pixels, item, 0x76636f6eu);
     const Material material = load_material(materials, at.id - 1);
     const float3 color = load_planes(albedo, at.size, at.pixel);
     const float3 viewer = -at.p / length(at.p);
@@ -60,7 +58,7 @@ TRACING_KERNEL void cone_virtual(
     float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
     const uint first = samples[at.pixel];
-    for (int ray = 0; ray < rays; ray++) {
+    for (int ray = 0; ray < pixels.rays; ray++) {
         const float2 u = sobol_2d(first + ray, at.seed);
         const float choice = sobol_1d(first + ray, hash_combine(at.seed, 1));
         const BrdfSample sample =
@@ -103,13 +101,13 @@ TRACING_KERNEL void cone_virtual(
         lobe += luminance(specular_share);
         lobe_nearness += luminance(specular_share) / fmax(away, 1e-6f);
     }
-    samples[at.pixel] = first + rays;
+    samples[at.pixel] = first + pixels.rays;
 #ifdef HAS_DIFFUSE
-    store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)rays);
+    store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)pixels.rays);
 #endif
 #ifdef HAS_SPECULAR
-    store_planes(specular, at.size, at.pixel, specular_sum / (float)rays);
-    store_wrapped(hit_distance, at.pixel, at.x, width, seam,
+    store_planes(specular, at.size, at.pixel, specular_sum / (float)pixels.rays);
+    store_wrapped(hit_distance, at.pixel, at.x, pixels.width, seam,
                   lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
 #endif
     if (met)

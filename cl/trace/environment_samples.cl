@@ -9,14 +9,13 @@
 #include "world/real/lights.h"
 
 __kernel void environment_samples(
-    LIGHT_PARAMETERS,
+    const Lights lights,
     const int samples_count,
     __global float4 *restrict samples)
 {
     const int i = get_global_id(0);
     if (i >= samples_count)
         return;
-    const Lights lights = LIGHTS;
     const float x = (i + 0.5f) / samples_count;
     const float3 upper = sample_light(lights, (float2)(x, 0.0f));
     const float3 lower = sample_light(lights, (float2)(x, 1.0f));

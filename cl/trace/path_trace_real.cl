@@ -35,20 +35,19 @@ static inline int in_region(__global const float4 *restrict boxes, int count, fl
 #endif
 
 TRACING_KERNEL void path_trace_real(
-    TRACED_PARAMETERS,
-    WORLD_PARAMETERS,
-    CACHE_PARAMETERS,
-    PATH_PARAMETERS,
+    const Pixels pixels,
+    const World world,
+    const IrradianceCache cache,
+    const Environment environment,
     __global uint *restrict samples,
     __global float *restrict signal,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
-    const IrradianceCache cache = CACHE;
-    const TracedPixel at = TRACED_PIXEL(item, 0x70617468u);
-    const int paths = PATHS_PER_PAIR * rays;
+    const TracedPixel at = traced_pixel(pixels, item, 0x70617468u);
+    const int paths = PATHS_PER_PAIR * pixels.rays;
     float3 hidden = (float3)(0.0f), sent = (float3)(0.0f);
     int met = 0;
     const uint first = samples[at.pixel];
@@ -59,14 +58,14 @@ TRACING_KERNEL void path_trace_real(
     start.albedo = (float3)(0.0f);
     start.material = -1;
 #ifdef LOCAL_REGION
-    const int traced = in_region(objects_bounds, objects_count, at.p) ? paths : 0;
+    const int traced = in_region(world.objects.bounds, world.objects.count, at.p) ? paths : 0;
 #elif defined(DISTANT_ENVIRONMENT)
-    const int traced = on_plane(support_plane, at.p, at.n) ? paths : 0;
+    const int traced = on_plane(environment.plane, at.p, at.n) ? paths : 0;
 #else
     const int traced = paths;
 #endif
     for (int path = 0; path < traced; path++) {
-        const PathSums sums = trace_pairs(world, start, at.seed, first + path, PATH_ARGUMENTS);
+        const PathSums sums = trace_pairs(world, start, at.seed, first + path, environment);
 #ifdef ONE_PASS
         hidden += sums.unoccluded - sums.passing;
 #else

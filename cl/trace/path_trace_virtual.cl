@@ -14,20 +14,20 @@
 #include "trace/traced.h"
 
 TRACING_KERNEL void path_trace_virtual(
-    TRACED_PARAMETERS,
+    const Pixels pixels,
     __global const float *restrict albedo,
-    WORLD_PARAMETERS,
-    PATH_PARAMETERS,
+    const World world,
+    const Environment environment,
     __global uint *restrict samples,
     __global float *restrict diffuse,
     __global float *restrict specular,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
-    const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
-    const int paths = PATHS_PER_PAIR * rays;
+    const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
+    const int paths = PATHS_PER_PAIR * pixels.rays;
     const uint first = samples[at.pixel];
     const float distance = length(at.p);
     PathSurface start;
@@ -39,7 +39,7 @@ TRACING_KERNEL void path_trace_virtual(
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     int met = 0;
     for (int path = 0; path < paths; path++) {
-        const PathSums sums = trace_pairs(world, start, at.seed, first + path, PATH_ARGUMENTS);
+        const PathSums sums = trace_pairs(world, start, at.seed, first + path, environment);
         diffuse_sum += sums.diffuse;
         specular_sum += sums.specular;
         met |= sums.met;

@@ -49,7 +49,7 @@ __kernel void relight(
     __global const float *restrict colour, // 3 planes
     __global float4 *restrict ratio,       // out: float4 per pixel
 #ifdef DELTA
-    CACHE_PARAMETERS,
+    const IrradianceCache cache,
     __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
                                            // densely: more where objects change more
 #ifdef NOISE
@@ -75,7 +75,6 @@ __kernel void relight(
     // Only filtered values are clamped: single samples may exceed the physical range.
     blocked = clamp(blocked, 0.0f, 1.0f);
     bounce = fmax(bounce, 0.0f);
-    const IrradianceCache cache = CACHE;
     const float black = cache.black;
     const float3 larger = fmax(blocked, bounce);
     // For most pixels of most views, the change is too small for E_R to matter.

@@ -27,7 +27,7 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
         : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
     s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - box_share) : 0.0f;
     if (v.x < box_share) {
-        s.wi = sample_boxes(world.objects.bounds, world.objects.objects, boxes, u,
+        s.wi = sample_boxes(world.objects.bounds, world.objects.count, boxes, u,
                             v.x / box_share);
     } else if (v.x < box_share + s.light_share) {
         s.aimed = 1;
@@ -44,29 +44,28 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     // in registers meanwhile.
     if (box_share > 0.0f)
         s.density +=
-            box_share * box_density(world.objects.bounds, world.objects.objects, boxes, s.wi);
+            box_share * box_density(world.objects.bounds, world.objects.count, boxes, s.wi);
     return s;
 }
 
 TRACING_KERNEL void trace_delta(
-    TRACED_PARAMETERS,
-    WORLD_PARAMETERS,
-    CACHE_PARAMETERS,
+    const Pixels pixels,
+    const World world,
+    const IrradianceCache cache,
     const float min_solid_angle,                 // least solid angle of objects that counts, sr
     __global uint *restrict samples,
-    __global float *restrict signal WORK_PARAMETER)
+    __global float *restrict signal,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
-    const IrradianceCache cache = CACHE;
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
-    for (int ray = 0; ray < rays; ray++) {
-        const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    for (int ray = 0; ray < pixels.rays; ray++) {
+        const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
         const float3 o = real_start(world.real, at.p, at.n);
         const float3 o_object = at.p + world.real.bias * at.n;
         const BoxView boxes =
-            view_boxes(world.objects.bounds, world.objects.objects, o_object, at.n);
+            view_boxes(world.objects.bounds, world.objects.count, o_object, at.n);
         if (!boxes_matter(boxes, min_solid_angle))
             break;
         const uint index = READ_AGAIN(samples + at.pixel) + ray;
@@ -78,11 +77,11 @@ TRACING_KERNEL void trace_delta(
         blocked += s.diffuse * path.real;
         bounce += s.diffuse * path.arriving;
     }
-    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
     const int pixel = at.pixel, size = at.size;
-    samples[pixel] += rays;
+    samples[pixel] += pixels.rays;
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache.
-    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)rays;
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)pixels.rays;
     blocked *= scale;
     bounce *= scale;
     store_planes(signal, size, pixel, blocked);

@@ -16,26 +16,26 @@
 #include "trace/traced.h"
 
 TRACING_KERNEL void trace_gloss(
-    TRACED_PARAMETERS,
-    WORLD_PARAMETERS,
+    const Pixels pixels,
+    const World world,
     __global uint *restrict samples,
     __global float *restrict change,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
     float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);
     int met = 0;
-    for (int ray = 0; ray < rays; ray++) {
-        const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
+    for (int ray = 0; ray < pixels.rays; ray++) {
+        const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
         const float3 o_object = at.p + world.real.bias * at.n;
-        if (!view_boxes(world.objects.bounds, world.objects.objects, o_object, at.n).above)
+        if (!view_boxes(world.objects.bounds, world.objects.count, o_object, at.n).above)
             break;
         const uint number = READ_AGAIN(samples + at.pixel) + ray;
         const Frame frame = build_frame(at.n);
         const BrdfSample sample = sample_specular(
-            load_material(real_materials, at.id - 1), real_reflectance[at.id - 1].xyz, frame,
+            load_material(world.gloss.materials, at.id - 1), world.gloss.reflectance[at.id - 1].xyz, frame,
             brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
         if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
             continue;
@@ -46,10 +46,10 @@ TRACING_KERNEL void trace_gloss(
         shown += sample.weight * path.arriving;
         met |= path.met;
     }
-    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
-    samples[at.pixel] += rays;
-    const float3 share = seen_highlight(world, load_material(real_materials, at.id - 1), at.p);
-    store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)rays);
+    const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
+    samples[at.pixel] += pixels.rays;
+    const float3 share = seen_highlight(world, load_material(world.gloss.materials, at.id - 1), at.p);
+    store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)pixels.rays);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

@@ -12,20 +12,20 @@
 #include "trace/traced.h"
 
 TRACING_KERNEL void trace_real(
-    TRACED_PARAMETERS,
-    WORLD_PARAMETERS,
+    const Pixels pixels,
+    const World world,
     __global uint *restrict samples,
     __global float *restrict signal,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
     float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
     int met = 0;
-    const uint first = samples[pixel_of(list[item], width)];
-    for (int ray = 0; ray < rays; ray++) {
-        const TracedPixel at = TRACED_PIXEL(item, 0x7265616cu);
+    const uint first = samples[pixel_of(pixels.list[item], pixels.width)];
+    for (int ray = 0; ray < pixels.rays; ray++) {
+        const TracedPixel at = traced_pixel(pixels, item, 0x7265616cu);
         const uint index = first + ray;
         const float3 d =
             frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(index, at.seed)));
@@ -36,10 +36,11 @@ TRACING_KERNEL void trace_real(
         both_sum += path.arriving;
         met |= path.met;
     }
-    const int pixel = pixel_of(READ_AGAIN(list + item), width), size = plane_size(width, height);
-    samples[pixel] = first + rays;
-    store_planes(signal, size, pixel, real_sum / (float)rays);
-    store_planes(signal + 3 * size, size, pixel, both_sum / (float)rays);
+    const int pixel = pixel_of(READ_AGAIN(pixels.list + item), pixels.width);
+    const int size = plane_size(pixels.width, pixels.height);
+    samples[pixel] = first + pixels.rays;
+    store_planes(signal, size, pixel, real_sum / (float)pixels.rays);
+    store_planes(signal + 3 * size, size, pixel, both_sum / (float)pixels.rays);
     if (met)
         touched[pixel] = TOUCHED_FRAMES;
 }

@@ -38,35 +38,36 @@ static inline float isolation(__global const float *restrict guide, int size, in
 }
 
 TRACING_KERNEL void trace_virtual(
-    TRACED_PARAMETERS,
+    const Pixels pixels,
     __global const float *restrict albedo,
     __global const float *restrict history,
-    WORLD_PARAMETERS,
-    const int jitter,                            // 1: rays start at random positions in their pixel
+    const World world,
+    const Jitter jitter,
     __global uint *restrict samples,
     __global float *restrict diffuse,
     __global float *restrict specular,
     __global float *restrict hit_distance,
     const int seam,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
     float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
-    const int own = pixel_of(list[item], width), planes = plane_size(width, height);
+    const int own = pixel_of(pixels.list[item], pixels.width);
+    const int planes = plane_size(pixels.width, pixels.height);
     const uint first = samples[own];
-    const float steady = rays * share_of_rays(history[own], rays);
-    const float deserved = steady * isolation(guide, planes, own, plane_stride(width),
-                                              load_planes(guide, planes, own));
+    const float steady = pixels.rays * share_of_rays(history[own], pixels.rays);
+    const float deserved = steady * isolation(pixels.guide, planes, own, plane_stride(pixels.width),
+                                              load_planes(pixels.guide, planes, own));
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
     float3 n, o, viewer, color;
     for (int ray = 0; ray < more; ray++) {
-        const TracedPixel at = TRACED_PIXEL(item, 0x76697274u);
-        const Material material = load_material(materials, at.id - 1);
+        const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
+        const Material material = load_material(world.materials, at.id - 1);
         if (ray == 0) {
             const float distance = length(at.p);
             n = at.n;
@@ -81,10 +82,10 @@ TRACING_KERNEL void trace_virtual(
         const float2 within = sobol_2d(index, hash_combine(seed, 3));
         float3 d = n;
         // The condition on `id` always holds: it keeps the compiler from hoisting these reads out of the loop.
-        if (jitter && at.id > 0)
-            d = view_direction(view, (float2)(at.x, at.y) + within);
+        if (jitter.on && at.id > 0)
+            d = view_direction(jitter.view, (float2)(at.x, at.y) + within);
         ObjectHit hit;
-        if (jitter && trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
+        if (jitter.on && trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
             const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
             if (seen.material == at.id - 1) {
                 o = seen.position;
@@ -105,14 +106,14 @@ TRACING_KERNEL void trace_virtual(
         lobe += luminance(s.specular);
         lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
     }
-    const int listed = READ_AGAIN(list + item), pixel = pixel_of(listed, width);
+    const int listed = READ_AGAIN(pixels.list + item), pixel = pixel_of(listed, pixels.width);
     samples[pixel] = first + more;
     // f / albedo is at most 1 / pi: without albedo, the signal is a mean of radiance.
     if (diffuse)
         store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
     if (specular) {
         store_planes(specular, planes, pixel, specular_sum / (float)more);
-        store_wrapped(hit_distance, pixel, listed % width, width, seam,
+        store_wrapped(hit_distance, pixel, listed % pixels.width, pixels.width, seam,
                       lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
     }
     if (met)

@@ -26,13 +26,14 @@ static inline float3 turned(int axis, float along, float u, float v)
 }
 
 TRACING_KERNEL void voxelize_objects(
-    OBJECT_PARAMETERS,
+    const Objects objects,
     const int axis,
     __global const int4 *restrict levels,
     const float4 box,
     __global float *restrict opacity,
     __global float4 *restrict surface,
-    __global float4 *restrict facing WORK_PARAMETER)
+    __global float4 *restrict facing,
+    const Work work)
 {
     const int4 size = levels[0];
     const int columns = axis == 0 ? size.y : axis == 1 ? size.z : size.x;
@@ -42,7 +43,6 @@ TRACING_KERNEL void voxelize_objects(
     const int u = get_global_id(0), v = get_global_id(1);
     if (u >= columns || v >= rows)
         return;
-    const Objects objects = OBJECTS(view);
     const float3 first = turned(axis, 0.0f, (float)u, (float)v);
     const int column = ((int)first.z * size.y + (int)first.y) * size.x + (int)first.x;
     const float3 d = turned(axis, 1.0f, 0.0f, 0.0f);

@@ -2,7 +2,7 @@
 // panorama's radiance (K. Rohmer et al., "Natural Environment Illumination", section 6.1). Open sky has no
 // voxels. With -D OPENING_ENVIRONMENT windows emit nothing: their radiance depends on the cone's direction.
 //
-// in   panorama          lib/world/scene.h
+// in   panorama          lib/world/real/real.h
 //      prefiltered       lib/trace/prefiltered.h
 //      levels, box       lib/trace/voxels.h
 // out  opacity, light    the finest level
@@ -13,7 +13,7 @@ __kernel void voxelize_real(
     const int real_width,
     const int real_height,
     __global const float4 *restrict real_surface,
-    PREFILTERED_PARAMETERS,
+    const Prefiltered panorama,
     __global const int4 *restrict levels,
     const float4 box,
     __global float4 *restrict opacity,
@@ -24,7 +24,6 @@ __kernel void voxelize_real(
     if (i >= size.x * size.y * size.z)
         return;
     const RealVoxel voxel = real_voxel(real_surface, real_width, real_height, size, box, i);
-    const Prefiltered panorama = PREFILTERED;
     float3 radiance = (float3)(0.0f);
     float open = 0.0f;
 #ifdef OPENING_ENVIRONMENT

@@ -32,7 +32,7 @@
 // Return whether pixels whose neighbours are covered count as covered, as with few samples a side.
 static inline int outlines_only(const Objects world, int samples)
 {
-    return samples < 4 && !world.texels;
+    return samples < 4 && !world.bvh.texels;
 }
 
 // Return 1 / distance of the real surface along d.
@@ -50,7 +50,7 @@ TRACING_KERNEL void see_objects(
     const int width,
     const int height,
     __global const float *restrict view,
-    OBJECT_PARAMETERS,
+    const Objects world,
     __global const float4 *restrict surface,     // xyz = g, g . x = 1 on the real surface
     const int surface_width,
     const int surface_height,
@@ -59,13 +59,13 @@ TRACING_KERNEL void see_objects(
     __global float4 *restrict front,
     __global float4 *restrict material,
     __global int2 *restrict met,
-    __global float4 *restrict displaced WORK_PARAMETER)
+    __global float4 *restrict displaced,
+    const Work work)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
         return;
     COUNT_ITEM;
-    const Objects world = OBJECTS(view);
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     ObjectHit hit;
@@ -122,7 +122,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
         const float nearness = real_nearness(surface, surface_width, surface_height, d);
         // Most rays of a pixel meet the same triangles as its centre or the previous ray. Any object in
         // front of them is in front of the real surface too and need not be found.
-        if (!world.texels && meets_packet_again(world, d, &hit)
+        if (!world.bvh.texels && meets_packet_again(world, d, &hit)
             && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
             visible++;
             any++;
@@ -132,7 +132,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
             continue;
         any++;
         visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
-        if (!world.texels)
+        if (!world.bvh.texels)
             continue;
         const ObjectSurface at = object_surface(world, hit, d);
         if (at.material + 1 == index) {
@@ -179,7 +179,7 @@ TRACING_KERNEL void show_objects(
     const int height,
     __global const float *restrict view,
     __global const float *restrict previous,     // of the previous frame
-    OBJECT_PARAMETERS,
+    const Objects world,
     __global const float4 *restrict moved,       // rows of the objects' motion, per material
     __global const float4 *restrict surface,     // xyz = g, g . x = 1 on the real surface
     const int surface_width,
@@ -189,12 +189,12 @@ TRACING_KERNEL void show_objects(
     const int samples,
     __global const int2 *restrict met,
     __global const float4 *restrict displaced,   // or null
-    __global float4 *restrict display WORK_PARAMETER)
+    __global float4 *restrict display,
+    const Work work)
 {
     const int x = rectangle.x + (int)get_global_id(0), y = rectangle.y + (int)get_global_id(1);
     if (x >= rectangle.z || y >= rectangle.w)
         return;
-    const Objects world = OBJECTS(view);
     const int pixel = y * width + x;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float4 seen = front[pixel], its_material = material[pixel];

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import widen
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.geometry.mesh import Mesh
 
 Floats = NDArray[np.float32]

@@ -27,8 +27,8 @@ from iprt.bvh.wide import (
     wide_count,
     widen,
 )
+from iprt.device.kernel_source import constant
 from iprt.errors import SceneError
-from iprt.files.kernel_source import constant
 from iprt.files.untrusted import MAX_OBJECTS
 from iprt.geometry.mesh import Instance, Mesh, cofactors, transformed
 

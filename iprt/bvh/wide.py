@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.bvh.tree import Tree
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 
 Floats = NDArray[np.float32]
 

@@ -16,9 +16,9 @@ import numpy as np
 import pyopencl as cl
 
 from iprt.device.compilers import POCL, SMALL_GRID, KernelTask
+from iprt.device.kernel_source import KernelSource
 from iprt.device.program import Program, build
 from iprt.errors import KernelError
-from iprt.files.kernel_source import KernelSource
 from iprt.files.resources import CL
 
 GROUP = 64

@@ -1,6 +1,6 @@
 """A device that counts the work of kernels: rays, march steps and active work items.
 
-Kernels that declare `WORK_PARAMETER` (`cl/lib/maths/work.h`) are built a second time with counters.
+Kernels that take `const Work work` (`cl/lib/maths/work.h`) are built a second time with counters.
 Counting takes time, so `iprt profile` counts in frames that it does not time. Pictures are the
 same.
 """
@@ -16,6 +16,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import DTypeLike
 
+from iprt.device.block import Block, Counters, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel, KernelWrapper
 from iprt.device.profile import Profile
@@ -82,6 +83,18 @@ class Work:
         )
 
 
+@dataclass(kw_only=True)
+class WorkArgs(Block):
+    """Counters of a launch.
+
+    Attributes
+    ----------
+    counters : (COUNTERS,) uint32
+    """
+
+    counters: Counters = when("COUNT_WORK")
+
+
 class CountingDevice(ComputeDevice):
     """Counting view of a device, which shares everything with it except the profile.
 
@@ -105,8 +118,8 @@ class CountingDevice(ComputeDevice):
         defines: Mapping[str, Define] | None = None,
         **hints: Any,
     ) -> Kernel:
-        """Return a kernel that counts its work, if it declares `WORK_PARAMETER`."""
-        if "WORK_PARAMETER" in (CL / file).read_text():
+        """Return a kernel that counts its work, if it takes `const Work work`."""
+        if "const Work work" in (CL / file).read_text():
             defines = {**(defines or {}), "COUNT_WORK": True}
         kernel = self._inside.kernel(file, name, defines, **hints)
         kernel.run_on(self)  # records in this device's profile
@@ -139,10 +152,10 @@ class CountingKernel(KernelWrapper):
     def __call__(self, size: tuple[int, ...], *groups: Mapping[str, Any], **own: Any) -> None:
         """Enqueue the kernel and add its work to the device's counts."""
         device = self._counting
-        if "work" not in self.parameters:  # a kernel without counters
+        if "work_counters" not in self.parameters:  # a kernel without counters
             super().__call__(size, *groups, **own)
             return
         device.fill_zero(device._counters)
-        super().__call__(size, *groups, **own, work=device._counters)
+        super().__call__(size, *groups, **own, work_counters=device._counters)
         key = (device.profile.current, self.name)
         device.work[key] = device.work.get(key, Work()) + device.counted(size)

@@ -13,6 +13,7 @@ import pyopencl as cl
 import pyopencl.array as cla
 
 from iprt.device.bands import Bands
+from iprt.device.block import Block
 from iprt.device.profile import Kind, Profile
 from iprt.device.signature import Parameter
 
@@ -98,6 +99,9 @@ def _merged(groups: tuple[Mapping[str, Any], ...], own: Mapping[str, Any]) -> di
     for group in groups:
         given.update(group)
     given.update(own)
+    for name, value in list(given.items()):
+        if isinstance(value, Block):
+            given.update(value.arguments(name))
     return given
 
 
@@ -160,7 +164,7 @@ class Kernel:
         size : tuple of int
         groups : mappings of str to object
             Arguments shared by several kernels, by parameter name. Names that are not parameters
-            of this kernel are ignored. Ints and floats, arrays for buffers, None for a null
+            of this kernel are ignored. Blocks, ints and floats, arrays for buffers, None for a null
             pointer.
         own : object
             Arguments of this kernel only, by parameter name.
@@ -220,7 +224,7 @@ class Kernel:
         self._get_buffers, self._get_scalars = _getter(self._buffers), _getter(self._scalars)
 
     def _require_known(self, own: Mapping[str, Any], known: Collection[str]) -> None:
-        unknown = [name for name in own if name not in known]
+        unknown = [n for n, value in own.items() if n not in known and not isinstance(value, Block)]
         if unknown:
             raise TypeError(f"{self._described} has no parameter '{', '.join(unknown)}'")
 

@@ -16,9 +16,9 @@ import pyopencl as cl
 from pyopencl.cache import create_built_program_from_source_cached
 from pyopencl.characterize import has_src_build_cache
 
+from iprt.device.kernel_source import KernelSource
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
-from iprt.files.kernel_source import KernelSource
 from iprt.files.resources import CL
 
 Define = int | float | bool | str

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from iprt.device.kernel_source import KernelSource
 from iprt.errors import KernelError
-from iprt.files.kernel_source import KernelSource
 
 SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
 QUALIFIERS = ("const", "__global", "__constant", "restrict", "*")

@@ -10,8 +10,8 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.device.kernel_source import constant
 from iprt.device.program import Define
-from iprt.files.kernel_source import constant
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import span_arguments

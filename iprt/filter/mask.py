@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import Guide, span_arguments
 from iprt.settings.features import TOUCHED_FRAMES

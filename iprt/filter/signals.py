@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from iprt.device.kernel_source import constant
 from iprt.device.program import Define
-from iprt.files.kernel_source import constant
 from iprt.gbuffer.guide import Guide
 
 REAL_PLANES = constant("lib/filter/signal.h", "REAL_PLANES")

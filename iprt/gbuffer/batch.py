@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 
 MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
 

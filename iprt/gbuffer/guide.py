@@ -10,8 +10,8 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel_source import constant
 from iprt.device.program import Define
-from iprt.files.kernel_source import constant
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.layout import PAD, PlaneLayout
 

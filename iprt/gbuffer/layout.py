@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.geometry.camera import View
 
 PAD = constant("lib/gbuffer/planes.h", "PLANE_PAD")

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 
 MaterialKind = Literal["diffuse", "conductor", "plastic"]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pyopencl.array as cla
+
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.gbuffer.guide import Guide, plane_defines
@@ -39,7 +41,7 @@ class ConeReal(RealTracer):
         defines = plane_defines() | cone_defines(features)
         super().__init__(device, guide, features, kernel, defines, name=name, cones=cones)
 
-    def arguments(self, world: World) -> dict[str, Any]:
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
         """Return the voxels as kernel arguments."""
         return self._voxels.arguments()
 
@@ -65,6 +67,6 @@ class ConeVirtual(VirtualTracer):
         )
         super().__init__(device, guide, features, "trace/cone_virtual", defines, cones=cones)
 
-    def arguments(self, world: World) -> dict[str, Any]:
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
         """Return the voxels and the materials as kernel arguments."""
         return self._voxels.arguments() | {"materials": world.objects.materials}

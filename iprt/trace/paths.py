@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
@@ -10,6 +11,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 from pyopencl import cltypes
 
+from iprt.device.block import Block, Float4, Float4s, Int32, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
@@ -21,6 +23,7 @@ from iprt.settings.features import Features
 from iprt.settings.paths import PathTracingSettings
 from iprt.trace.sparse import SparseMethod, Tracers
 from iprt.trace.tracers import RealTracer, VirtualTracer
+from iprt.world.real.learning import LearnedArgs
 from iprt.world.real.lights import Lights
 from iprt.world.world import World
 
@@ -32,6 +35,28 @@ PLANE_ROWS = 256
 """Rows of depth texels in the fit: at least this number, and less than twice as many."""
 FEWEST_POINTS = 16
 """Least number of points for a fit."""
+
+
+@dataclass(kw_only=True)
+class EnvironmentArgs(Block):
+    """Data prepared for paths (`cl/lib/trace/paths.h`).
+
+    Attributes
+    ----------
+    count : int
+        Number of samples; 0: no ray is aimed.
+    samples : (count, 4) float32
+        See `cl/trace/environment_samples.cl`.
+    plane : float4
+        `Environment.plane`.
+    learned : LearnedArgs or None
+        Radiance of real surfaces.
+    """
+
+    count: Int32
+    samples: Float4s
+    plane: Float4
+    learned: LearnedArgs | None = when("LEARNED_RADIANCE")
 
 
 class Environment:
@@ -66,20 +91,20 @@ class Environment:
             self._samples = self._device.zeros("environment samples", (cells, 4))
         self._count = cells if lights.count > 0 else 0
         if self._count:
-            self._kernel((cells,), lights.arguments(), samples_count=cells, samples=self._samples)
+            self._kernel(
+                (cells,), lights=lights.arguments(), samples_count=cells, samples=self._samples
+            )
 
     @property
     def defines(self) -> dict[str, Define]:
         """`-D` definitions of path tracing kernels that use this environment."""
         return {}
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the `PATH_PARAMETERS` of `cl/lib/trace/paths.h`."""
-        return {
-            "environment_count": self._count,
-            "environment_samples": self._samples,
-            "support_plane": cltypes.make_float4(*self.plane),
-        }
+    def arguments(self) -> EnvironmentArgs:
+        """Return the data for paths."""
+        return EnvironmentArgs(
+            count=self._count, samples=self._samples, plane=cltypes.make_float4(*self.plane)
+        )
 
 
 def support_plane(depth: NDArray[np.float32], bounds: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -152,9 +177,9 @@ class PathTraceReal(RealTracer):
         defines |= path_defines(features, bounces) | {"ONE_PASS": one_pass} | environment.defines
         super().__init__(device, guide, features, "trace/path_trace_real", defines, name=name)
 
-    def arguments(self, world: World) -> dict[str, Any]:
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
         """Return the world and the environment as kernel arguments."""
-        return super().arguments(world) | self._environment.arguments()
+        return super().arguments(world, view) | {"environment": self._environment.arguments()}
 
 
 class PathTraceVirtual(VirtualTracer):
@@ -176,9 +201,9 @@ class PathTraceVirtual(VirtualTracer):
             device, guide, features, "trace/path_trace_virtual", defines, finds_hit=False
         )
 
-    def arguments(self, world: World) -> dict[str, Any]:
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
         """Return the world and the environment as kernel arguments."""
-        return super().arguments(world) | self._environment.arguments()
+        return super().arguments(world, view) | {"environment": self._environment.arguments()}
 
 
 class PathTracing(SparseMethod):

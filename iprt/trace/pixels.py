@@ -18,10 +18,16 @@ from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
-from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual, traced_arguments
+from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual
 from iprt.view.object_layer import VisibleSurfaces
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
+
+
+def listed_arguments(guide: Guide, mask: Mask) -> dict[str, Any]:
+    """Return the pixels that a mask lists, as arguments of `IrradianceCache.run`."""
+    listed = {"list": mask.traced, "count": mask.count, "touched": mask.touched}
+    return {**guide.arguments(), **listed}
 
 
 class RealPixels:
@@ -100,8 +106,12 @@ class RealPixels:
 
         def refine(context: FrameContext) -> None:
             assert cache is not None
-            traced = traced_arguments(self.guide, mask, context.view)
-            cache.run(world.arguments(self._features), traced, min_solid_angle=least)
+            cache.run(
+                world.arguments(self._features, context.view, captured=True),
+                world.objects.device_bounds,
+                listed_arguments(self.guide, mask),
+                min_solid_angle=least,
+            )
 
         def trace(context: FrameContext) -> None:
             self._trace.run(world, mask, context.view, cache, min_solid_angle=least)

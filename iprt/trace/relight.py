@@ -91,7 +91,7 @@ class Relight:
         """
         known: dict[str, Any] = {"black": BLACK * world.panorama.mean_radiance}
         if cache is not None:
-            known = {**cache.arguments(world.panorama), "touched": touched}
+            known = {"cache": cache.arguments(world.panorama), "touched": touched}
         self._kernel(
             self._guide.layout.size,
             known,

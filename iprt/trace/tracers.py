@@ -6,11 +6,13 @@ They implement IPRT Algorithm 1.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
 
+from iprt.device.block import Block, Floats, Int32, Ints, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.filter.mask import Mask
@@ -20,15 +22,46 @@ from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.world import World
 
 
-def traced_arguments(guide: Guide, mask: Mask, view: cla.Array) -> dict[str, Any]:
-    """Return the arguments `TRACED_PARAMETERS` of `cl/lib/trace/traced.h`."""
-    return {
-        **guide.arguments(),
-        "list": mask.traced,
-        "count": mask.count,
-        "view": view,
-        "touched": mask.touched,
-    }
+@dataclass(kw_only=True)
+class PixelsArgs(Block):
+    """Listed pixels of a layer to trace (`cl/lib/trace/traced.h`).
+
+    Attributes
+    ----------
+    width, height : int
+    rays : int
+        Rays per pixel.
+    frame_seed : int
+    list : (width * height,) int32
+        y * width + x.
+    count : (1,) int32
+        Length of the list.
+    guide : 7 planes
+    """
+
+    width: Int32
+    height: Int32
+    rays: Int32
+    frame_seed: Int32
+    list: Ints
+    count: Ints
+    guide: Floats
+
+
+@dataclass(kw_only=True)
+class JitterArgs(Block):
+    """Random positions in their pixel at which rays start.
+
+    Attributes
+    ----------
+    on : int
+        1: rays start there; 0: at the pixel's centre.
+    view : (16,) float32
+        `View.kernel_constants()`.
+    """
+
+    on: Int32 = when("OBJECTS_BVH")
+    view: Floats = when("OBJECTS_BVH")
 
 
 class _Tracer:
@@ -60,28 +93,37 @@ class _Tracer:
         **own
             Parameters of this kernel alone.
         """
-        self._guide, self._features = guide, features
+        self._guide, self._features, self._rays = guide, features, rays
         layout = guide.layout
         if name is not None:
             own["samples"] = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
         pixels = layout.width * layout.height
         entry = kernel.rpartition("/")[2]
         self._kernel = device.kernel(f"{kernel}.cl", entry, defines, items=pixels).fixed(
-            layout.arguments(), planes, rays=rays, frame_seed=features.settings.seed, **own
+            layout.arguments(), planes, **own
         )
 
-    def arguments(self, world: World) -> dict[str, Any]:
-        """Return the scene that rays are traced through, as kernel arguments."""
-        return world.arguments(self._features)
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
+        """Return the scene that rays are traced through, by kernel parameter."""
+        return {"world": world.arguments(self._features, view)}
 
     def _launch(self, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
         """Run the kernel; `more` are further arguments, of which the kernel may lack some."""
         layout = self._guide.layout
         self._kernel(
             (layout.width * layout.height,),
-            traced_arguments(self._guide, mask, view),
-            self.arguments(world),
+            self.arguments(world, view),
             more,
+            {"touched": mask.touched},
+            pixels=PixelsArgs(
+                width=layout.width,
+                height=layout.height,
+                rays=self._rays,
+                frame_seed=self._features.settings.seed,
+                list=mask.traced,
+                count=mask.count,
+                guide=self._guide.current,
+            ),
         )
 
 
@@ -132,7 +174,7 @@ class RealTracer(_Tracer):
         min_solid_angle : float
             Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
         """
-        known = {} if cache is None else cache.arguments(world.panorama)
+        known = {} if cache is None else {"cache": cache.arguments(world.panorama)}
         self._launch(world, mask, view, min_solid_angle=min_solid_angle, **known)
 
 
@@ -224,9 +266,12 @@ class TraceVirtual(VirtualTracer):
     def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
         equirect = guide.layout.equirect and features.traced_layers
         defines = guide.defines(VIEW_EQUIRECT=equirect, **features.gloss_defines())
-        super().__init__(
-            device, guide, features, "trace/trace_virtual", defines, jitter=int(features.jitter)
-        )
+        super().__init__(device, guide, features, "trace/trace_virtual", defines)
+
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
+        """Return the scene and the start of rays, by kernel parameter."""
+        jitter = JitterArgs(on=int(self._features.jitter), view=view)
+        return super().arguments(world, view) | {"jitter": jitter}
 
 
 class GlossTracer(_Tracer):

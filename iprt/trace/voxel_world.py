@@ -12,7 +12,15 @@ from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
-from iprt.trace.voxels import Float, PrefilteredPanorama, Voxels, fitted_grid, room_box
+from iprt.trace.voxels import (
+    Float,
+    PrefilteredPanorama,
+    SurroundingsArgs,
+    Voxels,
+    fitted_grid,
+    room_box,
+)
+from iprt.world.objects.objects import Objects
 from iprt.world.world import World
 
 
@@ -86,7 +94,7 @@ class VoxelWorld(ABC):
         """Return the passes that update the voxels."""
 
         def inject_objects(_: FrameContext) -> None:
-            self._inject_objects(world.arguments(features), world.objects.bounds)
+            self._inject_objects(world.objects)
 
         def light(_: FrameContext) -> None:
             self.light_objects(world, features)
@@ -115,7 +123,7 @@ class VoxelWorld(ABC):
         scene.place(fitted_grid(*box, scene.resolution))
         self._voxelize_real(
             (scene.finest,),
-            self.panorama.arguments(),
+            panorama=self.panorama.arguments(),
             real_width=panorama.width,
             real_height=panorama.height,
             real_surface=panorama.surface,
@@ -123,23 +131,25 @@ class VoxelWorld(ABC):
         )
         scene.reduce()
 
-    def _inject_objects(self, traced: dict[str, Any], bounds: NDArray[np.float32]) -> None:
+    def _inject_objects(self, traced: Objects) -> None:
         objects = self.objects
-        objects.place(fitted_grid(*box_around(bounds), objects.resolution))
+        objects.place(fitted_grid(*box_around(traced.bounds), objects.resolution))
         grid = objects.grid
         for buffer in (objects.opacity, self._surface, self._facing):
             self._device.fill_zero(buffer)
         x, y, z = grid.size
         for axis, columns in enumerate(((y, z), (z, x), (x, y))):
-            self._voxelize_objects(columns, traced, axis=axis, box=objects.box)
+            self._voxelize_objects(
+                columns, objects=traced.arguments(None), axis=axis, box=objects.box
+            )
         objects.reduce()
 
     def arguments(self) -> dict[str, Any]:
-        """Return the parameters of `cl/lib/trace/voxels.h` and `SURROUNDINGS_PARAMETERS`."""
+        """Return the voxels and their surroundings for cones, by kernel parameter."""
+        outside = None if self.outside is None else self.outside.arguments()
         return {
-            **self.scene.arguments(),
-            **self.objects.arguments(),
-            **self.panorama.arguments(),
-            **({} if self.outside is None else self.outside.arguments()),
-            **({} if self.delta is None else self.delta.arguments()),
+            "scene": self.scene.arguments(),
+            "objects": self.objects.arguments(),
+            "around": SurroundingsArgs(panorama=self.panorama.arguments(), outside=outside),
+            "delta": None if self.delta is None else self.delta.arguments(),
         }

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pyopencl import cltypes
 
+from iprt.device.block import Block, Float4, Float4s, Floats, Int4s, Int32, when
 from iprt.device.compute import ComputeDevice
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
@@ -31,6 +31,53 @@ ROOM_ROWS = 128
 """Rows of depth texels for the box: at least this number, and less than twice as many."""
 PREFILTERED_ROWS, COARSEST_ROWS = 256, 2
 """Rows of the finest and of the coarsest level of a prefiltered panorama."""
+
+
+@dataclass(kw_only=True)
+class VoxelsArgs(Block):
+    """Mip chain of voxels (`cl/lib/trace/voxels.h`).
+
+    Attributes
+    ----------
+    opacity, light : (V, 4) float32
+        Of `Voxels`.
+    levels : (count, 4) int32
+        Voxels along x, y, z; first voxel.
+    count : int
+    box : float4
+        Lower corner, and side of a voxel of the finest level, metres.
+    """
+
+    opacity: Float4s
+    light: Float4s
+    levels: Int4s
+    count: Int32
+    box: Float4
+
+
+@dataclass(kw_only=True)
+class PrefilteredArgs(Block):
+    """Mip chain of a panorama's radiance (`cl/lib/trace/prefiltered.h`).
+
+    Attributes
+    ----------
+    texels : (T, 3) float32
+    levels : (count, 4) int32
+        Width, height, first texel.
+    count : int
+    """
+
+    texels: Floats
+    levels: Int4s
+    count: Int32
+
+
+@dataclass(kw_only=True)
+class SurroundingsArgs(Block):
+    """Environment around the voxels of the room, and behind its windows."""
+
+    panorama: PrefilteredArgs
+    outside: PrefilteredArgs | None = when("OPENING_ENVIRONMENT")
 
 
 @dataclass(frozen=True)
@@ -130,7 +177,7 @@ class Voxels:
         Parameters
         ----------
         name : str
-            Prefix of the kernels' parameters.
+            Voxels of what, in the names of buffers.
         resolution : int
             The finest level has at most `resolution` cubed voxels.
         anisotropic : bool
@@ -138,7 +185,7 @@ class Voxels:
         of : str
             Prefix of the buffers' names.
         """
-        self._device, self._name, self.resolution = device, name, resolution
+        self._device, self.resolution = device, resolution
         label = f"{of} {name} voxels"
         # A level with odd sides is followed by one with more than an eighth of its voxels.
         voxels = resolution**3 + resolution**3 // 4
@@ -168,15 +215,15 @@ class Voxels:
         for level, row in enumerate(self.grid.levels[1:], 1):
             self._reduce((int(row[:3].prod()),), level=level)
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the parameters of `cl/lib/trace/voxels.h`."""
-        return {
-            f"{self._name}_opacity": self.opacity,
-            f"{self._name}_light": self.light,
-            f"{self._name}_levels": self.levels,
-            f"{self._name}_count": len(self.grid.levels),
-            f"{self._name}_box": self.box,
-        }
+    def arguments(self) -> VoxelsArgs:
+        """Return the voxels for cones."""
+        return VoxelsArgs(
+            opacity=self.opacity,
+            light=self.light,
+            levels=self.levels,
+            count=len(self.grid.levels),
+            box=self.box,
+        )
 
 
 class PrefilteredPanorama:
@@ -195,12 +242,12 @@ class PrefilteredPanorama:
         Parameters
         ----------
         name : str
-            Prefix of the kernels' parameters.
+            Name of the buffer.
         openings : bool
             Hold the radiance behind windows: in directions where the panorama shows neither a
             window nor the sky, the estimate of the outside stands in.
         """
-        self._device, self._name = device, name
+        self._device = device
         rows, first, height = [], 0, PREFILTERED_ROWS
         while height >= COARSEST_ROWS:
             rows.append([2 * height, height, first, 0])
@@ -238,10 +285,6 @@ class PrefilteredPanorama:
         texels = self._device.read(self.texels)[first : first + width * height]
         return np.asarray(texels.reshape(height, width, 3), np.float64)
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the parameters of `cl/lib/trace/prefiltered.h`."""
-        return {
-            self._name: self.texels,
-            f"{self._name}_levels": self._levels,
-            f"{self._name}_count": len(self.levels),
-        }
+    def arguments(self) -> PrefilteredArgs:
+        """Return the mip chain for cones."""
+        return PrefilteredArgs(texels=self.texels, levels=self._levels, count=len(self.levels))

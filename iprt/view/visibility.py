@@ -115,9 +115,7 @@ class Visibility:
         materials : `material_table()` on the device
         """
         seen = {
-            **self._bvh.arguments(),
-            "objects_bounds": boxes,
-            "objects_count": boxes.shape[0],
+            "world": self._bvh.arguments(boxes),
             "width": view.width,
             "height": view.height,
             "view": constants,

@@ -2,19 +2,67 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import pyopencl.array as cla
 
-from iprt.device.vectors import int4
+from iprt.device.block import Block, Float4s, Floats, Int32, when
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
-from iprt.world.objects.object_layers import EMPTY
+from iprt.world.objects.object_bvh import ObjectsArgs
 from iprt.world.objects.objects import Objects
+from iprt.world.real.highlight import GlossArgs
 from iprt.world.real.irradiance import IrradianceCache
-from iprt.world.real.lights import Lights, no_lights
-from iprt.world.real.panorama import Panorama
+from iprt.world.real.lights import Lights, LightsArgs
+from iprt.world.real.panorama import ImpostorArgs, Panorama, RealLayerArgs
 from iprt.world.real.real_world import RealWorld
+
+
+@dataclass(kw_only=True)
+class RelitArgs(Block):
+    """Factors by which objects change the radiance of real surfaces; by default none.
+
+    Attributes
+    ----------
+    screen : (width * height, 4) float32 or None
+        Per pixel of the view.
+    view : (16,) float32
+        `View.kernel_constants()` of `screen`.
+    width, height : int
+    panorama : (2 * rows * rows, 4) float32 or None
+        Equirect.
+    rows : int
+    """
+
+    screen: Float4s = None
+    view: Floats = None
+    width: Int32 = 0
+    height: Int32 = 0
+    panorama: Float4s = None
+    rows: Int32 = 0
+
+
+@dataclass(kw_only=True)
+class WorldArgs(Block):
+    """Mixed scene for rays (`cl/lib/world/world.h`).
+
+    Attributes
+    ----------
+    real, objects, lights, relit, gloss
+    materials : (rows, 4) float32
+        `material_table()` of the objects.
+    max_bounces : int
+        Virtual surfaces that a path may meet.
+    """
+
+    real: RealLayerArgs
+    objects: ObjectsArgs
+    materials: Float4s
+    max_bounces: Int32
+    lights: LightsArgs
+    relit: RelitArgs = when("RELIT")
+    gloss: GlossArgs | None = when("GLOSS")
 
 
 class Substitute(Protocol):
@@ -24,8 +72,8 @@ class Substitute(Protocol):
     def lights(self) -> Lights | None:
         """Lights for light sampling; None: rays are not aimed."""
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the further arguments of kernels built with `-D IMPOSTOR`."""
+    def arguments(self) -> ImpostorArgs:
+        """Return the surroundings for kernels built with `-D IMPOSTOR`."""
 
 
 class World:
@@ -43,14 +91,7 @@ class World:
         self.real = real
         self.objects = objects
         self.impostor: Substitute | None = None
-        self._relit: dict[str, Any] = {
-            "relit_screen": None,
-            "relit_view": None,
-            "relit_width": 0,
-            "relit_height": 0,
-            "relit_panorama": None,
-            "relit_rows": 0,
-        }
+        self._relit = RelitArgs()
 
     @property
     def panorama(self) -> Panorama:
@@ -66,11 +107,6 @@ class World:
     def lights(self) -> Lights | None:
         """Light sampling table; None: no light sampling."""
         return self.real.lights if self.impostor is None else self.impostor.lights
-
-    @property
-    def bounds(self) -> cla.Array:
-        """`object_bounds()` of the objects."""
-        return self.objects.device_bounds
 
     def relight(
         self,
@@ -88,36 +124,34 @@ class World:
         around : ((2 * rows * rows, 4) float32, rows) or None
             `RatioMap.ratio`; None: the view shows the whole panorama.
         """
-        self._relit |= {
-            "relit_screen": screen,
-            "relit_view": constants,
-            "relit_width": view.width,
-            "relit_height": view.height,
-        }
+        self._relit = RelitArgs(screen=screen, view=constants, width=view.width, height=view.height)
         if around is not None:
-            self._relit["relit_panorama"], self._relit["relit_rows"] = around
+            self._relit.panorama, self._relit.rows = around
 
-    def arguments(self, features: Features) -> dict[str, Any]:
-        """Return `WORLD_PARAMETERS` of `cl/lib/world/world.h`, for all variants of kernels."""
-        trace, real, objects = features.settings.trace, self.real, self.objects
-        return {
-            **self.panorama.arguments(trace),
-            "real_color": self.panorama.radiated,
-            **(objects.bvh.arguments() if objects.bvh else self._layers()),
-            "objects_bounds": self.bounds,
-            "objects_count": self.bounds.shape[0],
-            "materials": objects.materials,
-            "max_bounces": trace.bounces,
-            **(no_lights("light") if real.lights is None else real.lights.arguments()),
-            **(self.impostor.arguments() if self.impostor else {}),
-            **self._relit,
-            **(real.highlight.arguments() if real.highlight else {}),
-        }
+    def arguments(
+        self, features: Features, view: cla.Array | None, *, captured: bool = False
+    ) -> WorldArgs:
+        """Return the world for all variants of kernels.
 
-    def _layers(self) -> dict[str, Any]:
-        screen, around = self.objects.screen, self.objects.around
-        return {
-            **(screen.arguments("screen") if screen else {}),
-            **(around.arguments("equirect") if around else {}),
-            "objects_rectangle": int4(screen.rect if screen else EMPTY),
-        }
+        Parameters
+        ----------
+        features : Features
+        view : (16,) float32 or None
+            `View.kernel_constants()`, for objects as layers.
+        captured : bool
+            For kernels built without `-D IMPOSTOR`: rays meet the panorama's surfaces.
+        """
+        trace, real = features.settings.trace, self.real
+        lights = real.lights if captured else self.lights
+        impostor = None if self.impostor is None else self.impostor.arguments()
+        return WorldArgs(
+            real=replace(
+                self.panorama.arguments(trace), color=self.panorama.radiated, impostor=impostor
+            ),
+            objects=self.objects.arguments(view),
+            materials=self.objects.materials,
+            max_bounces=trace.bounces,
+            lights=LightsArgs() if lights is None else lights.arguments(),
+            relit=self._relit,
+            gloss=real.highlight.arguments() if real.highlight else None,
+        )

@@ -16,7 +16,7 @@ from iprt.world.objects.object_bvh import ObjectBvh
 from tests.kernels.tracing import build, four
 
 KERNEL = """
-#include "world/scene.h"
+#include "world/objects/objects.h"
 #if defined(__has_attribute)
 #if __has_attribute(intel_vec_len_hint)
 __attribute__((intel_vec_len_hint(1)))
@@ -24,13 +24,11 @@ __attribute__((intel_vec_len_hint(1)))
 #endif
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
                     __global const float *t_max, __global float *distance, __global int2 *what,
-                    __global float4 *point, __global const float *view,
-                    OBJECT_PARAMETERS WORK_PARAMETER)
+                    __global float4 *point, const Objects world, const Work work)
 {
     const int i = get_global_id(0);
     if (i >= n)
         return;
-    const Objects world = OBJECTS(view);
     ObjectHit hit;
     const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, t_max[i], &hit);
     distance[i] = met ? hit.t : INFINITY;
@@ -78,6 +76,7 @@ class BvhTracer:
     def __init__(self, device: ComputeDevice, instances: Sequence[Instance]) -> None:
         self._device = device
         self._bvh = ObjectBvh(device, instances)
+        self._boxes = device.zeros("boxes", (1, 2, 4))
         flags = [f"-D{name}={int(value)}" for name, value in BVH_DEFINES.items()]
         self._kernel = build(device, KERNEL, "trace", *flags)
         self._builder = SceneBuilder()
@@ -101,7 +100,6 @@ class BvhTracer:
         point = device.empty("point", (n, 4, 4))
         self._kernel(
             (n,),
-            self._bvh.arguments(),
             n=n,
             origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
             direction=device.upload("directions", four(directions)),
@@ -109,9 +107,7 @@ class BvhTracer:
             distance=distance,
             what=what,
             point=point,
-            view=None,
-            objects_bounds=None,
-            objects_count=0,
+            world=self._bvh.arguments(self._boxes),
         )
         found, at = device.read(what), device.read(point)
         met = found[:, 0] >= 0

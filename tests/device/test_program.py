@@ -7,10 +7,10 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
+from iprt.device import kernel_source
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Program, build
 from iprt.errors import KernelError
-from iprt.files import kernel_source
 from iprt.files.resources import CL
 
 TEXT = """

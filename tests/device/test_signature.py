@@ -9,9 +9,9 @@ import pyopencl as cl
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel_source import KernelSource, constant, float_constant
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
-from iprt.files.kernel_source import KernelSource, constant, float_constant
 from tests.films import entry_points, planned_kernels
 
 HEADER = """

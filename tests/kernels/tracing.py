@@ -19,6 +19,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.raster.layers import Layer, ObjectLayers
 from iprt.settings.trace import TraceSettings
+from iprt.world.objects.object_bvh import ObjectsArgs
 from iprt.world.objects.object_layers import EMPTY, TracedLayers
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Solid
@@ -28,15 +29,14 @@ SURFACE, SIDE, BACK_FACE, SKY, UNKNOWN = range(5)
 REAL_KERNEL = """
 #include "maths/grid.h"
 %s
-#include "world/scene.h"
+#include "world/real/real.h"
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
                     __global float4 *found, __global int4 *what,
-                    REAL_PARAMETERS WORK_PARAMETER)
+                    const RealLayer layer, const Work work)
 {
     const int i = get_global_id(0);
     if (i >= n)
         return;
-    RealLayer layer = REAL_LAYER;
     RealHit hit = trace_real_layer(layer, origin[i].xyz, direction[i].xyz, INFINITY);
     found[i] = (float4)(hit.direction, hit.t);
     int behind = 0;
@@ -109,7 +109,7 @@ class RealTracer:
         what = device.empty("what", (n, 4), np.int32)
         self._kernel(
             (n,),
-            panorama.arguments(trace),
+            layer=panorama.arguments(trace),
             n=n,
             origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
             direction=device.upload("directions", four(directions)),
@@ -137,15 +137,13 @@ def panorama_of(device: ComputeDevice, frame: Frame, *before: Frame) -> Panorama
 
 
 OBJECT_KERNEL = """
-#include "world/scene.h"
+#include "world/objects/objects.h"
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
-                    __global float *found, __global int2 *what, __global const float *view,
-                    OBJECT_PARAMETERS)
+                    __global float *found, __global int2 *what, const Objects world)
 {
     const int i = get_global_id(0);
     if (i >= n)
         return;
-    const Objects world = OBJECTS(view);
     ObjectHit hit;
     const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, INFINITY, &hit);
     found[i] = met ? hit.t : INFINITY;
@@ -194,17 +192,19 @@ class ObjectTracer:
         what = device.empty("what", (n, 2), np.int32)
         self._kernel(
             (n,),
-            self.screen.arguments("screen") if self.screen else {},
-            self.equirect.arguments("equirect"),
             n=n,
             origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
             direction=device.upload("directions", four(directions)),
             found=found,
             what=what,
-            view=self._view,
-            objects_rectangle=int4(self.screen.rect if self.screen else EMPTY),
-            objects_bounds=self._bounds,
-            objects_count=len(self._bounds),
+            world=ObjectsArgs(
+                bounds=self._bounds,
+                count=len(self._bounds),
+                screen=self.screen.arguments() if self.screen else None,
+                equirect=self.equirect.arguments(),
+                view=self._view,
+                rectangle=int4(self.screen.rect if self.screen else EMPTY),
+            ),
         )
         w = device.read(what)
         return ObjectHits(device.read(found), w[:, 0], w[:, 1])

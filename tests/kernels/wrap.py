@@ -57,7 +57,7 @@ def evaluate(
     outputs : OpenCL type of each output, e.g. ``{"p": "float2"}``.
     tables : (R, 4) float32 each, a ``__global const float4 *`` of that name.
     defines : names given as ``-D``, or ``NAME=value``.
-    parameters, arguments : further parameters of the kernel, such as ``WORLD_PARAMETERS``, and
+    parameters, arguments : further parameters of the kernel, such as ``const World world``, and
         what they are given, as to `iprt.device.compute.Kernel`.
     """
     tables = tables or {}

@@ -58,8 +58,7 @@ class FlatLayer:
         given = panorama.arguments(TraceSettings(thickness=thickness, thickness_ratio=ratio))
         return cls(
             surface[..., :3], surface[..., 3].astype(np.int64), range_[..., 0], range_[..., 1],
-            given["real_thickness_m"], given["real_thickness_ratio"], given["real_bias"],
-            given["real_farthest"],
+            given.thickness_m, given.thickness_ratio, given.bias, given.farthest,
         )  # fmt: skip
 
     def thickness_at(self, r: Float) -> Float:

@@ -28,7 +28,7 @@ from iprt.settings.features import Features
 from iprt.settings.filter import MaskSettings
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
-from iprt.trace.tracers import traced_arguments
+from iprt.trace.pixels import listed_arguments
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
@@ -136,8 +136,9 @@ class Kernels:
         cache = IrradianceCache(self.device, panorama, self._features(seed, rays))
         cache.place(panorama, STILL, changed=0.0, cut=False)
         cache.run(
-            renderer.world.arguments(self._features(seed, rays)),
-            traced_arguments(pixels.guide, pixels.mask, self.view),
+            renderer.world.arguments(self._features(seed, rays), self.view),
+            renderer.world.objects.device_bounds,
+            listed_arguments(pixels.guide, pixels.mask),
             min_solid_angle=0.0,
         )
         mean = self.device.read(cache.mean).astype(np.float64)

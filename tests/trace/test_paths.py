@@ -179,11 +179,11 @@ def test_samples_of_the_environment_follow_its_table(device: ComputeDevice) -> N
         environment = Environment(device)
         environment.sample(lights)
         given = environment.arguments()
-        samples = device.read(given["environment_samples"]).astype(np.float64)
+        samples = device.read(given.samples).astype(np.float64)
         density, cells, _ = light_table(device.read(lights.luminance))
     rows, columns = lights.rows, lights.columns
     density = density.reshape(rows, columns)
-    assert given["environment_count"] == len(samples) == rows * columns
+    assert given.count == len(samples) == rows * columns
     azimuth = np.arctan2(samples[:, 1], samples[:, 0]) % (2.0 * np.pi)
     column = np.floor(azimuth / (2.0 * np.pi) * columns).astype(int)
     middle = np.arccos(0.5 * (samples[:, 2] + samples[:, 3])) / np.pi

@@ -11,7 +11,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
-from iprt.trace.voxels import PrefilteredPanorama
+from iprt.trace.voxels import PrefilteredArgs, PrefilteredPanorama, SurroundingsArgs
 from tests.frame.test_windows import BALL, MIRROR, arriving, render_ball, windowed
 from tests.kernels.wrap import evaluate
 from tests.worlds import Float, panorama_at
@@ -66,7 +66,7 @@ def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -
     panorama, outside = np.array([2.0, 3.0, 4.0]), np.array([50.0, 60.0, 70.0])
     texels = {
         name: device.upload(f"test {name}", np.tile(color, 2).astype(np.float32))
-        for name, color in (("prefiltered", panorama), ("outside", outside))
+        for name, color in (("panorama", panorama), ("outside", outside))
     }
     rng = np.random.default_rng(6)
     room, d = rng.random((8, 3)).astype(np.float32), rng.normal(size=(8, 3)).astype(np.float32)
@@ -76,7 +76,6 @@ def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -
         device,
         ["trace/prefiltered.h"],
         """
-        const Surroundings around = SURROUNDINGS;
         const Cone cone = {(float3)(0.0f), normalize(d), 0.5f, 0.0f, 0.0f};
         const ConeLight light = {room, shares.x, shares.y, 1.0f, 1.0f};
         arriving = all_arriving(around, cone, light);
@@ -84,13 +83,14 @@ def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -
         {"d": d, "room": room, "shares": shares},
         {"arriving": "float3"},
         defines=["OPENING_ENVIRONMENT"],
-        parameters="SURROUNDINGS_PARAMETERS",
+        parameters="const Surroundings around",
         arguments={
-            **texels,
-            "prefiltered_levels": levels,
-            "outside_levels": levels,
-            "prefiltered_count": 1,
-            "outside_count": 1,
+            "around": SurroundingsArgs(
+                **{
+                    name: PrefilteredArgs(texels=of, levels=levels, count=1)
+                    for name, of in texels.items()
+                }
+            )
         },
     )["arriving"]
     wanted = room + shares[:, :1] * outside + shares[:, 1:] * panorama

@@ -5,18 +5,7 @@
 
 #include "maths/equirect.h"
 #include "maths/work.h"
-
-// Min/max pyramid. Level l has ceil(width / 2^l) x ceil(height / 2^l) cells. The levels follow each other
-// in `range`. Cells of the last rows and columns are clipped at width and height.
-typedef struct {
-    int width;
-    int height;
-    int levels;                      // the coarsest cells span at most pi/4 of azimuth
-    __global const float2 *range;    // (min, max) radial distance in metres per cell
-    __global const float2 *column;   // width + 1: (cos, sin) of the azimuth of column edges
-    __global const float *row;       // height + 1: cos of the polar angle of row edges
-    WORK_MEMBER
-} Grid;
+#include <iprt.world.real.pyramid>
 
 // A ray o + t d seen from the capture centre. Its points are b (m + u d), where m is the unit direction of
 // the closest approach, b the distance there, and u = (t + o.d) / b. Then r = b sqrt(1 + u^2), and a

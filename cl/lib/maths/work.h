@@ -1,5 +1,5 @@
-// Work counters of kernels that trace rays. With -D COUNT_WORK, kernels that declare WORK_PARAMETER count
-// into a buffer, their last parameter (iprt/device/counting.py). Without it, all macros are empty.
+// Work counters of kernels that trace rays. With -D COUNT_WORK, kernels that take `const Work work` count
+// into a buffer (iprt/device/counting.py). Without it, all macros are empty.
 //
 //   counter        counts
 //   WORK_ITEMS     active work items
@@ -11,16 +11,15 @@
 #ifndef IPRT_WORK_H
 #define IPRT_WORK_H
 
+#include <iprt.device.counting>
+
 #ifdef COUNT_WORK
 
 #define WORK_ITEMS 0
 #define WORK_REAL 1
 #define WORK_OBJECTS 5
 
-#define WORK_PARAMETER , __global uint *restrict work
-#define WORK_MEMBER __global uint *work;
-#define WORK , work
-#define COUNT_ITEM atomic_inc(work + WORK_ITEMS)
+#define COUNT_ITEM atomic_inc(work.counters + WORK_ITEMS)
 #define COUNT_RAY(work, of) atomic_inc((work) + (of))
 #define COUNT_STEPS(work, of, steps) count_steps((work) + (of), steps)
 
@@ -34,9 +33,6 @@ static inline void count_steps(__global uint *counter, uint steps)
 
 #else
 
-#define WORK_PARAMETER
-#define WORK_MEMBER
-#define WORK
 #define COUNT_ITEM
 #define COUNT_RAY(work, of)
 #define COUNT_STEPS(work, of, steps)

@@ -15,13 +15,10 @@
 #include "maths/sampling.h"
 #include "world/brdf.h"
 #include "world/direction.h"
-
-#define PATH_PARAMETERS                                                                            \
-    const int environment_count, __global const float4 *restrict environment_samples,              \
-        const float4 support_plane
-
-// Arguments of trace_pairs among PATH_PARAMETERS.
-#define PATH_ARGUMENTS environment_count, environment_samples, support_plane
+#ifdef LEARNED_RADIANCE
+#include "world/real/learned.h"
+#endif
+#include <iprt.trace.paths>
 
 // A pixel sends `rays` pairs of rays: a pair is one path with two rays per surface, or two paths with one.
 #ifdef LIGHT_SAMPLING
@@ -102,37 +99,36 @@ static inline Scatter scatter_sampled(const World world, const PathSurface at, f
 
 #ifdef LIGHT_SAMPLING
 // Return a direction at the capture centre from the precomputed samples; u in [0, 1)^2.
-static inline float3 environment_direction(int count, __global const float4 *restrict samples,
-                                           float2 u)
+static inline float3 environment_direction(const Environment environment, float2 u)
 {
-    const float4 at = samples[min((int)(u.x * count), count - 1)];
+    const float4 at = environment.samples[min((int)(u.x * environment.count), environment.count - 1)];
     const float y = mix(at.z, at.w, u.y), s = sqrt(fmax(1.0f - y * y, 0.0f));
     return (float3)(-s * at.y, y, s * at.x);
 }
 #endif
 
 #ifdef LEARNED_RADIANCE
-#define PATH_RADIANCE(hit, o, d) path_radiance(world, hit, o, d)
+#define PATH_RADIANCE(hit, o, d) path_radiance(world, environment.learned, hit, o, d)
 
 // Return the radiance, without objects, of the real surface that a ray from o in direction d has hit.
-static inline float3 path_radiance(const World world, const RealHit hit, float3 o, float3 d)
+static inline float3 path_radiance(const World world, const Learned learned, const RealHit hit, float3 o,
+                                   float3 d)
 {
     const float4 plane = world.real.surface[hit.texel];
     float4 known = (float4)(0.0f);
     if (hit.kind <= HIT_BACK_FACE && !((int)plane.w & SURFACE_OPENING))
-        known = learned_radiance(world.real.learned, o + hit.t * d,
+        known = learned_radiance(learned, o + hit.t * d,
                                  safe_normalize(-plane.xyz, (float3)(0.0f, 1.0f, 0.0f)));
-    return known.w > 0.0f ? known.xyz : captured_radiance(world, hit, d);
+    return known.w > 0.0f ? known.xyz : captured_radiance(world.real, hit, d);
 }
 #else
-#define PATH_RADIANCE(hit, o, d) captured_radiance(world, hit, d)
+#define PATH_RADIANCE(hit, o, d) captured_radiance(world.real, hit, d)
 #endif
 
 // Trace one path from a surface. It is a single loop with one call of each traversal, because OpenCL
 // compilers inline these.
 static inline ALWAYS_INLINE PathSums trace_pairs(
-    const World world, PathSurface at, uint seed, uint index, int environment_count,
-    __global const float4 *restrict environment_samples, float4 plane)
+    const World world, PathSurface at, uint seed, uint index, const Environment environment)
 {
     PathSums sums;
     sums.diffuse = sums.specular = (float3)(0.0f);
@@ -152,10 +148,10 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
         Scatter s;
 #ifdef LIGHT_SAMPLING
         if (ray % 2 == 0) {
-            if (environment_count == 0 || world.lights.count == 0)
+            if (environment.count == 0 || world.lights.count == 0)
                 continue;
             const float3 light =
-                environment_direction(environment_count, environment_samples, u);
+                environment_direction(environment, u);
             const int texel = texel_towards(world.real, light);
             s = scatter_along(world, at, towards_light(world.real, light, texel, at.o));
             s.aimed = 1;
@@ -190,8 +186,8 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
 #endif
         const float density = s.density > 0.0f ? s.density + light : 1.0f;
 #ifdef DISTANT_ENVIRONMENT
-        const float towards = dot(plane.xyz, s.wi);
-        const float to_plane = (plane.w - dot(plane.xyz, at.o)) / towards;
+        const float towards = dot(environment.plane.xyz, s.wi);
+        const float to_plane = (environment.plane.w - dot(environment.plane.xyz, at.o)) / towards;
         float inverse = 1.0f / density;
         if (towards < 0.0f && to_plane > 0.0f && !delta) {
             real.t = to_plane;

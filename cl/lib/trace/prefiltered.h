@@ -7,18 +7,6 @@
 #include "trace/voxels.h"
 #include "world/real/panorama.h"
 
-typedef struct {
-    __global const float *texels;    // 3 a texel, level after level
-    __global const int4 *levels;     // width, height, first texel
-    int count;
-} Prefiltered;
-
-#define PREFILTERED_PARAMETERS                                                                     \
-    __global const float *restrict prefiltered, __global const int4 *restrict prefiltered_levels,  \
-        const int prefiltered_count
-
-#define PREFILTERED {prefiltered, prefiltered_levels, prefiltered_count}
-
 static inline float3 prefiltered_level(const Prefiltered panorama, int level, float2 uv)
 {
     const int4 at = panorama.levels[level];
@@ -35,24 +23,6 @@ static inline float3 prefiltered_radiance(const Prefiltered panorama, float3 d, 
     return mix(prefiltered_level(panorama, fine, uv), prefiltered_level(panorama, coarse, uv),
                level - (float)fine);
 }
-
-// Environment around the voxels of the room.
-typedef struct {
-    Prefiltered panorama;
-#ifdef OPENING_ENVIRONMENT
-    Prefiltered outside;
-#endif
-} Surroundings;
-
-#ifdef OPENING_ENVIRONMENT
-#define SURROUNDINGS_PARAMETERS                                                                    \
-    PREFILTERED_PARAMETERS, __global const float *restrict outside,                                \
-        __global const int4 *restrict outside_levels, const int outside_count
-#define SURROUNDINGS {PREFILTERED, {outside, outside_levels, outside_count}}
-#else
-#define SURROUNDINGS_PARAMETERS PREFILTERED_PARAMETERS
-#define SURROUNDINGS {PREFILTERED}
-#endif
 
 // Return the radiance that arrives through a cone: of the room, from behind its windows, and around it.
 static inline float3 all_arriving(const Surroundings around, const Cone cone, const ConeLight room)

@@ -6,23 +6,13 @@
 #include "maths/list.h"
 #include "maths/rng.h"
 #include "maths/tracing.h"
-
-// Passed by traced_arguments() of iprt/trace/tracers.py. `list` holds y * width + x of `count` pixels,
-// `guide` 7 planes (lib/gbuffer/guide.h), `view` lib/gbuffer/view.h; `rays` is the number per pixel.
-#define TRACED_PARAMETERS                                                                          \
-    const int width, const int height, const int rays, const int frame_seed,                       \
-        __global const int *restrict list, __global const int *restrict count,                     \
-        __global const float *restrict guide, __global const float *restrict view
+#include <iprt.trace.tracers>
 
 // Return the index of a listed pixel into padded planes.
 static inline int pixel_of(int listed, int width)
 {
     return plane_index(listed % width, listed / width, width);
 }
-
-// Pixel of this work item; `stream` makes the random numbers of kernels independent.
-#define TRACED_PIXEL(item, stream)                                                                 \
-    traced_pixel(READ_AGAIN(list + item), width, height, guide, frame_seed, stream)
 
 typedef struct {
     int x;
@@ -35,19 +25,19 @@ typedef struct {
     uint seed;
 } TracedPixel;
 
-static inline TracedPixel traced_pixel(int listed, int width, int height,
-                                       __global const float *restrict guide, int frame_seed,
-                                       uint stream)
+// Return the pixel of item number `item`; `stream` makes the random numbers of kernels independent.
+static inline TracedPixel traced_pixel(const Pixels pixels, int item, uint stream)
 {
+    const int listed = READ_AGAIN(pixels.list + item), width = pixels.width;
     TracedPixel at;
     at.x = listed % width;
     at.y = listed / width;
     at.pixel = pixel_of(listed, width);
-    at.size = plane_size(width, height);
-    at.n = load_planes(guide, at.size, at.pixel);
-    at.p = load_planes(guide + 3 * at.size, at.size, at.pixel);
-    at.id = (int)guide[6 * at.size + at.pixel];
-    at.seed = hash_combine(hash_combine((uint)listed, stream), (uint)frame_seed);
+    at.size = plane_size(width, pixels.height);
+    at.n = load_planes(pixels.guide, at.size, at.pixel);
+    at.p = load_planes(pixels.guide + 3 * at.size, at.size, at.pixel);
+    at.id = (int)pixels.guide[6 * at.size + at.pixel];
+    at.seed = hash_combine(hash_combine((uint)listed, stream), (uint)pixels.frame_seed);
     return at;
 }
 

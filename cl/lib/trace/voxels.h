@@ -10,6 +10,7 @@
 #include "maths/equirect.h"
 #include "maths/tracing.h"
 #include "world/boxes.h"
+#include <iprt.trace.voxels>
 
 // Least height of a sample above the surface that the cone starts from, in voxels: half a voxel of the
 // surface itself, and one that interpolation adds.
@@ -21,34 +22,6 @@
 // Bound of the loop: more steps than any diagonal takes.
 #define CONE_STEP_CAP 2048
 #define CONE_FAR 1e30f
-
-typedef struct {
-    __global const float4 *opacity;  // along x, y, z; weight of windows
-    __global const float4 *light;    // radiance times weight, weight
-    __global const int4 *levels;     // voxels along x, y, z; first voxel
-    int count;                       // number of levels
-    float4 box;                      // lower corner, and side of a voxel of the finest level, metres
-} Voxels;
-
-#define SCENE_VOXEL_PARAMETERS                                                                     \
-    __global const float4 *restrict scene_opacity, __global const float4 *restrict scene_light,    \
-        __global const int4 *restrict scene_levels, const int scene_count, const float4 scene_box
-
-#define SCENE_VOXELS {scene_opacity, scene_light, scene_levels, scene_count, scene_box}
-
-#define OBJECT_VOXEL_PARAMETERS                                                                    \
-    __global const float4 *restrict object_opacity, __global const float4 *restrict object_light,  \
-        __global const int4 *restrict object_levels, const int object_count,                       \
-        const float4 object_box
-
-#define OBJECT_VOXELS {object_opacity, object_light, object_levels, object_count, object_box}
-
-// Real surfaces around the objects, with the objects' change of their radiance.
-#define DELTA_VOXEL_PARAMETERS                                                                     \
-    __global const float4 *restrict delta_opacity, __global const float4 *restrict delta_light,    \
-        __global const int4 *restrict delta_levels, const int delta_count, const float4 delta_box
-
-#define DELTA_VOXELS {delta_opacity, delta_light, delta_levels, delta_count, delta_box}
 
 typedef struct {
     float3 o;

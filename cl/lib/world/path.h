@@ -83,8 +83,7 @@ static inline int gloss_at(const World world, const RealHit hit)
 // Return seen_share() of gloss.h for the panorama.
 static inline float3 seen_highlight(const World world, const Material material, float3 p)
 {
-    return seen_share(material, world.gloss.gain, world.gloss.columns, world.gloss.rows,
-                      world.real.grid.width, world.real.grid.height, p);
+    return seen_share(world.gloss, material, world.real.grid.width, world.real.grid.height, p);
 }
 
 // Sample the direction in which a glossy real surface at p with normal n reflects a ray along d.
@@ -115,7 +114,7 @@ static inline ALWAYS_INLINE PathResult trace_path(
 #if defined(DELTA) && defined(IMPOSTOR)
     // An occluder between a real surface and the middle of the objects blocks the surface's rays towards
     // them. The cube map does not show the occluder from behind.
-    if (impostor_hides(world.real.impostor, o - world.real.impostor.centre))
+    if (impostor_hides(world.real.impostor, o - world.real.impostor.centre.xyz))
         return result;
 #endif
 #ifdef GLOSS
@@ -191,7 +190,7 @@ static inline ALWAYS_INLINE PathResult trace_path(
             const float share = inverse_density(world, s, o, real);
             if (!(share > 0.0f))
                 return result;
-            result.real = share * captured_radiance(world, real, d);
+            result.real = share * captured_radiance(world.real, real, d);
             throughput *= share;
         } else
 #endif

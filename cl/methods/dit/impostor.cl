@@ -153,14 +153,13 @@ __kernel void shade_impostor(
 }
 
 __kernel void show_impostor(
-    IMPOSTOR_PARAMETERS,
+    const Impostor impostor,
     const int rows,
     __global float *restrict picture)       // out: 2 rows x rows
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= 2 * rows || y >= rows)
         return;
-    const Impostor impostor = IMPOSTOR_OF_PARAMETERS;
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < 4; i++) {
         const float u = (x + 0.25f + 0.5f * (i & 1)) / (2 * rows);

@@ -42,40 +42,39 @@ static inline Scatter sample_direction(const World world, float3 n, uint index, 
 static inline int meets_objects(const World world, float3 o, const Scatter s)
 {
     return s.diffuse > 0.0f
-        && meets_boxes(world.objects.bounds, world.objects.objects, o, s.wi);
+        && meets_boxes(world.objects.bounds, world.objects.count, o, s.wi);
 }
 
 TRACING_KERNEL void trace_cached(
-    TRACED_PARAMETERS,
-    WORLD_PARAMETERS,
-    CACHE_PARAMETERS,
+    const Pixels pixels,
+    const World world,
+    const IrradianceCache cache,
     const int cache_size,                  // most traced rays; 0: all are traced, without the test
     __global uint *restrict samples,
-    __global float *restrict signal WORK_PARAMETER)
+    __global float *restrict signal,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
-    const IrradianceCache cache = CACHE;
-    int hits = rays;
+    int hits = pixels.rays;
     if (cache_size > 0) {
-        const TracedPixel at = TRACED_PIXEL(item, CACHED);
+        const TracedPixel at = traced_pixel(pixels, item, CACHED);
         const uint first = samples[at.pixel];
         const float3 o = at.p + world.real.bias * at.n;
         hits = 0;
-        for (int i = 0; i < rays; i++)
+        for (int i = 0; i < pixels.rays; i++)
             hits += meets_objects(world, o, sample_direction(world, at.n, first + i, at.seed));
     }
-    const int traced = cache_size > 0 ? min(hits, cache_size) : rays;
+    const int traced = cache_size > 0 ? min(hits, cache_size) : pixels.rays;
     float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
     int left = hits, next = 0;
     for (int ray = 0; ray < traced; ray++) {
-        const TracedPixel at = TRACED_PIXEL(item, CACHED);
+        const TracedPixel at = traced_pixel(pixels, item, CACHED);
         const uint first = READ_AGAIN(samples + at.pixel);
         const float3 o_object = at.p + world.real.bias * at.n;
         Scatter s = no_scatter(at.n);
         int chosen = 0;
-        for (int i = next; i < rays && !chosen; i++) {
+        for (int i = next; i < pixels.rays && !chosen; i++) {
             next = i + 1;
             s = sample_direction(world, at.n, first + i, at.seed);
             if (cache_size == 0) {
@@ -93,11 +92,11 @@ TRACING_KERNEL void trace_cached(
         blocked += s.diffuse * path.real;
         bounce += s.diffuse * path.arriving;
     }
-    const TracedPixel at = TRACED_PIXEL(item, CACHED);
-    samples[at.pixel] += rays;
+    const TracedPixel at = traced_pixel(pixels, item, CACHED);
+    samples[at.pixel] += pixels.rays;
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache of E_R.
     const float others = traced > 0 ? (float)hits / traced : 0.0f;
-    const float3 scale = inverse_irradiance(cache, at.p, at.n) * (others / rays);
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) * (others / pixels.rays);
     store_planes(signal, at.size, at.pixel, scale * blocked);
     store_planes(signal + 3 * at.size, at.size, at.pixel, scale * bounce);
 }

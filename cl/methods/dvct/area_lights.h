@@ -9,6 +9,7 @@
 #include "maths/maths.h"
 #include "maths/sampling.h"
 #include "maths/tracing.h"
+#include <iprt.methods.dvct.delta_world>
 
 #define AREA_LIGHT_ROWS 4
 // Depth bias of shadow map lookups, in voxels.
@@ -24,19 +25,6 @@ typedef struct {
     float3 axis;        // direction to the objects
     float cap;          // sine of half the angular radius of the map around the axis
 } AreaLight;
-
-typedef struct {
-    __global const float4 *rows;     // AREA_LIGHT_ROWS of each light
-    __global const float2 *maps;     // distance to the nearest object and to the nearest real surface, metres
-    int count;
-    int side;                        // texels of a map
-} AreaLights;
-
-#define AREA_LIGHT_PARAMETERS                                                                      \
-    __global const float4 *restrict area_lights, __global const float2 *restrict light_maps,       \
-        const int area_light_count, const int map_side
-
-#define AREA_LIGHTS {area_lights, light_maps, area_light_count, map_side}
 
 static inline AreaLight area_light(__global const float4 *restrict rows, int number)
 {

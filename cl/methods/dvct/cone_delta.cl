@@ -26,22 +26,20 @@
 #define CONE_SHARE 0.2f
 
 TRACING_KERNEL void cone_delta(
-    TRACED_PARAMETERS,
-    OBJECT_VOXEL_PARAMETERS,
-    DELTA_VOXEL_PARAMETERS,
-    AREA_LIGHT_PARAMETERS,
-    CACHE_PARAMETERS,
+    const Pixels pixels,
+    const Voxels objects,
+    const Voxels delta,
+    const AreaLights lights,
+    const IrradianceCache cache,
     const int cones,
     __global uint *restrict samples,
     __global float *restrict signal,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const Voxels objects = OBJECT_VOXELS, delta = DELTA_VOXELS;
-    const AreaLights lights = AREA_LIGHTS;
-    const IrradianceCache cache = CACHE;
-    const TracedPixel at = TRACED_PIXEL(item, 0x64656c74u);
+    const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
     float3 hidden = (float3)(0.0f), sent = (float3)(0.0f);
     int met = 0;
     const uint first = samples[at.pixel];
@@ -52,11 +50,11 @@ TRACING_KERNEL void cone_delta(
 
     float total = 0.0f;
     for (int number = 0; number < (above ? lights.count : 0); number++)
-        total += luminance(light_irradiance(area_light(area_lights, number), at.p, at.n));
-    const float pace = total > 0.0f ? rays / total : 0.0f;
+        total += luminance(light_irradiance(area_light(lights.rows, number), at.p, at.n));
+    const float pace = total > 0.0f ? pixels.rays / total : 0.0f;
     float before = u.x;
     for (int number = 0; number < (pace > 0.0f ? lights.count : 0); number++) {
-        const AreaLight light = area_light(area_lights, number);
+        const AreaLight light = area_light(lights.rows, number);
         const float3 arriving = light_irradiance(light, at.p, at.n);
         const float after = before + pace * luminance(arriving);
         const float chosen = floor(after) - floor(before);
@@ -84,8 +82,8 @@ TRACING_KERNEL void cone_delta(
             * light_passing(lights, number, light, at.p, VOXEL_SLACK * objects.box.w).x * arriving;
     }
 
-    for (int ray = 0; ray < (voxels_above(delta, at.p, at.n) ? rays : 0); ray++) {
-        const float turn = (ray + u.y) / rays * cones;
+    for (int ray = 0; ray < (voxels_above(delta, at.p, at.n) ? pixels.rays : 0); ray++) {
+        const float turn = (ray + u.y) / pixels.rays * cones;
         // Sine of the angle to the normal at the middle of a share: of the cap, or of the ring.
         const float radius = turn < 1.0f ? 0.0f : sqrt(0.5f + 0.5f / cones);
         const float2 around = radius * unit_circle(fmax(turn - 1.0f, 0.0f) / (cones - 1));
@@ -99,8 +97,8 @@ TRACING_KERNEL void cone_delta(
         const int stopped = object.passed < 1.0f;
         const ConeLight less =
             trace_cone(delta, cone, start, stopped ? object.distance : 0.0f, 1);
-        hidden -= object.passed / rays * less.radiance;
-        sent += less.front / rays * object.radiance;
+        hidden -= object.passed / pixels.rays * less.radiance;
+        sent += less.front / pixels.rays * object.radiance;
         met |= stopped;
     }
     samples[at.pixel] = first + 1;

@@ -15,31 +15,26 @@
 #include "world/real/gloss.h"
 
 TRACING_KERNEL void cone_gloss(
-    TRACED_PARAMETERS,
-    SCENE_VOXEL_PARAMETERS,
-    OBJECT_VOXEL_PARAMETERS,
-    DELTA_VOXEL_PARAMETERS,
-    SURROUNDINGS_PARAMETERS,
+    const Pixels pixels,
+    const Voxels scene,
+    const Voxels objects,
+    const Voxels delta,
+    const Surroundings around,
     const int real_width,
     const int real_height,
-    __global const float4 *restrict real_materials,
-    __global const float4 *restrict real_reflectance,
-    __global const float4 *restrict real_gain,
-    const int gain_columns,
-    const int gain_rows,
+    const Gloss gloss,
     __global float *restrict change,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS, delta = DELTA_VOXELS;
-    const Surroundings around = SURROUNDINGS;
-    const TracedPixel at = TRACED_PIXEL(item, 0x676c6f73u);
-    const Material material = load_material(real_materials, at.id - 1);
+    const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
+    const Material material = load_material(gloss.materials, at.id - 1);
     const Frame frame = build_frame(at.n);
     float solid_angle;
     const BrdfSample lobe =
-        mirrored_lobe(material, real_reflectance[at.id - 1].xyz, frame,
+        mirrored_lobe(material, gloss.reflectance[at.id - 1].xyz, frame,
                       brdf_local_wo(frame, -at.p / length(at.p)), &solid_angle);
     Cone cone;
     cone.o = at.p;
@@ -60,8 +55,7 @@ TRACING_KERNEL void cone_gloss(
         shown += less.front * object.radiance;
         hidden = (1.0f - object.passed) * all_arriving(around, cone, real);
     }
-    const float3 share = seen_share(material, real_gain, gain_columns, gain_rows, real_width,
-                                    real_height, at.p);
+    const float3 share = seen_share(gloss, material, real_width, real_height, at.p);
     store_planes(change, at.size, at.pixel, lobe.weight * (shown - share * hidden));
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;

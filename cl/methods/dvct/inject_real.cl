@@ -4,7 +4,7 @@
 // Antiradiance is negative radiance: minus the panorama's radiance times the share of the surface's irradiance
 // that objects block.
 //
-// in   panorama          lib/world/scene.h
+// in   panorama          lib/world/real/real.h
 //      prefiltered       lib/trace/prefiltered.h
 //      area_lights       area_lights.h
 //      levels, box       lib/trace/voxels.h
@@ -17,8 +17,8 @@ __kernel void inject_real(
     const int real_width,
     const int real_height,
     __global const float4 *restrict real_surface,
-    PREFILTERED_PARAMETERS,
-    AREA_LIGHT_PARAMETERS,
+    const Prefiltered panorama,
+    const AreaLights lights,
     __global const int4 *restrict levels,
     const float4 box,
     __global float4 *restrict opacity,
@@ -29,11 +29,10 @@ __kernel void inject_real(
     if (i >= size.x * size.y * size.z)
         return;
     const RealVoxel voxel = real_voxel(real_surface, real_width, real_height, size, box, i);
-    const AreaLights lights = AREA_LIGHTS;
     float3 without = (float3)(0.0f), with = (float3)(0.0f);
     const int shadowed = voxel.solid && !voxel.opening;
     for (int number = 0; number < (shadowed ? lights.count : 0); number++) {
-        const AreaLight from = area_light(area_lights, number);
+        const AreaLight from = area_light(lights.rows, number);
         const float3 sent = light_irradiance(from, voxel.nearest, voxel.n);
         if (!(sent.x + sent.y + sent.z > 0.0f))
             continue;
@@ -44,7 +43,6 @@ __kernel void inject_real(
     }
     float3 change = (float3)(0.0f);
     if (without.x > with.x || without.y > with.y || without.z > with.z) {
-        const Prefiltered panorama = PREFILTERED;
         change = (with - without) / fmax(without, 1e-30f)
             * prefiltered_radiance(panorama, voxel.p, box.w / length(voxel.p));
     }

@@ -1,6 +1,6 @@
 // Cells of the panorama in an equirect grid: mean radiance, and the surface at the centre of the cell.
 //
-// in   panorama          lib/world/scene.h
+// in   panorama          lib/world/real/real.h
 //      prefiltered       lib/trace/prefiltered.h; `level` has the grid's resolution
 // out  cells             2 float4 a cell: radiance, distance in metres (0: open sky); normal, 1 at windows
 #include "trace/prefiltered.h"
@@ -10,11 +10,10 @@ __kernel void light_cells(
     const int real_width,
     const int real_height,
     __global const float4 *restrict real_surface,
-    PREFILTERED_PARAMETERS,
+    const Prefiltered panorama,
     const int level,
     __global float4 *restrict cells)
 {
-    const Prefiltered panorama = PREFILTERED;
     const int4 size = panorama.levels[level];
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= size.x || y >= size.y)

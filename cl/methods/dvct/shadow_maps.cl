@@ -1,25 +1,25 @@
 // Shadow maps of the area lights: distances of objects and of real surfaces (T. A. Franke, "Delta Voxel Cone
 // Tracing", section 3.2: maps of the scene with and without the objects).
 //
-// in   scene             lib/world/scene.h
+// in   scene             lib/world/real/real.h
 //      area_lights       area_lights.h
 // out  maps              distance to the nearest object and to the nearest real surface, metres; INFINITY: none
 #include "area_lights.h"
-#include "world/scene.h"
+#include "world/objects/objects.h"
+#include "world/real/real.h"
 
 TRACING_KERNEL void shadow_maps(
-    REAL_PARAMETERS,
-    OBJECT_PARAMETERS,
+    const RealLayer real,
+    const Objects objects,
     __global const float4 *restrict area_lights,
     const int area_light_count,
     const int map_side,
-    __global float2 *restrict maps WORK_PARAMETER)
+    __global float2 *restrict maps,
+    const Work work)
 {
     const int texel = get_global_id(0), number = get_global_id(1);
     if (texel >= map_side * map_side || number >= area_light_count)
         return;
-    const RealLayer real = REAL_LAYER;
-    const Objects objects = OBJECTS(view);
     const AreaLight light = area_light(area_lights, number);
     const float2 place = (float2)(texel % map_side, texel / map_side) + 0.5f;
     const float3 d = map_direction(light, place, map_side);

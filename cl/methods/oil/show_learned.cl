@@ -10,7 +10,7 @@ __kernel void show_learned(
     const int width,
     const int height,
     __global const float *restrict guide,
-    LEARNED_PARAMETERS,
+    const Learned learned,
     __global float *restrict shown)             // out
 {
     const int x = get_global_id(0), y = get_global_id(1);
@@ -19,7 +19,7 @@ __kernel void show_learned(
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     float4 radiance = (float4)(0.0f);
     if (guide[6 * size + pixel] > 0.0f)
-        radiance = learned_radiance(LEARNED_OF_PARAMETERS, load_planes(guide + 3 * size, size, pixel),
+        radiance = learned_radiance(learned, load_planes(guide + 3 * size, size, pixel),
                                     load_planes(guide, size, pixel));
     store_planes(shown, size, pixel, radiance.xyz);
 }

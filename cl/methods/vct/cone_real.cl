@@ -20,26 +20,24 @@
 #include "world/real/irradiance.h"
 
 TRACING_KERNEL void cone_real(
-    TRACED_PARAMETERS,
-    SCENE_VOXEL_PARAMETERS,
-    OBJECT_VOXEL_PARAMETERS,
-    SURROUNDINGS_PARAMETERS,
-    CACHE_PARAMETERS,
+    const Pixels pixels,
+    const Voxels scene,
+    const Voxels objects,
+    const Surroundings around,
+    const IrradianceCache cache,
     const int cones,
     __global uint *restrict samples,
     __global float *restrict signal,
-    __global float *restrict touched WORK_PARAMETER)
+    __global float *restrict touched,
+    const Work work)
 {
-    LIST_ITEM(count[0]);
+    LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const Voxels scene = SCENE_VOXELS, objects = OBJECT_VOXELS;
-    const Surroundings around = SURROUNDINGS;
-    const IrradianceCache cache = CACHE;
-    const TracedPixel at = TRACED_PIXEL(item, 0x636f6e65u);
+    const TracedPixel at = traced_pixel(pixels, item, 0x636f6e65u);
     float3 hidden = (float3)(0.0f), sent = (float3)(0.0f);
     int met = 0;
     const uint first = samples[at.pixel];
-    const int traced = voxels_above(objects, at.p, at.n) ? rays : 0;
+    const int traced = voxels_above(objects, at.p, at.n) ? pixels.rays : 0;
     for (int ray = 0; ray < traced; ray++) {
         Cone cone;
         cone.o = at.p;
@@ -58,8 +56,8 @@ TRACING_KERNEL void cone_real(
         hidden += (1.0f - object.passed) * all_arriving(around, cone, real);
         sent += real.front * object.radiance;
     }
-    samples[at.pixel] = first + rays;
-    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)rays;
+    samples[at.pixel] = first + pixels.rays;
+    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)pixels.rays;
     store_planes(signal, at.size, at.pixel, scale * hidden);
     store_planes(signal + 3 * at.size, at.size, at.pixel, scale * sent);
     if (met)

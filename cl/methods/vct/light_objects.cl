@@ -11,17 +11,14 @@
 #define LIGHT_CONES 6
 
 TRACING_KERNEL void light_objects(
-    SCENE_VOXEL_PARAMETERS,
-    __global const float4 *restrict object_opacity,
-    __global const int4 *restrict object_levels,
-    const int object_count,
-    const float4 object_box,
-    SURROUNDINGS_PARAMETERS,
+    const Voxels scene,
+    const Voxels objects,
+    const Surroundings around,
     __global const float4 *restrict surface,
     __global const float4 *restrict facing,
     __global float4 *restrict light)
 {
-    const int4 size = object_levels[0];
+    const int4 size = objects.levels[0];
     const int i = get_global_id(0);
     if (i >= size.x * size.y * size.z)
         return;
@@ -30,17 +27,14 @@ TRACING_KERNEL void light_objects(
         light[i] = (float4)(0.0f);
         return;
     }
-    const Voxels scene = SCENE_VOXELS;
-    const Voxels objects = {object_opacity, object_opacity, object_levels, object_count, object_box};
-    const Surroundings around = SURROUNDINGS;
     const float3 n = safe_normalize(facing[i].xyz, (float3)(0.0f, 1.0f, 0.0f));
-    const float3 p = voxel_middle(size, object_box, i);
+    const float3 p = voxel_middle(size, objects.box, i);
     float3 arriving = (float3)(0.0f);
     for (int cone_number = 0; cone_number < LIGHT_CONES; cone_number++) {
         Cone cone;
         cone.d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(cone_number, hash_u32(i))));
         cone.rise = dot(cone.d, n);
-        cone.lift = CONE_CLEARANCE * object_box.w;
+        cone.lift = CONE_CLEARANCE * objects.box.w;
         cone.o = p + cone.lift * n;
         cone.slope = cone_slope(IPRT_PI / (LIGHT_CONES * cone.rise));
         const float passed = trace_cone(objects, cone, 0.0f, 0.0f, 0).passed;
@@ -48,7 +42,7 @@ TRACING_KERNEL void light_objects(
         const ConeLight real = trace_cone(scene, cone, scene.box.w, 0.0f, 1);
         arriving += passed * all_arriving(around, cone, real);
     }
-    const float3 opacity = object_opacity[i].xyz;
+    const float3 opacity = objects.opacity[i].xyz;
     const float weight = (opacity.x + opacity.y + opacity.z) * (1.0f / 3.0f);
     light[i] = (float4)(weight / (met.w * LIGHT_CONES) * met.xyz * arriving, weight);
 }

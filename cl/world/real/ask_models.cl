@@ -9,7 +9,7 @@
 __kernel void ask_models(
     const int count,                            // of samples
     __global const float4 *restrict samples,
-    LEARNED_PARAMETERS,
+    const Learned learned,
     __global float4 *restrict predicted,        // out
     __global float *restrict greatest)          // out
 {
@@ -18,7 +18,7 @@ __kernel void ask_models(
         return;
     __global const float4 *sample = samples + SAMPLE_PARTS * i;
     float weight;
-    const float4 sum = ask_around(LEARNED_OF_PARAMETERS, sample[0].xyz, sample[1].xyz, &weight);
+    const float4 sum = ask_around(learned, sample[0].xyz, sample[1].xyz, &weight);
     predicted[i] = sum.w > 0.0f ? (float4)(sum.xyz / sum.w, sum.w) : (float4)(0.0f);
     greatest[i] = weight;
 }

@@ -4,11 +4,11 @@
 // column; gloss 0 means diffuse, else 1 + index into the table of real materials.
 //
 //   kernel            in                                        out
-//   sample_highlight  real layer, color (3 floats per texel)    highlight, list's texels: radiance
+//   sample_highlight  real layer                                highlight, list's texels: radiance
 //                                                               and variance of the mean's
 //                                                               luminance
 //   filter_highlight  highlight, surface                        highlight of the list's texels
-//   measure_cells     color, highlight, real layer              means over the glossy texels of
+//   measure_cells     highlight, real layer                     means over the glossy texels of
 //                                                               cells of CELL x CELL texels: color
 //                                                               (w: their gloss, 0 none), highlight,
 //                                                               irradiance / pi
@@ -38,23 +38,12 @@
 // Fraction of the lobe's half width, 2 alpha, that taps span.
 #define LOBE_FRACTION 0.25f
 
-static inline ALWAYS_INLINE float3 texel_point(const RealLayer layer, int texel)
+static inline ALWAYS_INLINE float3 texel_point(const RealLayer real, int texel)
 {
-    const int width = layer.grid.width;
-    const float3 v = texel_direction(texel % width, texel / width, width, layer.grid.height);
-    const float3 g = layer.surface[texel].xyz;
-    return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, layer.grid.range[texel]);
-}
-
-// Return a world of the captured scene without objects.
-static inline World captured(const RealLayer layer, __global const float *color,
-                             __global const float *outside)
-{
-    World world;
-    world.real = layer;
-    world.color = color;
-    world.outside = outside;
-    return world;
+    const int width = real.grid.width;
+    const float3 v = texel_direction(texel % width, texel / width, width, real.grid.height);
+    const float3 g = real.surface[texel].xyz;
+    return v * surface_radius(0.0f, dot(g, v), 1.0f, 1.0f, real.grid.range[texel]);
 }
 
 TRACING_KERNEL void sample_highlight(
@@ -65,22 +54,21 @@ TRACING_KERNEL void sample_highlight(
     __global const int *restrict gloss,
     __global const float4 *restrict real_materials, // lib/world/brdf.h
     __global const float4 *restrict real_reflectance, // per real material: reflectance of conductors
-    REAL_PARAMETERS,
+    const RealLayer real,
     __global float *restrict highlight,             // out: 3 a texel
-    __global float *restrict variance WORK_PARAMETER)   // out
+    __global float *restrict variance,
+    const Work work)   // out
 {
     LIST_ITEM(count);
     COUNT_ITEM;
-    const RealLayer layer = REAL_LAYER;
-    const World world = captured(layer, real_color, real_outside);
-    const float3 shown = texel_point(layer, list[item]);
+    const float3 shown = texel_point(real, list[item]);
     const float c = shown.y / length(shown), sine = sqrt(fmax(1.0f - c * c, 0.0f));
     const int rays = max((int)(most_rays * sine + 0.5f), min(most_rays, 2));
     float3 sum = (float3)(0.0f);
     float mean = 0.0f, spread = 0.0f;   // of luminance, by Welford's recurrence
     for (int ray = 0; ray < rays; ray++) {
         const int texel = READ_AGAIN(list + item), index = gloss[texel] - 1;
-        const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
+        const float3 n = -normalize(real.surface[texel].xyz), p = texel_point(real, texel);
         const Frame frame = build_frame(n);
         const uint seed =
             hash_combine(hash_combine((uint)texel, 0x676c6f73u), (uint)frame_seed);
@@ -90,8 +78,8 @@ TRACING_KERNEL void sample_highlight(
         float3 found = (float3)(0.0f);
         if (sample.weight.x + sample.weight.y + sample.weight.z > 0.0f) {
             const RealHit hit =
-                trace_real_layer(layer, real_start(layer, p, n), sample.wi, INFINITY);
-            found = sample.weight * real_radiance(world, hit, sample.wi);
+                trace_real_layer(real, real_start(real, p, n), sample.wi, INFINITY);
+            found = sample.weight * captured_radiance(real, hit, sample.wi);
         }
         sum += found;
         const float step = luminance(found) - mean;
@@ -111,39 +99,39 @@ __kernel void filter_highlight(
     const int count,
     __global const int *restrict gloss,
     __global const float4 *restrict real_materials,
-    REAL_PARAMETERS,
+    const RealLayer real,
     __global const float *restrict highlight,    // 3 a texel
     __global const float *restrict variance,
     __global float *restrict filtered,           // out: as highlight
-    __global float *restrict filtered_variance WORK_PARAMETER)   // out
+    __global float *restrict filtered_variance,
+    const Work work)   // out
 {
     LIST_ITEM(count);
     COUNT_ITEM;
-    const RealLayer layer = REAL_LAYER;
-    const int texel = list[item], column = texel % real_width, row = texel / real_width;
+    const int texel = list[item], column = texel % real.grid.width, row = texel / real.grid.width;
     const float4 centre = (float4)(vload3(texel, highlight), variance[texel]);
-    const float3 g = layer.surface[texel].xyz;
+    const float3 g = real.surface[texel].xyz;
     const float plane = 1.0f / (PLANE_TOLERANCE * PLANE_TOLERANCE * dot(g, g));
     // Width in texels.
-    const float span = 2.0f * LOBE_FRACTION * real_height / IPRT_PI
+    const float span = 2.0f * LOBE_FRACTION * real.grid.height / IPRT_PI
         * load_material(real_materials, gloss[texel] - 1).alpha;
     const float lobe = 0.5f / fmax(span * span, 1e-30f);
-    const float c = 0.5f * (real_row[row] + real_row[row + 1]), squeeze = 1.0f - c * c;
+    const float c = 0.5f * (real.grid.row[row] + real.grid.row[row + 1]), squeeze = 1.0f - c * c;
 
     float4 sum = (float4)(0.0f);
     float weights = 0.0f;
     for (int dy = -2; dy <= 2; dy++) {
         const int y = row + dy * step;
-        if (y < 0 || y >= real_height)
+        if (y < 0 || y >= real.grid.height)
             continue;
         for (int dx = -2; dx <= 2; dx++) {
-            int x = (column + dx * step) % real_width;
-            x = x < 0 ? x + real_width : x;
-            const int q = y * real_width + x;
+            int x = (column + dx * step) % real.grid.width;
+            x = x < 0 ? x + real.grid.width : x;
+            const int q = y * real.grid.width + x;
             if (gloss[q] != gloss[texel])
                 continue;
             const float4 tap = (float4)(vload3(q, highlight), variance[q]);
-            const float3 bend = layer.surface[q].xyz - g;
+            const float3 bend = real.surface[q].xyz - g;
             const float apart = step * step * (dx * dx * squeeze + dy * dy);
             const float differ = step > 1 ? luminance(tap.xyz) - luminance(centre.xyz) : 0.0f;
             const float noise = DEVIATIONS_SQUARED * (tap.w + centre.w) + 1e-30f;
@@ -165,31 +153,29 @@ TRACING_KERNEL void measure_cells(
     const int columns,
     const int rows,
     __global const int *restrict gloss,
-    REAL_PARAMETERS,
+    const RealLayer real,
     __global const float *restrict highlight,       // 3 a texel
     __global float4 *restrict seen,                 // out: columns x rows
     __global float4 *restrict specular,                // out
-    __global float4 *restrict irradiance            // out
-    WORK_PARAMETER)
+    __global float4 *restrict irradiance,            // out
+    const Work work)
 {
     const int cell_x = get_global_id(0), cell_y = get_global_id(1);
     if (cell_x >= columns || cell_y >= rows)
         return;
     COUNT_ITEM;
-    const RealLayer layer = REAL_LAYER;
-    const World world = captured(layer, real_color, real_outside);
-    const int x1 = min((cell_x + 1) * CELL, real_width), y1 = min((cell_y + 1) * CELL, real_height);
+    const int x1 = min((cell_x + 1) * CELL, real.grid.width), y1 = min((cell_y + 1) * CELL, real.grid.height);
     int index = 0, count = 0;
     int texels[CELL * CELL];
     float3 seen_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
     for (int y = cell_y * CELL; y < y1; y++)
         for (int x = cell_x * CELL; x < x1; x++) {
-            const int texel = y * real_width + x;
+            const int texel = y * real.grid.width + x;
             index = index ? index : gloss[texel];
             if (!index || gloss[texel] != index)
                 continue;
             texels[count++] = texel;
-            seen_sum += vload3(texel, real_color);
+            seen_sum += vload3(texel, real.color);
             specular_sum += vload3(texel, highlight);
         }
     const int cell = cell_y * columns + cell_x;
@@ -198,10 +184,10 @@ TRACING_KERNEL void measure_cells(
     const uint seed = hash_combine(hash_combine((uint)cell, 0x63656c6cu), (uint)frame_seed);
     for (int ray = 0; ray < rays && count > 0; ray++) {
         const int texel = texels[ray % max(count, 1)];
-        const float3 n = -normalize(layer.surface[texel].xyz), p = texel_point(layer, texel);
+        const float3 n = -normalize(real.surface[texel].xyz), p = texel_point(real, texel);
         const float3 d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(ray, seed)));
-        const RealHit hit = trace_real_layer(layer, real_start(layer, p, n), d, INFINITY);
-        sum += real_radiance(world, hit, d);
+        const RealHit hit = trace_real_layer(real, real_start(real, p, n), d, INFINITY);
+        sum += captured_radiance(real, hit, d);
     }
     seen[cell] = (float4)(scale * seen_sum, (float)index);
     specular[cell] = (float4)(scale * specular_sum, 0.0f);

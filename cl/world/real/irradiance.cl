@@ -253,8 +253,8 @@ __kernel void list_cells(
     __global int *restrict listed,         // in, out: 1 at the cells of the list
     __global int *restrict cells,          // out
     __global int *restrict cell_count,     // in, out: length of the list, 0 at the start
-    __global int *restrict next_count      // out: 0, the next frame's length
-    WORK_PARAMETER)
+    __global int *restrict next_count,      // out: 0, the next frame's length
+    const Work work)
 {
     if (get_global_id(0) == 0)
         next_count[0] = 0;
@@ -289,14 +289,12 @@ TRACING_KERNEL void refine_cells(
     __global const int *restrict count,
     __global const float4 *restrict plane,
     __global const float4 *restrict point,
-    __global const float *restrict view,   // lib/gbuffer/view.h
-    WORLD_PARAMETERS,
-    __global float4 *restrict mean         // in, out
-    WORK_PARAMETER)
+    const World world,
+    __global float4 *restrict mean,         // in, out
+    const Work work)
 {
     LIST_ITEM(count[0]);
     COUNT_ITEM;
-    const World world = WORLD(view);
     const int cell = list[item];
     const float3 n = -normalize(plane[cell].xyz);
     const float3 o = real_start(world.real, point[cell].xyz, n);
@@ -346,8 +344,8 @@ __kernel void smooth_cells(
     __global const float4 *restrict point,
     __global const float4 *restrict mean,
     __global int *restrict listed,         // out: 0
-    __global float4 *restrict smooth       // out
-    WORK_PARAMETER)
+    __global float4 *restrict smooth,       // out
+    const Work work)
 {
     LIST_ITEM(count[0]);
     COUNT_ITEM;
@@ -382,13 +380,12 @@ __kernel void show_cells(
     const int width,
     const int height,
     __global const float *restrict guide,
-    CACHE_PARAMETERS,
+    const IrradianceCache cache,
     __global float *restrict shown)        // out: 3 planes
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
-    const IrradianceCache cache = CACHE;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
     if (guide[6 * size + pixel] > 0.0f)
         store_planes(shown, size, pixel,

@@ -28,9 +28,9 @@
 // Least relative noise of depth between frames, however thin surfaces are.
 #define LEAST_MARGIN 0.02f
 
-static inline float margin_at(float depth, float thickness, float thickness_ratio)
+static inline float margin_at(float depth, float thickness_m, float thickness_ratio)
 {
-    return fmax(thickness, fmax(thickness_ratio, LEAST_MARGIN) * depth);
+    return fmax(thickness_m, fmax(thickness_ratio, LEAST_MARGIN) * depth);
 }
 
 // Return whether planes face the same way.
@@ -43,7 +43,7 @@ static inline int same_facing(float3 g, float3 h)
 // texels of each.
 static inline void find_mixed(__global const float *restrict inverse,
                               __global const int4 *restrict lines, int x, int y, int height,
-                              float thickness, float thickness_ratio, floats *now, floats *mixed)
+                              float thickness_m, float thickness_ratio, floats *now, floats *mixed)
 {
     floats nearest = (floats)(0.0f);
     for (int dy = -RIM; dy <= RIM; dy++) {
@@ -54,7 +54,7 @@ static inline void find_mixed(__global const float *restrict inverse,
     const floats near = 1.0f / nearest;
     *now = 1.0f / fabs(load_floats(inverse + lines[y].x + x));
     const floats margin =
-        fmax((floats)(thickness), fmax(thickness_ratio, LEAST_MARGIN) * near);
+        fmax((floats)(thickness_m), fmax(thickness_ratio, LEAST_MARGIN) * near);
     *mixed = either(near + margin < *now, (floats)(1.0f), (floats)(0.0f));
 }
 
@@ -62,7 +62,7 @@ __kernel void remember(
     const int width,
     const int height,
     const int forget,                           // reset the background
-    const float thickness,                      // metres, at least
+    const float thickness_m,                      // metres, at least
     const float thickness_ratio,                // of the depth, at least
     __global const float *restrict inverse,
     __global const int4 *restrict lines,
@@ -79,7 +79,7 @@ __kernel void remember(
     if (x0 >= width || y >= height)
         return;
     floats depth, mixed;
-    find_mixed(inverse, lines, x0, y, height, thickness, thickness_ratio, &depth, &mixed);
+    find_mixed(inverse, lines, x0, y, height, thickness_m, thickness_ratio, &depth, &mixed);
     const int end = min(x0 + LANES, width);
     for (int x = x0; x < end; x++) {
         const int texel = y * width + x;
@@ -92,7 +92,7 @@ __kernel void remember(
         const float kept = forget ? 0.0f : kept_around[texel];
         const int known = forget ? 0 : kept_marks[texel];
         const float around = fabs(kept);
-        const float margin = margin_at(around, thickness, thickness_ratio);
+        const float margin = margin_at(around, thickness_m, thickness_ratio);
 
         // Infinities have no differences.
         const int uncovered = forget || now > around + margin;

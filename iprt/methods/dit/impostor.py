@@ -9,15 +9,12 @@ from numpy.typing import NDArray
 from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
-from iprt.world.real.lights import LIGHT_ROWS, Lights, no_lights
-from iprt.world.real.panorama import Panorama
+from iprt.world.real.lights import LIGHT_ROWS, Lights
+from iprt.world.real.panorama import ImpostorArgs, Panorama
 
 FACES = 6
 SKY = 1e3
 """Distance of open sky as a multiple of the farthest surface's."""
-
-LIGHT = "impostor light"
-"""Name of the buffers of the impostor's lights."""
 
 
 class Impostor:
@@ -76,7 +73,7 @@ class Impostor:
         if light_sampling:
             # The resolution of the faces.
             self._rows = min(2 * side, LIGHT_ROWS)
-            self.lights = Lights(device, 2 * self._rows, self._rows, name=LIGHT)
+            self.lights = Lights(device, 2 * self._rows, self._rows, name="impostor light")
             self._picture = device.empty("impostor picture", (self._rows, 2 * self._rows, 3))
             self._show = device.kernel(file, "show_impostor").fixed(
                 rows=self._rows, picture=self._picture
@@ -103,7 +100,7 @@ class Impostor:
         self._shade((self._side, FACES * self._side), seen)
         self.fill()
         if self.lights is not None:
-            self._show((2 * self._rows, self._rows), self._map())
+            self._show((2 * self._rows, self._rows), impostor=self.arguments())
         if self.lights is not None:
             self.lights.load(self._picture)
 
@@ -120,18 +117,13 @@ class Impostor:
     def _centre(self) -> Any:
         return cltypes.make_float4(*self.centre, 0.0)
 
-    def _map(self) -> dict[str, Any]:
-        """Return `IMPOSTOR_PARAMETERS` of `cl/lib/world/real/impostor.h`."""
-        return {
-            "impostor_texels": self.texels,
-            "impostor_inverse": self.inverse,
-            "impostor_centre": self._centre(),
-            "impostor_side": self._side,
-            "impostor_steps": self._steps,
-            "impostor_farthest": self._farthest,
-        }
-
-    def arguments(self) -> dict[str, Any]:
-        """Return the arguments of kernels built with `-D IMPOSTOR`: the map and its lights."""
-        lights = self.lights
-        return self._map() | (no_lights(LIGHT) if lights is None else lights.arguments())
+    def arguments(self) -> ImpostorArgs:
+        """Return the map for rays."""
+        return ImpostorArgs(
+            texels=self.texels,
+            inverse=self.inverse,
+            centre=self._centre(),
+            side=self._side,
+            steps=self._steps,
+            farthest=self._farthest,
+        )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from iprt.device.block import Block, Float2s, Float4s, Int32
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.methods.dvct import DvctSettings
 from iprt.methods.dvct.area_lights import aimed, area_lights
 from iprt.settings.features import Features
@@ -21,6 +23,26 @@ LIGHT_ROWS = constant("methods/dvct/area_lights.h", "AREA_LIGHT_ROWS")
 AROUND = 2.0
 """Side of the cubic volume around objects, relative to the longest side of their box (Franke,
 section 3.2)."""
+
+
+@dataclass(kw_only=True)
+class AreaLightsArgs(Block):
+    """Area lights and their shadow maps (`cl/methods/dvct/area_lights.h`).
+
+    Attributes
+    ----------
+    rows : (lights, LIGHT_ROWS, 4) float32
+    maps : (lights, side, side, 2) float32
+        Distance to the nearest object and to the nearest real surface, metres.
+    count : int
+    side : int
+        Texels of a map.
+    """
+
+    rows: Float4s
+    maps: Float2s
+    count: Int32
+    side: Int32
 
 
 class DeltaWorld(VoxelWorld):
@@ -93,7 +115,8 @@ class DeltaWorld(VoxelWorld):
         if self.light_count:
             self._map(
                 (self._own.map_side**2, self.light_count),
-                world.arguments(features),
+                real=world.panorama.arguments(features.settings.trace),
+                objects=world.objects.arguments(None),
                 area_light_count=self.light_count,
             )
         arguments = self.arguments()
@@ -116,18 +139,15 @@ class DeltaWorld(VoxelWorld):
     def _panorama_arguments(self, world: World) -> dict[str, Any]:
         panorama = world.panorama
         return {
-            **self.panorama.arguments(),
+            "panorama": self.panorama.arguments(),
             "real_width": panorama.width,
             "real_height": panorama.height,
             "real_surface": panorama.surface,
         }
 
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments of `VoxelWorld` and `AREA_LIGHT_PARAMETERS`."""
-        return {
-            **super().arguments(),
-            "area_lights": self.lights,
-            "light_maps": self.maps,
-            "area_light_count": self.light_count,
-            "map_side": self._own.map_side,
-        }
+        """Return the arguments of `VoxelWorld` and the area lights, by kernel parameter."""
+        lights = AreaLightsArgs(
+            rows=self.lights, maps=self.maps, count=self.light_count, side=self._own.map_side
+        )
+        return super().arguments() | {"lights": lights}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+import pyopencl.array as cla
+
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, plane_defines
@@ -29,9 +31,15 @@ class ConeGloss(GlossTracer):
         defines = plane_defines() | features.gloss_defines()
         super().__init__(device, guide, features, "methods/dvct/cone_gloss", defines, name=None)
 
-    def arguments(self, world: World) -> dict[str, Any]:
-        """Return the world and the voxels as kernel arguments."""
-        return world.arguments(self._features) | self._voxels.arguments()
+    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
+        """Return the glossy surfaces and the voxels, by kernel parameter."""
+        highlight, panorama = world.real.highlight, world.panorama
+        assert highlight is not None
+        return self._voxels.arguments() | {
+            "gloss": highlight.arguments(),
+            "real_width": panorama.width,
+            "real_height": panorama.height,
+        }
 
 
 class DeltaVoxelConeTracing(SparseMethod):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from iprt.device.compute import ComputeDevice
 from iprt.settings.trace import LearningSettings
-from iprt.world.real.learning import Learner, Learning
+from iprt.world.real.learning import LearnedArgs, Learner, Learning
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
@@ -53,6 +51,6 @@ class LearnedRadiance:
         )
         self.learner.learn(self.learner.draw(panorama.surfaces, panorama.radiated), how)
 
-    def arguments(self) -> dict[str, Any]:
-        """Return `LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
+    def arguments(self) -> LearnedArgs:
+        """Return the models for kernels that ask them."""
         return self.learner.arguments()

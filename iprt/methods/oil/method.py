@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,7 +14,7 @@ from iprt.method import Image, Setup
 from iprt.methods.oil import OilSettings
 from iprt.methods.oil.learned import LearnedRadiance
 from iprt.passes import Clock, Pass
-from iprt.trace.paths import Environment, PathTraceReal, PathTraceVirtual
+from iprt.trace.paths import Environment, EnvironmentArgs, PathTraceReal, PathTraceVirtual
 from iprt.trace.sparse import SparseMethod, Tracers
 from iprt.world.world import World
 
@@ -32,9 +33,9 @@ class LearnedEnvironment(Environment):
         """`-D` definitions of learned radiance and of the relit region."""
         return self._defines
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the environment's arguments and `LEARNED_PARAMETERS`."""
-        return super().arguments() | self._learned.arguments()
+    def arguments(self) -> EnvironmentArgs:
+        """Return the environment with the learned radiance."""
+        return replace(super().arguments(), learned=self._learned.arguments())
 
 
 class OnlineIllumination(SparseMethod):
@@ -82,7 +83,7 @@ class OnlineIllumination(SparseMethod):
         self._show(
             guide.layout.size,
             guide.arguments(),
-            self.learned.arguments(),
+            learned=self.learned.arguments(),
             shown=shown,
         )
         return self.read(shown, slice(0, 3))

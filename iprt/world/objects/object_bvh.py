@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
@@ -12,9 +12,86 @@ from numpy.typing import DTypeLike, NDArray
 from iprt.bvh.build import PACKET_ROWS
 from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
+from iprt.device.block import (
+    Block,
+    Counters,
+    Float2s,
+    Float4s,
+    Floats,
+    Halves,
+    Int4,
+    Int4s,
+    Int32,
+    when,
+)
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, same_places
+from iprt.world.objects.object_layers import ObjectLayerArgs
+
+
+@dataclass(kw_only=True)
+class BvhArgs(Block):
+    """Objects as triangles in a bounding volume hierarchy (`cl/lib/world/objects/bvh.h`).
+
+    Attributes
+    ----------
+    nodes, packets, instances : (N, 4) float32
+    count : int
+        Number of instances.
+    triangles : (T, 4) int32
+        4 per packet: three vertices, material of the mesh.
+    normals : (V, 4) float32
+        Object space.
+    albedos : (2 M, 4) float32
+        Per material: rgb; int bits of its texture's first texel, width (0: none) and height.
+    uvs : (V, 2) float32 or None
+    texels : (T, 4) float16 or None
+        rgb, linear.
+    """
+
+    nodes: Float4s
+    packets: Float4s
+    instances: Float4s
+    count: Int32
+    triangles: Int4s
+    normals: Float4s
+    albedos: Float4s
+    uvs: Float2s
+    texels: Halves
+    work: Counters = when("COUNT_WORK", outer="work_counters")
+
+
+LAYERS = "!OBJECTS_BVH !DISTANT_ENVIRONMENT"
+"""Condition of programs whose rays meet objects as layers."""
+
+
+@dataclass(kw_only=True)
+class ObjectsArgs(Block):
+    """Virtual objects for rays (`cl/lib/world/objects/objects.h`).
+
+    Attributes
+    ----------
+    bounds : (count, 2, 4) float32
+        Corners of the objects' boxes, world space.
+    count : int
+        Number of objects.
+    bvh : BvhArgs or None
+    screen, equirect : ObjectLayerArgs or None
+        Layers of the view and around the capture centre.
+    view : (16,) float32 or None
+        `View.kernel_constants()` of `screen`.
+    rectangle : int4
+        x0, y0, x1, y1 of the screen that objects cover.
+    """
+
+    bounds: Float4s
+    count: Int32
+    bvh: BvhArgs | None = when("OBJECTS_BVH")
+    screen: ObjectLayerArgs | None = when(f"{LAYERS} !VIEW_EQUIRECT")
+    equirect: ObjectLayerArgs | None = when(LAYERS)
+    view: Floats = when(LAYERS)
+    rectangle: Int4 = when(LAYERS)
 
 
 class ObjectBvh:
@@ -118,19 +195,20 @@ class ObjectBvh:
             self._make(name, (rows, *buffer.shape[1:]), buffer.dtype)
         return self._buffers[name]
 
-    def arguments(self) -> dict[str, Any]:
-        """Return `OBJECT_PARAMETERS` of `cl/lib/world/objects/objects_bvh.h`, except the boxes."""
-        return {
-            "bvh_nodes": self._buffers["nodes"],
-            "bvh_packets": self._buffers["packets"],
-            "bvh_instances": self._buffers["instances"],
-            "bvh_count": self._count,
-            "bvh_triangles": self._buffers["triangles"],
-            "bvh_normals": self._buffers["normals"],
-            "bvh_albedos": self._albedos,
-            "bvh_uvs": self._buffers["uvs"] if self._textured else None,
-            "bvh_texels": self._texels if self._textured else None,
-        }
+    def arguments(self, boxes: cla.Array) -> ObjectsArgs:
+        """Return the objects for rays; `boxes` is `object_bounds()` on the device."""
+        bvh = BvhArgs(
+            nodes=self._buffers["nodes"],
+            packets=self._buffers["packets"],
+            instances=self._buffers["instances"],
+            count=self._count,
+            triangles=self._buffers["triangles"],
+            normals=self._buffers["normals"],
+            albedos=self._albedos,
+            uvs=self._buffers["uvs"] if self._textured else None,
+            texels=self._texels if self._textured else None,
+        )
+        return ObjectsArgs(bounds=boxes, count=boxes.shape[0], bvh=bvh)
 
 
 def _albedo_table(

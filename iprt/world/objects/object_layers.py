@@ -2,19 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import Block, Float4s, Float32
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.raster.layers import ObjectLayers
 from iprt.raster.region import Rect
-from iprt.world.real.pyramid import Pyramid, PyramidShape, equirect_edges
+from iprt.world.real.pyramid import GridArgs, Pyramid, PyramidShape, equirect_edges
 
 EMPTY = Rect(0, 0, 0, 0)
+
+
+@dataclass(kw_only=True)
+class ObjectLayerArgs(Block):
+    """Layers of objects for rays (`cl/lib/world/objects/objects_raster.h`).
+
+    Attributes
+    ----------
+    grid : GridArgs
+    planes : (H, W, 2, 4) float32
+        Front and back: xyz g (g·x = 1 on the tangent plane), w radial distance at the centre, 0:
+        nothing.
+    geometry : (2, H, W, 4) float32
+        Shading normal, radial distance.
+    material : (2, H, W, 4) float32
+        Albedo, 1 + material index.
+    footprint : float
+        Of a texel, per metre of distance.
+    """
+
+    grid: GridArgs
+    planes: Float4s
+    geometry: Float4s
+    material: Float4s
+    footprint: Float32
 
 
 class TracedLayers:
@@ -68,20 +94,22 @@ class TracedLayers:
         )
         self._pyramid.run(self._range, self.shape)
 
-    def arguments(self, name: str) -> dict[str, Any]:
-        """Return `LAYER_PARAMETERS(name)` of `cl/lib/world/objects/objects_raster.h`."""
-        return {
-            f"{name}_width": self.width,
-            f"{name}_height": self.height,
-            f"{name}_levels": self.shape.levels,
-            f"{name}_footprint": self.footprint,
-            f"{name}_range": self._range,
-            f"{name}_column": self._column,
-            f"{name}_row": self._row,
-            f"{name}_planes": self._planes,
-            f"{name}_geometry": self.geometry,
-            f"{name}_material": self.material,
-        }
+    def arguments(self) -> ObjectLayerArgs:
+        """Return the layers for rays."""
+        return ObjectLayerArgs(
+            grid=GridArgs(
+                width=self.width,
+                height=self.height,
+                levels=self.shape.levels,
+                range=self._range,
+                column=self._column,
+                row=self._row,
+            ),
+            planes=self._planes,
+            geometry=self.geometry,
+            material=self.material,
+            footprint=self.footprint,
+        )
 
 
 def covered_rect(image: NDArray[np.float32]) -> Rect:

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import int4
 from iprt.geometry.camera import View
 from iprt.geometry.material import material_table
 from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.features import Features
-from iprt.world.objects.object_bvh import ObjectBvh
-from iprt.world.objects.object_layers import TracedLayers
+from iprt.world.objects.object_bvh import ObjectBvh, ObjectsArgs
+from iprt.world.objects.object_layers import EMPTY, TracedLayers
 
 BOX_MARGIN = 1e-3
 """Enlargement of the boxes around objects, as a fraction of their diagonals."""
@@ -91,3 +93,17 @@ class Objects:
 
     def _bounds(self) -> NDArray[np.float32]:
         return object_bounds(self.instances, margin=self._margin)
+
+    def arguments(self, view: cla.Array | None) -> ObjectsArgs:
+        """Return the objects for rays; `view` holds the constants of the view of `screen`."""
+        if self.bvh is not None:
+            return self.bvh.arguments(self.device_bounds)
+        screen, around = self.screen, self.around
+        return ObjectsArgs(
+            bounds=self.device_bounds,
+            count=len(self.bounds),
+            screen=screen.arguments() if screen else None,
+            equirect=around.arguments() if around else None,
+            view=view,
+            rectangle=int4(screen.rect if screen else EMPTY),
+        )

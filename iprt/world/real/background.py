@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyopencl.array as cla
 
+from iprt.device.block import Block, Float2s, Float4s, Floats
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.world.real.pyramid import PyramidShape
 from iprt.world.real.surfaces import Surfaces
 
@@ -19,6 +21,15 @@ if TYPE_CHECKING:
 OTHER_LIGHT = 0.25
 """Sudden change of the panorama's flux, as a share, that means light was switched: the remembered
 radiance is no longer valid."""
+
+
+@dataclass(kw_only=True)
+class BackgroundArgs(Block):
+    """Second layer of surfaces for rays: `surface`, `range` and `color` of `Background`."""
+
+    surface: Float4s
+    range: Float2s
+    color: Floats
 
 
 class Background:
@@ -107,7 +118,7 @@ class Background:
             first.grid,
             known,
             forget=self.first,
-            thickness=self._trace.thickness * scale,
+            thickness_m=self._trace.thickness * scale,
             thickness_ratio=self._trace.thickness_ratio,
             inverse=first.inverse,
             lines=first.lines,
@@ -127,10 +138,6 @@ class Background:
             range=self.range,
         )
 
-    def arguments(self) -> dict[str, Any]:
-        """Return `BACKGROUND_PARAMETERS` of `cl/lib/world/scene.h`."""
-        return {
-            "back_surface": self.surface,
-            "back_range": self.range,
-            "back_color": self.color,
-        }
+    def arguments(self) -> BackgroundArgs:
+        """Return the layer for rays."""
+        return BackgroundArgs(surface=self.surface, range=self.range, color=self.color)

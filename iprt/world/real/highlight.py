@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.geometry.material import material_table
@@ -18,6 +20,28 @@ CELL_RAYS = 32
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
 """Levels of the filter; even, so that the result ends up in the first buffer."""
+
+
+@dataclass(kw_only=True)
+class GlossArgs(Block):
+    """Glossy real surfaces for rays (`cl/lib/world/real/gloss.h`).
+
+    Attributes
+    ----------
+    map : (H, W) int32
+        0: diffuse, else 1 + index of the material.
+    materials, reflectance, gain
+        `Highlight.table`, `reflectance` and `gain`.
+    columns, rows : int
+        Cells of `gain`.
+    """
+
+    map: Ints
+    materials: Float4s
+    reflectance: Float4s
+    gain: Float4s
+    columns: Int32
+    rows: Int32
 
 
 class Highlight:
@@ -82,7 +106,7 @@ class Highlight:
             device.write(self._list[:count], glossy)
             trace = settings.trace
             real = {
-                **panorama.arguments(trace),
+                "real": panorama.arguments(trace),
                 "list": self._list,
                 "count": count,
                 "gloss": gloss,
@@ -126,17 +150,17 @@ class Highlight:
             radiated=radiated,
         )
 
-    def arguments(self) -> dict[str, Any]:
-        """Return `GLOSS_PARAMETERS` of `cl/lib/world/world.h`."""
+    def arguments(self) -> GlossArgs:
+        """Return the glossy surfaces for rays."""
         rows, columns, _ = self.gain.shape
-        return {
-            "real_gloss": self._panorama.gloss,
-            "real_materials": self.table,
-            "real_reflectance": self.reflectance,
-            "real_gain": self.gain,
-            "gain_columns": columns,
-            "gain_rows": rows,
-        }
+        return GlossArgs(
+            map=self._panorama.gloss,
+            materials=self.table,
+            reflectance=self.reflectance,
+            gain=self.gain,
+            columns=columns,
+            rows=rows,
+        )
 
     def _calibrate(self, real: Mapping[str, Any]) -> None:
         """Fill `gain`; `real` holds the arguments of the real layer."""

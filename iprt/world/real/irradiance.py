@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import Block, Float4s, Float32, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.footage.frame import LUMINANCE
@@ -32,6 +34,29 @@ FOREVER = 1e6
 MOVED_SAMPLES = 64.0
 """Most samples of a cell that is reprojected because the camera moved. Each reprojection mixes it
 with its neighbours a little, and light may have changed."""
+
+
+@dataclass(kw_only=True)
+class IrradianceCacheArgs(Block):
+    """Irradiance cache (`cl/lib/world/real/irradiance.h`).
+
+    Attributes
+    ----------
+    plane : (entries, 4) float32
+        xyz: g of the tangent plane g·x = 1; w > 0: a surface.
+    irradiance : (2 * entries, 4) float32
+        rgb / π, and samples; 0: unknown. Then, per entry, xyz of the flux: sum over directions
+        times their luminance / π.
+    columns, rows : int
+    black : float
+        Irradiance up to this counts as black.
+    """
+
+    plane: Float4s
+    irradiance: Float4s
+    columns: Int32
+    rows: Int32
+    black: Float32
 
 
 class IrradianceCache:
@@ -185,7 +210,8 @@ class IrradianceCache:
 
     def run(
         self,
-        world: Mapping[str, Any],
+        world: Block,
+        boxes: cla.Array,
         pixels: Mapping[str, Any],
         *,
         min_solid_angle: float,
@@ -197,38 +223,40 @@ class IrradianceCache:
 
         Parameters
         ----------
-        world : mapping
-            `World.arguments`.
+        world : WorldArgs
+            Built for the panorama's surfaces.
+        boxes : (N, 2, 4) float32
+            `object_bounds()` on the device.
         pixels : mapping
-            Arguments of the pixels: `TRACED_PARAMETERS` of `cl/lib/trace/traced.h`.
+            Arguments of the pixels: their layout, list, count, guide and `touched`.
         """
         self._count, self._next_count = self._next_count, self._count
         known = {**self._named(""), "count": self._count}
         self._list(
             (pixels["width"] * pixels["height"],),
             pixels,
-            boxes=world["objects_bounds"],
-            box_count=world["objects_count"],
+            boxes=boxes,
+            box_count=boxes.shape[0],
             min_solid_angle=min_solid_angle,
             plane=self.plane,
             mean=self.mean,
             cell_count=self._count,
             next_count=self._next_count,
         )
-        self._refine((self._entries,), known, world, view=pixels["view"])
+        self._refine((self._entries,), known, world=world)
         self._smooth((self._entries,), known)
 
     def show(self, panorama: Panorama, pixels: Mapping[str, Any], shown: cla.Array) -> None:
         """Fill 3 planes with E_R / π of `pixels`; 0 where no traced pixel has needed it."""
         size = pixels["width"], pixels["height"]
-        self._show(size, pixels, self.arguments(panorama), shown=shown)
+        self._show(size, pixels, cache=self.arguments(panorama), shown=shown)
 
-    def arguments(self, panorama: Panorama) -> dict[str, Any]:
-        """Return `CACHE_PARAMETERS` of `cl/lib/world/real/irradiance.h`."""
-        return {
-            "cache_plane": self.plane,
-            "cache_irradiance": self.irradiance,
-            "cache_columns": self.columns,
-            "cache_rows": self.rows,
-            "cache_black": BLACK * panorama.mean_radiance,
-        }
+    def arguments(self, panorama: Panorama) -> IrradianceCacheArgs:
+        """Return the cache for kernels that read it."""
+        return IrradianceCacheArgs(
+            plane=self.plane,
+            irradiance=self.irradiance,
+            columns=self.columns,
+            rows=self.rows,
+            black=BLACK * panorama.mean_radiance,
+        )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from iprt.device.block import Block, Float4s, Float32, Floats, Ints
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant, float_constant
+from iprt.device.kernel_source import constant, float_constant
 
 if TYPE_CHECKING:
     import pyopencl.array as cla
@@ -75,6 +76,30 @@ class Learning:
     slopes_penalty: float = SLOPES_PENALTY
 
 
+@dataclass(kw_only=True)
+class LearnedArgs(Block):
+    """Models of learned radiance (`cl/lib/world/real/learned.h`).
+
+    Attributes
+    ----------
+    models : (capacity, MODEL_PARTS, 4) float32
+    start : (CELLS + 1,) int32
+        First entry of each cell in `list`, and the end of the last one.
+    list : int32
+        Indices of models.
+    pose : (12,) float32
+        3 x 4, row by row: from the capture centre's axes to the world's.
+    inverse_radius : float
+        1 / metres.
+    """
+
+    models: Float4s
+    start: Ints
+    list: Ints
+    pose: Floats
+    inverse_radius: Float32
+
+
 class Learner:
     """Local linear models of the radiance of real surfaces (Lee et al. 2022, section IV).
 
@@ -121,15 +146,15 @@ class Learner:
         self._inverse_radius = 0.0
         self._places = 0
 
-    def arguments(self) -> dict[str, Any]:
-        """Return `LEARNED_PARAMETERS` of `cl/lib/world/real/learned.h`."""
-        return {
-            "learned_models": self._models,
-            "learned_start": self._start,
-            "learned_list": self._list,
-            "learned_pose": self._pose,
-            "learned_inverse_radius": self._inverse_radius,
-        }
+    def arguments(self) -> LearnedArgs:
+        """Return the models for kernels that ask them."""
+        return LearnedArgs(
+            models=self._models,
+            start=self._start,
+            list=self._list,
+            pose=self._pose,
+            inverse_radius=self._inverse_radius,
+        )
 
     def models(self) -> Float:
         """Return the models (count, MODEL_PARTS, 4), as in `cl/lib/world/real/learned.h`."""
@@ -226,7 +251,7 @@ class Learner:
         padded = np.zeros(self._drawn.shape, np.float32)
         padded[:count] = samples
         device.write(self._drawn, padded)
-        self._ask((count,), self.arguments(), count=count)
+        self._ask((count,), learned=self.arguments(), count=count)
         return device.read(self._predicted)[:count], device.read(self._greatest)[:count]
 
     def _cell(self, points: Float) -> NDArray[np.int64]:

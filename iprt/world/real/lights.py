@@ -2,17 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import Block, Floats, Int32, Ints
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.equirect import solid_angles
 
 LIGHT_ROWS = 256
 """Most rows of the table: cells of 0.7 degrees."""
+
+
+@dataclass(kw_only=True)
+class LightsArgs(Block):
+    """Light sampling table (`cl/lib/world/real/lights.h`); by default empty.
+
+    Attributes
+    ----------
+    cumulative : (count + 1,) float32
+        Cumulative probabilities of the listed cells.
+    cell : (count,) int32
+        row * columns + column.
+    density : (rows * columns,) float32
+        1/sr about the capture centre.
+    count : int
+        0: the panorama is too even to aim at anything.
+    columns, rows : int
+    """
+
+    cumulative: Floats = None
+    cell: Ints = None
+    density: Floats = None
+    count: Int32 = 0
+    columns: Int32 = 1
+    rows: Int32 = 1
 
 
 class Lights:
@@ -30,7 +56,7 @@ class Lights:
     def __init__(
         self, device: ComputeDevice, width: int, height: int, *, name: str = "light"
     ) -> None:
-        self._device, self._name = device, name
+        self._device = device
         self.rows, self.columns = min(LIGHT_ROWS, height), min(2 * LIGHT_ROWS, width)
         cells = self.rows * self.columns
         self._cumulative = device.zeros(f"{name} cumulative", (cells + 1,))
@@ -65,30 +91,16 @@ class Lights:
         self._device.write(self._cell, numbers)
         self._device.write(self._density, density.astype(np.float32))
 
-    def arguments(self) -> dict[str, Any]:
-        """Return `LIGHT_PARAMETERS` of `cl/lib/world/real/lights.h`, prefixed by the name."""
-        prefix = self._name.replace(" ", "_")
-        return {
-            f"{prefix}_cumulative": self._cumulative,
-            f"{prefix}_cell": self._cell,
-            f"{prefix}_density_table": self._density,
-            f"{prefix}_count": self.count,
-            f"{prefix}_columns": self.columns,
-            f"{prefix}_rows": self.rows,
-        }
-
-
-def no_lights(name: str) -> dict[str, Any]:
-    """Return `Lights.arguments` for rays without light sampling."""
-    prefix = name.replace(" ", "_")
-    return {
-        f"{prefix}_cumulative": None,
-        f"{prefix}_cell": None,
-        f"{prefix}_density_table": None,
-        f"{prefix}_count": 0,
-        f"{prefix}_columns": 1,
-        f"{prefix}_rows": 1,
-    }
+    def arguments(self) -> LightsArgs:
+        """Return the table for rays."""
+        return LightsArgs(
+            cumulative=self._cumulative,
+            cell=self._cell,
+            density=self._density,
+            count=self.count,
+            columns=self.columns,
+            rows=self.rows,
+        )
 
 
 def light_table(

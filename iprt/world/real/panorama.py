@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import Block, Float4, Float4s, Float32, Floats, Int32, when
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.passes import Clock, Pass, Schedule
-from iprt.world.real.background import Background
+from iprt.world.real.background import Background, BackgroundArgs
 from iprt.world.real.clipped import ShownTexels
-from iprt.world.real.pyramid import Pyramid, PyramidShape
+from iprt.world.real.pyramid import GridArgs, Pyramid, PyramidShape
 from iprt.world.real.radiance import Flux, PictureLoader
 from iprt.world.real.surfaces import Surfaces
 
@@ -26,6 +28,69 @@ COARSEST_COLUMNS = 8
 decides a crossing."""
 START_BIAS = 1e-3
 """Tolerance, in metres of a room, of a ray's start against the surface it starts from."""
+
+
+@dataclass(kw_only=True)
+class ImpostorArgs(Block):
+    """Distance impostor (`cl/lib/world/real/impostor.h`).
+
+    Attributes
+    ----------
+    texels : (6 * side * side, 4) float32
+        Radiance and inverse distance, 1/m.
+    inverse : (6 * side * side,) float32
+        Inverse distances alone.
+    centre : float4
+        About the capture centre, metres; 0.
+    side : int
+    steps : int
+        Refinements of a hit.
+    farthest : float
+        Metres along a ray beyond which there is only open sky.
+    """
+
+    texels: Float4s
+    inverse: Floats
+    centre: Float4
+    side: Int32
+    steps: Int32
+    farthest: Float32
+
+
+@dataclass(kw_only=True)
+class RealLayerArgs(Block):
+    """Real scene for rays (`cl/lib/world/real/real.h`).
+
+    Attributes
+    ----------
+    surface : (H, W, 4) float32
+        Tangent planes and flags.
+    thickness_m, thickness_ratio : float
+        Assumed thickness of surfaces: metres, at least, and least ratio to the radial distance.
+    back_faces : int
+        1: back faces are assumed where the camera saw none.
+    bias : float
+        Metres: a start this little behind a surface counts as before it.
+    nearest, farthest : float
+        Smallest and largest finite depth, metres.
+    color : (H, W, 3) float32
+        Radiance.
+    outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
+        Radiance seen through windows.
+    """
+
+    grid: GridArgs
+    surface: Float4s
+    thickness_m: Float32
+    thickness_ratio: Float32
+    back_faces: Int32
+    bias: Float32
+    nearest: Float32
+    farthest: Float32
+    color: Floats
+    outside: Floats
+    background: BackgroundArgs | None = when("BACKGROUND")
+    impostor: ImpostorArgs | None = when("IMPOSTOR")
 
 
 class Panorama:
@@ -200,26 +265,28 @@ class Panorama:
         """Radiance of real surfaces for rays."""
         return self.radiance if self._radiated is None else self._radiated
 
-    def arguments(self, trace: TraceSettings) -> dict[str, Any]:
-        """Return `REAL_PARAMETERS` of `cl/lib/world/scene.h`, with the radiance of the frame."""
-        return {
-            "real_width": self.width,
-            "real_height": self.height,
-            "real_levels": self.shape.levels,
-            "real_range": self.range,
-            "real_column": self.surfaces.grid["column"],
-            "real_row": self.surfaces.grid["row"],
-            "real_surface": self.surface,
-            "real_thickness_m": trace.thickness * self.scale,
-            "real_thickness_ratio": trace.thickness_ratio,
-            "real_back_faces": int(trace.back_faces),
-            "real_bias": START_BIAS * self.scale,
-            "real_nearest": self.nearest,
-            "real_farthest": self.farthest if self.background is None else self.background.farthest,
-            "real_color": self.radiance,
-            "real_outside": self.outside,
-            **({} if self.background is None else self.background.arguments()),
-        }
+    def arguments(self, trace: TraceSettings) -> RealLayerArgs:
+        """Return the real scene for rays, with the radiance of the frame."""
+        return RealLayerArgs(
+            grid=GridArgs(
+                width=self.width,
+                height=self.height,
+                levels=self.shape.levels,
+                range=self.range,
+                column=self.surfaces.grid["column"],
+                row=self.surfaces.grid["row"],
+            ),
+            surface=self.surface,
+            thickness_m=trace.thickness * self.scale,
+            thickness_ratio=trace.thickness_ratio,
+            back_faces=int(trace.back_faces),
+            bias=START_BIAS * self.scale,
+            nearest=self.nearest,
+            farthest=self.farthest if self.background is None else self.background.farthest,
+            color=self.radiance,
+            outside=self.outside,
+            background=None if self.background is None else self.background.arguments(),
+        )
 
     @property
     def hidden_light(self) -> cla.Array | None:

@@ -8,8 +8,38 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import Block, Counters, Float2s, Floats, Int32, when
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
+
+
+@dataclass(kw_only=True)
+class GridArgs(Block):
+    """Min/max pyramid over an equirect image, or over a view, that rays march through.
+
+    Level l has ceil(width / 2^l) x ceil(height / 2^l) cells. Cells of the last rows and columns are
+    clipped at width and height.
+
+    Attributes
+    ----------
+    width, height : int
+    levels : int
+        The coarsest cells span at most π/4 of azimuth.
+    range : (cells, 2) float32
+        (min, max) radial distance in metres per cell, level after level.
+    column : (width + 1, 2) float32 or None
+        (cos, sin) of the azimuth of column edges; None in perspective views.
+    row : (height + 1,) float32 or None
+        cos of the polar angle of row edges; None in perspective views.
+    """
+
+    width: Int32
+    height: Int32
+    levels: Int32
+    range: Float2s
+    column: Float2s
+    row: Floats
+    work: Counters = when("COUNT_WORK", outer="work_counters")
 
 
 @dataclass(frozen=True)

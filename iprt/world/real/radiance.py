@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.geometry.equirect import texel_polar_angles
 from iprt.world.real.surfaces import band_rows, bands
 

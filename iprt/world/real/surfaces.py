@@ -10,7 +10,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.files.kernel_source import constant
+from iprt.device.kernel_source import constant
 from iprt.footage.normals import Tap, window_taps
 from iprt.world.real.pyramid import equirect_centres, equirect_edges
 

@@ -167,7 +167,7 @@ def test_rays_are_aimed_at_the_lamp_from_the_centre(device: ComputeDevice) -> No
     d = texel_directions(64).reshape(-1, 3)
     column, row = np.moveaxis(equirect_pixel(d, lights.columns, lights.rows), -1, 0)
     cell = row.astype(int) * lights.columns + column.astype(int) % lights.columns
-    density = device.read(lights.arguments()["impostor_light_density_table"])[cell]
+    density = device.read(lights.arguments().density)[cell]
     t, normal, _ = ROOM.first_hit(np.array(CENTRE), d)
     lit = ceiling_lamp(np.array(CENTRE) + t[..., None] * d, normal)[:, 0] > 1.0
     assert ((density > 0.0) == lit).mean() > 0.98
@@ -236,17 +236,17 @@ def traced(
     device: ComputeDevice, panorama: Panorama, impostor: Impostor, o: Float, d: Float
 ) -> tuple[Float, Float, Float]:
     """Distances (N,), kinds (N,), and points (N, 3) about the impostor's centre."""
+    layer = replace(panorama.arguments(TraceSettings()), impostor=impostor.arguments())
     found = evaluate(
         device,
-        ["world/scene.h"],
-        "RealLayer layer = REAL_LAYER;"
+        ["world/real/real.h"],
         "RealHit hit = trace_real_layer(layer, o, d, INFINITY);"
         "t = hit.t; kind = hit.kind; p = hit.direction;",
         {"o": o.astype(np.float32), "d": d.astype(np.float32)},
         {"t": "float", "kind": "int", "p": "float3"},
         defines=["IMPOSTOR"],
-        parameters="REAL_PARAMETERS",
-        arguments={**panorama.arguments(TraceSettings()), **impostor.arguments()},
+        parameters="const RealLayer layer",
+        arguments={"layer": layer},
     )
     return found["t"], found["kind"], found["p"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,26 +12,28 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import int4
 from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.settings.features import Features
-from iprt.world.real.lights import Lights, no_lights
+from iprt.world.objects.object_bvh import ObjectsArgs
+from iprt.world.objects.object_layers import EMPTY, ObjectLayerArgs
+from iprt.world.real.lights import Lights, LightsArgs
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.pyramid import GridArgs
 from iprt.world.world import World
 from tests.kernels.wrap import evaluate
 from tests.variants import variant
 
-NO_LAYERS = {
-    f"{layer}_{name}": value
-    for layer in ("screen", "equirect")
-    for name, value in (
-        *((size, 1) for size in ("width", "height", "levels")),
-        ("footprint", 1.0),
-        *((part, None) for part in ("range", "column", "row", "planes", "geometry", "material")),
-    )
-}
+NO_LAYER = ObjectLayerArgs(
+    grid=GridArgs(width=1, height=1, levels=1, range=None, column=None, row=None),
+    planes=None,
+    geometry=None,
+    material=None,
+    footprint=1.0,
+)
 """In place of the objects' layers, which these functions do not look at."""
 
 
@@ -72,11 +75,15 @@ class RealWorld:
         self.lights = Lights(device, frame.width, frame.height)
         self.lights.load(self.panorama.radiance, self.panorama.hidden_light)
         objects = SimpleNamespace(
-            bvh=None,
-            screen=None,
-            around=None,
+            arguments=lambda view: ObjectsArgs(
+                bounds=None,
+                count=0,
+                screen=NO_LAYER,
+                equirect=NO_LAYER,
+                view=view,
+                rectangle=int4(EMPTY),
+            ),
             materials=device.upload("materials", material_table(materials)),
-            device_bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
         )
         real = SimpleNamespace(panorama=self.panorama, lights=self.lights, highlight=None)
         self._world = World(real, objects)
@@ -90,13 +97,13 @@ class RealWorld:
         light_sampling: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """`evaluate` with a variable `world`."""
-        arguments = {**NO_LAYERS, **self._world.arguments(self._features)}
+        world = self._world.arguments(self._features, None)
         if not light_sampling:
-            arguments |= no_lights("light")
+            world = replace(world, lights=LightsArgs())
         return evaluate(
             self._device,
             ["world/path.h"],
-            "const World world = WORLD(0);" + body,
+            body,
             inputs,
             outputs,
             defines=[
@@ -104,8 +111,8 @@ class RealWorld:
                 for name, value in self._features.trace_defines().items()
                 if value is not False
             ],
-            parameters="WORLD_PARAMETERS",
-            arguments=arguments,
+            parameters="const World world",
+            arguments={"world": world},
         )
 
 

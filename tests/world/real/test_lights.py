@@ -94,11 +94,11 @@ def test_directions_follow_the_table(device: ComputeDevice) -> None:
     v = evaluate(
         device,
         ["world/real/lights.h"],
-        "const Lights lights = LIGHTS; v = sample_light(lights, u);",
+        "v = sample_light(lights, u);",
         {"u": numbers(1, count, 2)},
         {"v": "float3"},
-        parameters="LIGHT_PARAMETERS",
-        arguments=lights.arguments(),
+        parameters="const Lights lights",
+        arguments={"lights": lights.arguments()},
     )["v"].astype(np.float64)
     np.testing.assert_allclose(np.linalg.norm(v, axis=1), 1.0, atol=1e-6)
     column, row = np.floor(equirect_pixel(v, 64, 32)).astype(int).T

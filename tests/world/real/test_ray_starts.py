@@ -22,12 +22,11 @@ from tests.oracles.worlds import World
 ROOM = World()
 START_KERNEL = """
 #include "maths/grid.h"
-#include "world/scene.h"
+#include "world/real/real.h"
 __kernel void start(const int n, __global const float4 *point, __global const float4 *normal,
-                    __global float4 *origin, REAL_PARAMETERS)
+                    __global float4 *origin, const RealLayer layer)
 {
     const int i = get_global_id(0);
-    RealLayer layer = REAL_LAYER;
     if (i < n)
         origin[i].xyz = real_start(layer, point[i].xyz, normal[i].xyz);
 }
@@ -49,7 +48,7 @@ def test_no_ray_that_starts_on_a_wall_leaves_the_room(device: ComputeDevice) -> 
     origin = device.empty("origin", (len(seen), 4))
     start(
         (len(seen),),
-        panorama.arguments(TraceSettings(thickness=0.05, thickness_ratio=0.05)),
+        layer=panorama.arguments(TraceSettings(thickness=0.05, thickness_ratio=0.05)),
         n=len(seen),
         point=device.upload("point", four(point)),
         normal=device.upload("normal", four(inwards)),

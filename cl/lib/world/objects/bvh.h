@@ -18,6 +18,7 @@
 #define IPRT_BVH_H
 
 #include "maths/work.h"
+#include <iprt.world.objects.object_bvh>
 
 // -D BVH_STACK: three entries for each level of both trees, whose depth the host bounds
 // (iprt/bvh/build.py). A level leaves at most three children on the stack.
@@ -30,14 +31,6 @@
 #ifndef BVH_STEP_CAP
 #define BVH_STEP_CAP 65536
 #endif
-
-typedef struct {
-    __global const float4 *nodes;
-    __global const float4 *packets;
-    __global const float4 *instances;
-    int count;           // number of instances
-    WORK_MEMBER
-} Bvh;
 
 typedef struct {
     float t;

@@ -4,14 +4,14 @@
 //   -D DISTANT_ENVIRONMENT   objects_none.h    rays meet nothing
 //   without                  objects_raster.h  layers rasterized from the capture centre
 //
-//   OBJECT_PARAMETERS, OBJECTS(view)   kernel parameters (iprt/world/world.py), and the struct
-//                                      `Objects` built from them. Its `bounds` holds 2 float4 for
-//                                      each of its `objects`: corners of the bounding box, world
+//   Objects                                     the block of iprt/world/objects/object_bvh.py
 //   trace_objects(objects, o, d, t_max, &hit)   nearest surface before t_max, hit.t; 1: found
 //   object_point(objects, hit, o, d)            the surface there: Scatterer
 //   object_lift(objects, distance)              offset in metres of rays from visible surfaces
 #ifndef IPRT_OBJECTS_H
 #define IPRT_OBJECTS_H
+
+#include <iprt.world.objects.object_bvh>
 
 #ifdef OBJECTS_BVH
 #include "world/objects/objects_bvh.h"

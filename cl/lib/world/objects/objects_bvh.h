@@ -16,18 +16,6 @@
 // The same for surfaces in the view, whose position comes from a depth picture.
 #define OBJECT_DEPTH_ERROR 0x1p-14f
 
-typedef struct {
-    Bvh bvh;
-    __global const int4 *triangles;      // 4 per packet: three vertices, material of the mesh
-    __global const float4 *normals;      // per vertex, object space
-    __global const float4 *albedos;      // 2 per material: rgb; int bits of its texture's first
-                                         // texel, width (0: none) and height
-    __global const float4 *bounds;       // 2 per object: corners of its box, world
-    int objects;
-    __global const float2 *uvs;          // per vertex; null without textures
-    __global const half *texels;         // 4 per texel: rgb, linear; null without textures
-} Objects;
-
 typedef BvhHit ObjectHit;
 
 static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
@@ -53,12 +41,12 @@ static inline float3 object_texture(__global const half *texels, int4 image, flo
 // Return a material's albedo at barycentric weights of a triangle; `material` counts all instances'.
 static inline float3 object_albedo(const Objects world, int material, int4 vertices, float3 weights)
 {
-    float3 albedo = world.albedos[2 * material].xyz;
-    const int4 image = as_int4(world.albedos[2 * material + 1]);
+    float3 albedo = world.bvh.albedos[2 * material].xyz;
+    const int4 image = as_int4(world.bvh.albedos[2 * material + 1]);
     if (image.y > 0) {
-        const float2 uv = weights.x * world.uvs[vertices.x] + weights.y * world.uvs[vertices.y]
-            + weights.z * world.uvs[vertices.z];
-        albedo *= object_texture(world.texels, image, uv);
+        const float2 uv = weights.x * world.bvh.uvs[vertices.x] + weights.y * world.bvh.uvs[vertices.y]
+            + weights.z * world.bvh.uvs[vertices.z];
+        albedo *= object_texture(world.bvh.texels, image, uv);
     }
     return albedo;
 }
@@ -72,7 +60,7 @@ static inline float3 packet_corner(__global const float4 *rows, int corner, int 
 // Return the unit normal in world space, by the inverse transpose of world from object.
 static inline float3 vertex_normal(const Objects world, __global const float4 *rows, int vertex)
 {
-    const float3 n = world.normals[vertex].xyz;
+    const float3 n = world.bvh.normals[vertex].xyz;
     return safe_normalize(n.x * rows[0].xyz + n.y * rows[1].xyz + n.z * rows[2].xyz,
                           (float3)(0.0f));
 }
@@ -107,7 +95,7 @@ static inline ObjectSurface object_surface(const Objects world, const ObjectHit 
     const float3 c = bvh_transform(rows + 3, packet_corner(packet, 2, column), 1.0f);
     const float3 moved = (float3)(rows[3].w, rows[4].w, rows[5].w);
     ObjectSurface at;
-    at.vertices = world.triangles[hit.triangle];
+    at.vertices = world.bvh.triangles[hit.triangle];
     at.material = as_int(rows[6].y) + at.vertices.w;
     at.weights = (float3)(1.0f - hit.u - hit.v, hit.u, hit.v);
     at.position = at.weights.x * a + at.weights.y * b + at.weights.z * c;
@@ -148,19 +136,5 @@ static inline float object_lift(const Objects world, float distance)
 {
     return OBJECT_DEPTH_ERROR * distance;
 }
-
-#define OBJECT_PARAMETERS                                                                          \
-    __global const float4 *restrict bvh_nodes, __global const float4 *restrict bvh_packets,        \
-        __global const float4 *restrict bvh_instances, const int bvh_count,                        \
-        __global const int4 *restrict bvh_triangles, __global const float4 *restrict bvh_normals,  \
-        __global const float4 *restrict bvh_albedos,                                               \
-        __global const float4 *restrict objects_bounds, const int objects_count,                   \
-        __global const float2 *restrict bvh_uvs, __global const half *restrict bvh_texels
-
-#define OBJECTS(view)                                                                              \
-    {                                                                                              \
-        {bvh_nodes, bvh_packets, bvh_instances, bvh_count WORK}, bvh_triangles, bvh_normals,       \
-            bvh_albedos, objects_bounds, objects_count, bvh_uvs, bvh_texels             \
-    }
 
 #endif

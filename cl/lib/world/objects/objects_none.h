@@ -5,11 +5,6 @@
 #include "world/objects/scatterer.h"
 
 typedef struct {
-    __global const float4 *bounds;       // 2 per object: corners of its box, world
-    int objects;
-} Objects;
-
-typedef struct {
     float t;
 } ObjectHit;
 
@@ -29,9 +24,5 @@ static inline float object_lift(const Objects world, float distance)
 {
     return 0.0f;
 }
-
-#define OBJECT_PARAMETERS __global const float4 *restrict objects_bounds, const int objects_count
-
-#define OBJECTS(view) {objects_bounds, objects_count}
 
 #endif

@@ -17,26 +17,6 @@
 #define OBJECT_TOLERANCE 1.0f
 
 typedef struct {
-    Grid grid;                            // `column` and `row` are unused by screen layers
-    __global const float4 *planes;        // 2 per texel, front and back: xyz g (g.x = 1 on the
-                                          // plane), w radial distance at the centre, 0: nothing
-    __global const float4 *geometry;      // [2][H*W]: shading normal, radial distance
-    __global const float4 *material;      // [2][H*W]: albedo, 1 + material index
-    float footprint;                      // of a texel, per metre of distance
-} ObjectLayer;
-
-typedef struct {
-#ifndef VIEW_EQUIRECT
-    ObjectLayer screen;
-#endif
-    ObjectLayer equirect;
-    __global const float *view;           // lib/gbuffer/view.h
-    int4 rectangle;                       // x0, y0, x1, y1 of the screen that objects cover
-    __global const float4 *bounds;        // 2 per object: corners of its box, world
-    int objects;
-} Objects;
-
-typedef struct {
     float t;
     int index;        // into geometry and material, including the layer
     int on_screen;    // the ObjectLayer
@@ -270,7 +250,7 @@ static inline int march_screen_objects(const Objects world, float3 o, float3 d, 
 static inline float2 bounds_interval(const Objects world, float3 o, float3 d, float t_max)
 {
     float2 interval = (float2)(INFINITY, -INFINITY);
-    for (int i = 0; i < world.objects; i++) {
+    for (int i = 0; i < world.count; i++) {
         const float3 a = (world.bounds[2 * i].xyz - o) / d;
         const float3 b = (world.bounds[2 * i + 1].xyz - o) / d;
         const float3 low = fmin(a, b), high = fmax(a, b);
@@ -354,37 +334,5 @@ static inline float object_lift(const Objects world, float distance)
     return OBJECT_LIFT * world.screen.footprint * distance;
 #endif
 }
-
-#define LAYER_PARAMETERS(name)                                                                     \
-    const int name##_width, const int name##_height, const int name##_levels,                      \
-        const float name##_footprint, __global const float2 *restrict name##_range,                \
-        __global const float2 *restrict name##_column, __global const float *restrict name##_row,  \
-        __global const float4 *restrict name##_planes,                                             \
-        __global const float4 *restrict name##_geometry,                                           \
-        __global const float4 *restrict name##_material
-
-#define LAYER(name)                                                                                \
-    {                                                                                              \
-        {                                                                                          \
-            name##_width, name##_height, name##_levels, name##_range, name##_column,               \
-                name##_row WORK                                                                    \
-        },                                                                                         \
-            name##_planes, name##_geometry, name##_material, name##_footprint                      \
-    }
-
-#ifdef VIEW_EQUIRECT
-#define SCREEN_PARAMETERS
-#define SCREEN_LAYER
-#else
-#define SCREEN_PARAMETERS LAYER_PARAMETERS(screen),
-#define SCREEN_LAYER LAYER(screen),
-#endif
-
-#define OBJECT_PARAMETERS                                                                          \
-    SCREEN_PARAMETERS LAYER_PARAMETERS(equirect), const int4 objects_rectangle,                    \
-        __global const float4 *restrict objects_bounds, const int objects_count
-
-#define OBJECTS(view)                                                                              \
-    {SCREEN_LAYER LAYER(equirect), view, objects_rectangle, objects_bounds, objects_count}
 
 #endif

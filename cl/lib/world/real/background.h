@@ -29,7 +29,7 @@ static inline int hidden_leaf(const RealLayer layer, const PolarRay ray, const S
                               float4 front, float4 back, int *side, RealHit *hit)
 {
     const float2 front_range = layer.grid.range[hit->texel];
-    const float2 back_range = layer.back_range[hit->texel];
+    const float2 back_range = layer.background.range[hit->texel];
     const float front_m = dot(front.xyz, ray.m), front_d = dot(front.xyz, ray.d);
     const float back_m = dot(back.xyz, ray.m), back_d = dot(back.xyz, ray.d);
     const float f0 = surface_radius(front_m, front_d, at.u0, at.root0, front_range);
@@ -97,11 +97,11 @@ static inline int hidden_leaf(const RealLayer layer, const PolarRay ray, const S
 static inline int radial_background(const RealLayer layer, const PolarRay ray, int texel,
                                     RealHit *hit)
 {
-    const float4 back = layer.back_surface[texel];
+    const float4 back = layer.background.surface[texel];
     if (!((int)back.w & SURFACE_HIDDEN))
         return -1;
     const float radius =
-        surface_radius(0.0f, dot(back.xyz, ray.d), 1.0f, 1.0f, layer.back_range[texel]);
+        surface_radius(0.0f, dot(back.xyz, ray.d), 1.0f, 1.0f, layer.background.range[texel]);
     if (!isfinite(radius))
         return 0;
     if (ray.od > radius + layer.bias)
@@ -114,7 +114,7 @@ static inline int radial_background(const RealLayer layer, const PolarRay ray, i
 // Return whether a surface stands before open sky in this texel.
 static inline int sky_behind(const RealLayer layer, int texel)
 {
-    const int flags = (int)layer.back_surface[texel].w;
+    const int flags = (int)layer.background.surface[texel].w;
     return flags & SURFACE_HIDDEN && flags & SURFACE_NONE;
 }
 

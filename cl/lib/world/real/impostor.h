@@ -9,29 +9,10 @@
 
 #include "maths/cube.h"
 #include "world/real/panorama.h"
+#include <iprt.world.real.panorama>
 
 // Points this many times as far from the centre as the surface in their direction are hidden from it.
 #define IMPOSTOR_HIDDEN 1.25f
-
-typedef struct {
-    __global const float4 *texels;   // [6 * side * side] rgb radiance, w inverse distance, 1/m
-    __global const float *inverse;   // w of `texels`
-    float3 centre;                   // about the capture centre, metres
-    int side;
-    int steps;                       // refinements of a hit
-    float farthest;                  // metres along a ray beyond which there is only open sky
-} Impostor;
-
-#define IMPOSTOR_PARAMETERS                                                                        \
-    __global const float4 *restrict impostor_texels, __global const float *restrict impostor_inverse, \
-        const float4 impostor_centre, const int impostor_side, const int impostor_steps,           \
-        const float impostor_farthest
-
-#define IMPOSTOR_OF_PARAMETERS                                                                     \
-    {                                                                                              \
-        impostor_texels, impostor_inverse, impostor_centre.xyz, impostor_side, impostor_steps,     \
-            impostor_farthest                                                                      \
-    }
 
 // Return the four texels of a face around a direction of any length.
 static inline ALWAYS_INLINE Taps cube_taps(int side, float3 v)

@@ -7,6 +7,7 @@
 
 #include "maths/equirect.h"
 #include "maths/maths.h"
+#include <iprt.world.real.irradiance>
 
 // A cell counts for points within this distance of its tangent plane, as a fraction of theirs ...
 #define CACHE_PLANE 0.02f
@@ -20,21 +21,6 @@
 #define CACHE_TURNED 4.0f
 
 #define CACHE_SURFACES 2
-
-typedef struct {
-    __global const float4 *plane;        // xyz g of the tangent plane g.x = 1; w > 0: a surface
-    __global const float4 *irradiance;   // rgb / pi, w samples; 0: unknown. Then, per entry, xyz
-                                         // of the flux: sum over directions times their luminance / pi
-    int columns;
-    int rows;
-    float black;                         // irradiance up to this counts as black
-} IrradianceCache;
-
-#define CACHE_PARAMETERS                                                                           \
-    __global const float4 *restrict cache_plane, __global const float4 *restrict cache_irradiance, \
-        const int cache_columns, const int cache_rows, const float cache_black
-
-#define CACHE {cache_plane, cache_irradiance, cache_columns, cache_rows, cache_black}
 
 // Return the upper left of the four cells around direction p, and the offset of p from its centre.
 static inline int2 cache_corner(int columns, int rows, float3 p, float2 *past)

@@ -14,6 +14,7 @@
 
 #include "maths/maths.h"
 #include "maths/sampling.h"
+#include <iprt.world.real.learning>
 
 #define MODEL_PARTS 5
 #define SAMPLE_PARTS 3
@@ -27,25 +28,6 @@
 #define ALIKE_NORMAL 0.7f
 // Samples that a model must have learned to be evaluated.
 #define ASKED_FROM 8.0f
-
-typedef struct {
-    __global const float4 *models;
-    __global const int *start;       // first entry of each cell in `list`, and the end of the last one
-    __global const int *list;        // indices of models
-    __global const float *pose;      // 3 x 4, row by row: from the capture centre's axes to the world's
-    float inverse_radius;            // 1 / metres
-} Learned;
-
-#define LEARNED_PARAMETERS                                                                         \
-    __global const float4 *restrict learned_models, __global const int *restrict learned_start,    \
-        __global const int *restrict learned_list, __global const float *restrict learned_pose,    \
-        const float learned_inverse_radius
-
-#define LEARNED_OF_PARAMETERS                                                                      \
-    (Learned)                                                                                      \
-    {                                                                                              \
-        learned_models, learned_start, learned_list, learned_pose, learned_inverse_radius          \
-    }
 
 static inline float3 to_world(__global const float *pose, float3 v, float w)
 {

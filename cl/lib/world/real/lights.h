@@ -12,38 +12,13 @@
 
 #include "maths/maths.h"
 #include "world/real/real.h"
+#include <iprt.world.real.lights>
 
 // Surfaces that the capture centre sees at a smaller cosine are not aimed at.
 #define LIGHT_GRAZING 0.05f
 // Rays that hit a surface this far off the texel's plane, as a fraction of its distance from the centre,
 // hit the join of two planes, which is never aimed at.
 #define LIGHT_OFF_PLANE 1e-3f
-
-typedef struct {
-    __global const float *cumulative;   // [count + 1] cumulative probabilities of the listed cells
-    __global const int *cell;           // [count] row * columns + column
-    __global const float *density;      // [rows * columns] 1/sr about the capture centre
-    int count;                          // 0: the panorama is too even to aim at anything
-    int columns;
-    int rows;
-} Lights;
-
-// The table of the panorama, or of the impostor, about its own centre.
-#ifdef IMPOSTOR
-#define LIGHT_NAME(name) impostor_light_##name
-#else
-#define LIGHT_NAME(name) light_##name
-#endif
-
-#define LIGHT_PARAMETERS                                                                           \
-    __global const float *restrict LIGHT_NAME(cumulative),                                         \
-        __global const int *restrict LIGHT_NAME(cell),                                             \
-        __global const float *restrict LIGHT_NAME(density_table), const int LIGHT_NAME(count),     \
-        const int LIGHT_NAME(columns), const int LIGHT_NAME(rows)
-
-#define LIGHTS                                                                                     \
-    {LIGHT_NAME(cumulative), LIGHT_NAME(cell), LIGHT_NAME(density_table), LIGHT_NAME(count),       \
-     LIGHT_NAME(columns), LIGHT_NAME(rows)}
 
 // Sample a unit direction from the capture centre with the table's density; u in [0, 1)^2.
 static inline float3 sample_light(const Lights lights, float2 u)
@@ -70,7 +45,7 @@ static inline float3 sample_light(const Lights lights, float2 u)
 // Return whether rays in this direction aim at the background, rather than at its occluder.
 static inline int aims_behind(const RealLayer layer, int texel)
 {
-    return ((int)layer.back_surface[texel].w & SURFACE_AIMED) != 0;
+    return ((int)layer.background.surface[texel].w & SURFACE_AIMED) != 0;
 }
 #endif
 
@@ -84,8 +59,8 @@ static inline float3 towards_light(const RealLayer layer, float3 v, int texel, f
     float farthest = layer.grid.range[texel].y;
 #ifdef BACKGROUND
     if (aims_behind(layer, texel)) {
-        surface = layer.back_surface[texel];
-        farthest = layer.back_range[texel].y;
+        surface = layer.background.surface[texel];
+        farthest = layer.background.range[texel].y;
     }
 #endif
     if ((int)surface.w & SURFACE_NONE)
@@ -120,7 +95,7 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
     if (!(density > 0.0f) || hit.kind == HIT_SKY)
         return density;
 #ifdef BACKGROUND
-    const float3 g = (hit.behind ? layer.back_surface : layer.surface)[hit.texel].xyz;
+    const float3 g = (hit.behind ? layer.background.surface : layer.surface)[hit.texel].xyz;
 #else
     const float3 g = layer.surface[hit.texel].xyz;
 #endif

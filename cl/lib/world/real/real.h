@@ -6,18 +6,15 @@
 //
 // -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown there
 // (remember.cl). It equals the first layer where nothing nearer hides it (background.h).
-// -D LEARNED_RADIANCE: the radiance that was learned of surfaces is passed along (learned.h).
 // -D IMPOSTOR: rays do not march but intersect the distance impostor (impostor.h).
 #ifndef IPRT_REAL_H
 #define IPRT_REAL_H
 
 #include "maths/grid.h"
 #include "maths/tracing.h"
+#include <iprt.world.real.panorama>
 #ifdef IMPOSTOR
 #include "world/real/impostor.h"
-#endif
-#ifdef LEARNED_RADIANCE
-#include "world/real/learned.h"
 #endif
 
 #define SURFACE_EAST 1      // connected with the neighbour in that direction
@@ -34,28 +31,6 @@
 #define HIT_BACK_FACE 2     // an assumed back face
 #define HIT_SKY 3           // no hit: open sky
 #define HIT_UNKNOWN 4       // no hit: behind visible surfaces, or at the step cap
-
-typedef struct {
-    Grid grid;
-    __global const float4 *surface;
-    float thickness;         // metres, at least
-    float thickness_ratio;   // least ratio to the radial distance
-    int back_faces;          // back faces are assumed where the camera saw none
-    float bias;              // metres: a start this little behind a surface counts as before it
-    float nearest;           // smallest and largest finite depth, metres
-    float farthest;
-#ifdef BACKGROUND
-    __global const float4 *back_surface;   // as `surface`
-    __global const float2 *back_range;     // as `grid.range`
-    __global const float *back_color;      // radiance, 3 a texel
-#endif
-#ifdef LEARNED_RADIANCE
-    Learned learned;
-#endif
-#ifdef IMPOSTOR
-    Impostor impostor;
-#endif
-} RealLayer;
 
 typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
@@ -75,7 +50,7 @@ typedef struct {
 
 static inline float real_thickness(const RealLayer layer, float r)
 {
-    return fmax(layer.thickness, layer.thickness_ratio * r);
+    return fmax(layer.thickness_m, layer.thickness_ratio * r);
 }
 
 // Return the index of the texel in a direction of any length.
@@ -89,9 +64,9 @@ static inline int real_skip(const RealLayer layer, int *side, float near, float 
 {
 #ifdef BACKGROUND
     if (*side == SIDE_BETWEEN)
-        return near > range.y + real_thickness(layer, range.y) && far < layer.back_range[cell].x;
+        return near > range.y + real_thickness(layer, range.y) && far < layer.background.range[cell].x;
     if (*side == SIDE_BEHIND)
-        range = layer.back_range[cell];
+        range = layer.background.range[cell];
 #endif
     // A ray that was on the other side of these surfaces has just crossed one, or a gap.
     if (*side != SIDE_BEHIND && far < range.x) {
@@ -201,7 +176,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     hit->texel = texel;
 #ifdef BACKGROUND
     hit->behind = 0;
-    const float4 back = layer.back_surface[texel];
+    const float4 back = layer.background.surface[texel];
     const int back_flags = (int)back.w;
     if (back_flags & SURFACE_HIDDEN)
         return hidden_leaf(layer, ray, at, edge, surface, back, side, hit);
@@ -315,7 +290,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
 #ifdef IMPOSTOR
     COUNT_RAY(layer.grid.work, WORK_REAL);
     COUNT_STEPS(layer.grid.work, WORK_REAL, layer.impostor.steps);
-    const float3 x = o - layer.impostor.centre;
+    const float3 x = o - layer.impostor.centre.xyz;
     hit.t = trace_impostor(layer.impostor, x, d);
     hit.direction = x + hit.t * d;
     if (!(impostor_inverse_distance(layer.impostor, hit.direction) > 0.0f)) {

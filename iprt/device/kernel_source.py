@@ -12,8 +12,10 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
+from importlib import import_module
 from pathlib import Path
 
+from iprt.device.block import Block, flat_kernels, struct_name, structs
 from iprt.errors import KernelError
 from iprt.files.resources import CL
 
@@ -72,6 +74,8 @@ class KernelSource:
         Folder of the headers that all files share, `cl/lib`.
     macros : dict
         Macros by name.
+    blocks : dict
+        Blocks of included Python modules, by the names of their structs.
     lines : list of str
         The source, with `#line` after removed lines.
     """
@@ -79,6 +83,7 @@ class KernelSource:
     folder: Path
     macros: dict[str, _Macro] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
+    blocks: dict[str, type[Block]] = field(default_factory=dict)
     _place: tuple[str, int] = ("", 0)  # the compiler's file and number of the next line
     _undecided: set[str] = field(default_factory=set)  # macros that the compiler may define
 
@@ -92,8 +97,8 @@ class KernelSource:
 
     @property
     def text(self) -> str:
-        """The resolved source."""
-        return "\n".join(self.lines) + "\n"
+        """The resolved source, in which kernels take the members of blocks."""
+        return flat_kernels("\n".join(self.lines) + "\n", self.blocks, self.macros)
 
     def _read(self, text: str, name: str) -> None:
         open_blocks: list[_Condition] = []
@@ -108,6 +113,9 @@ class KernelSource:
                 keep = self._go_on(open_blocks, match[1], match[2])
             elif match is None or not taken:
                 keep = taken and bool(line.strip())
+            elif match[1] == "include" and match[2].startswith("<"):
+                self._emit_structs(match[2].strip().strip("<>"))
+                keep = False
             elif match[1] == "include":
                 self._read(*self._included(match[2].strip().strip('"'), name))
                 keep = False
@@ -117,6 +125,14 @@ class KernelSource:
                 keep = True
             if keep:
                 self._emit(line, name, number)
+
+    def _emit_structs(self, module: str) -> None:
+        """Define the structs of the blocks that a Python module declares."""
+        for block in vars(import_module(module)).values():
+            if isinstance(block, type) and block.__module__ == module and issubclass(block, Block):
+                for struct in structs(block, self.macros, self.blocks):
+                    for number, line in enumerate(struct.splitlines(), 1):
+                        self._emit(line, f"{struct_name(block)} of {module}", number)
 
     def _included(self, file: str, name: str) -> tuple[str, str]:
         """Return the text and name of a header beside the file `name`, else of a shared one."""
@@ -224,16 +240,14 @@ def _without_comments(text: str) -> str:
 
 def constant(file: str, name: str) -> int:
     """Return the integer that a file of `cl/` defines as `name`."""
-    return int(_source(file).expanded(name))
+    return int(_constants(file)[name])
 
 
 def float_constant(file: str, name: str) -> float:
     """Return the single-precision constant, such as 0.1f, that a file of `cl/` defines."""
-    return float(_source(file).expanded(name).removesuffix("f"))
+    return float(_constants(file)[name].removesuffix("f"))
 
 
 @cache
-def _source(file: str) -> KernelSource:
-    read = KernelSource(CL / "lib")
-    read.read((CL / file).read_text(), file)
-    return read
+def _constants(file: str) -> dict[str, str]:
+    return dict(re.findall(r"^#define (\w+) (\S+)", (CL / file).read_text(), re.MULTILINE))
