@@ -6,16 +6,14 @@ from typing import Any
 
 import pyopencl.array as cla
 
-from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
-from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.settings.features import TOUCHED_FRAMES, Features
-from iprt.trace.tracers import RealTracer, VirtualTracer
+from iprt.trace.tracers import RayKernel
 from iprt.trace.voxel_world import VoxelWorld
 from iprt.world.world import World
 
 
-def cone_defines(features: Features) -> dict[str, Define]:
+def _defines(features: Features) -> dict[str, Define]:
     """Return the `-D` definitions of kernels that trace cones."""
     return {
         "OPENING_ENVIRONMENT": features.opening_environment,
@@ -23,50 +21,21 @@ def cone_defines(features: Features) -> dict[str, Define]:
     }
 
 
-class ConeReal(RealTracer):
-    """Cones from real surfaces, through the voxels of the objects and of their surroundings."""
-
-    def __init__(
-        self,
-        device: ComputeDevice,
-        guide: Guide,
-        features: Features,
-        *,
-        name: str,
-        kernel: str,
-        voxels: VoxelWorld,
-        cones: int,
-    ) -> None:
-        self._voxels = voxels
-        defines = plane_defines() | cone_defines(features)
-        super().__init__(device, guide, features, kernel, defines, name=name, cones=cones)
-
-    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
-        """Return the voxels as kernel arguments."""
-        return self._voxels.arguments()
+def cones_from_real(file: str, features: Features, voxels: VoxelWorld, cones: int) -> RayKernel:
+    """Return the kernel that sends cones from real surfaces, through all voxels."""
+    return RayKernel(file, _defines(features), lambda *_: voxels.arguments(), {"cones": cones})
 
 
-class ConeVirtual(VirtualTracer):
-    """Cones from virtual surfaces, through the voxels of the objects and of the room."""
+def cones_from_virtual(features: Features, voxels: VoxelWorld, cones: int) -> RayKernel:
+    """Return the kernel that sends cones from virtual surfaces, through all voxels."""
 
-    def __init__(
-        self,
-        device: ComputeDevice,
-        guide: Guide,
-        features: Features,
-        *,
-        voxels: VoxelWorld,
-        cones: int,
-    ) -> None:
-        self._voxels = voxels
-        defines = guide.defines(
-            HAS_DIFFUSE=features.diffuse_signal,
-            HAS_SPECULAR=features.specular_signal,
-            DELTA=voxels.delta is not None,
-            **cone_defines(features),
-        )
-        super().__init__(device, guide, features, "trace/cone_virtual", defines, cones=cones)
+    def scene(world: World, _: cla.Array) -> dict[str, Any]:
+        return voxels.arguments() | {"materials": world.objects.materials}
 
-    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
-        """Return the voxels and the materials as kernel arguments."""
-        return self._voxels.arguments() | {"materials": world.objects.materials}
+    defines = {
+        "HAS_DIFFUSE": features.diffuse_signal,
+        "HAS_SPECULAR": features.specular_signal,
+        "DELTA": voxels.delta is not None,
+        **_defines(features),
+    }
+    return RayKernel("trace/cone_virtual", defines, scene, {"cones": cones})

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,14 +15,13 @@ from iprt.device.block import Block, Float4, Float4s, Int32, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.geometry.camera import View
 from iprt.method import Setup
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.settings.paths import PathTracingSettings
-from iprt.trace.sparse import SparseMethod, Tracers
-from iprt.trace.tracers import RealTracer, VirtualTracer
+from iprt.trace.sparse import SparseMethod
+from iprt.trace.tracers import RayKernel, RayKernels
 from iprt.world.real.learning import LearnedArgs
 from iprt.world.real.lights import Lights
 from iprt.world.world import World
@@ -149,61 +148,30 @@ def _directions(columns: int, rows: int, step: int) -> NDArray[np.float64]:
     return view.directions()[::step, ::step].astype(np.float64)
 
 
-def path_defines(features: Features, bounces: int) -> dict[str, Define]:
-    """Return the `-D` definitions of `cl/lib/trace/paths.h`."""
-    return {"MAX_BOUNCES": bounces, "LIGHT_SAMPLING": features.light_sampling}
+def path_kernels(
+    features: Features, environment: Environment, bounces: int, *, one_pass: bool
+) -> RayKernels:
+    """Return the kernels of path tracing, of at most `bounces` reflections.
 
-
-class PathTraceReal(RealTracer):
-    """Paths from real surfaces.
-
-    With `one_pass`, each path is traced with and without the objects. Otherwise only paths that
-    hit objects are traced on.
+    With `one_pass`, each path from a real surface is traced with and without the objects. Otherwise
+    only paths that hit objects are traced on.
     """
 
-    def __init__(
-        self,
-        device: ComputeDevice,
-        guide: Guide,
-        features: Features,
-        *,
-        name: str,
-        environment: Environment,
-        bounces: int,
-        one_pass: bool,
-    ) -> None:
-        self._environment = environment
-        defines = plane_defines() | features.trace_defines()
-        defines |= path_defines(features, bounces) | {"ONE_PASS": one_pass} | environment.defines
-        super().__init__(device, guide, features, "trace/path_trace_real", defines, name=name)
+    def scene(world: World, view: cla.Array) -> dict[str, Any]:
+        lit = environment.arguments()
+        return {"world": world.arguments(features, view), "environment": lit}
 
-    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
-        """Return the world and the environment as kernel arguments."""
-        return super().arguments(world, view) | {"environment": self._environment.arguments()}
-
-
-class PathTraceVirtual(VirtualTracer):
-    """Paths from virtual surfaces."""
-
-    def __init__(
-        self,
-        device: ComputeDevice,
-        guide: Guide,
-        features: Features,
-        *,
-        environment: Environment,
-        bounces: int,
-    ) -> None:
-        self._environment = environment
-        defines = guide.defines(**features.trace_defines()) | path_defines(features, bounces)
-        defines |= environment.defines
-        super().__init__(
-            device, guide, features, "trace/path_trace_virtual", defines, finds_hit=False
-        )
-
-    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
-        """Return the world and the environment as kernel arguments."""
-        return super().arguments(world, view) | {"environment": self._environment.arguments()}
+    defines = {
+        **features.trace_defines(),
+        "MAX_BOUNCES": bounces,
+        "LIGHT_SAMPLING": features.light_sampling,
+        **environment.defines,
+    }
+    return replace(
+        RayKernels.of(features),
+        real=RayKernel("trace/path_trace_real", {**defines, "ONE_PASS": one_pass}, scene),
+        virtual=RayKernel("trace/path_trace_virtual", defines, scene, finds_hit=False),
+    )
 
 
 class PathTracing(SparseMethod):
@@ -226,13 +194,10 @@ class PathTracing(SparseMethod):
         self._own = setup.features.settings.own(self.own)
         super().__init__(setup)
 
-    def tracers(self) -> Tracers:
-        """Return the tracers of paths."""
-        shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
-        return Tracers(
-            partial(PathTraceReal, one_pass=self.one_pass, **shared),
-            partial(PathTraceVirtual, **shared),
-        )
+    def kernels(self) -> RayKernels:
+        """Return the kernels of path tracing."""
+        features, bounces = self.setup.features, self._own.bounces
+        return path_kernels(features, self.environment, bounces, one_pass=self.one_pass)
 
     def prepare(self, world: World) -> list[Pass[FrameContext]]:
         """Draw samples of the frame's lights; fit the supporting plane, if only it is relit."""

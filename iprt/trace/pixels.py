@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pyopencl.array as cla
@@ -18,7 +17,13 @@ from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
-from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual
+from iprt.trace.tracers import (
+    GlossTracer,
+    RayKernel,
+    RayKernels,
+    RealTracer,
+    VirtualTracer,
+)
 from iprt.view.object_layer import VisibleSurfaces
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
@@ -49,10 +54,10 @@ class RealPixels:
         layer: RealLayer,
         guide: Guide,
         features: Features,
+        kernel: RayKernel,
         *,
         name: str,
         min_solid_angle: float = 0.0,
-        tracer: Callable[..., Any] = TraceReal,
     ) -> None:
         """Build the mask, tracer and filter of the pixels.
 
@@ -60,8 +65,6 @@ class RealPixels:
         ----------
         min_solid_angle : float
             Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
-        tracer : callable
-            Builds the tracer of the pixels, with the arguments of `TraceReal`.
         """
         settings = features.settings
         self._features = features
@@ -69,7 +72,7 @@ class RealPixels:
         self._min_solid_angle = min_solid_angle
         self.guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
-        self._trace = tracer(device, guide, features, name=name)
+        self._trace = RealTracer(device, guide, features, kernel, name=name)
         signal = Signal(name, "delta" if features.delta else "ratio", guide)
         self._filter = SignalFilter(
             device, [signal], settings, published=features.needs.published_filter
@@ -90,7 +93,7 @@ class RealPixels:
 
     @property
     def change(self) -> cla.Array | None:
-        """`TraceReal.signal` (6 planes), filtered; None before the first frame."""
+        """`RealTracer.signal` (6 planes), filtered; None before the first frame."""
         return self._filter.filtered[0] if self._filter.filtered else None
 
     def start(self, context: FrameContext) -> cla.Array | None:
@@ -157,9 +160,7 @@ class ReflectingPixels:
         guide: Guide,
         gloss_guide: Guide | None,
         features: Features,
-        *,
-        tracer: Callable[..., Any] = TraceVirtual,
-        gloss_tracer: Callable[..., Any] = TraceGloss,
+        kernels: RayKernels,
     ) -> None:
         """Build the masks, tracers and filter of the pixels.
 
@@ -167,9 +168,6 @@ class ReflectingPixels:
         ----------
         gloss_guide : Guide or None
             Its ids are indices of real materials + 1.
-        tracer, gloss_tracer : callable
-            Build the tracers of virtual and of glossy real surfaces, with the arguments of
-            `TraceVirtual` and `TraceGloss`.
         """
         settings, published = features.settings, features.needs.published_filter
         self._real, self._visible = real, visible
@@ -177,12 +175,12 @@ class ReflectingPixels:
         sparse = settings.mask.sparse and not features.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})
         self.mask = Mask(device, guide, mask_settings, name="object")
-        self._trace = tracer(device, guide, features)
+        self._trace = VirtualTracer(device, guide, features, kernels.virtual)
         self.gloss_mask: Mask | None = None
         self._signals = []
         if gloss_guide is not None:
             self.gloss_mask = Mask(device, gloss_guide, settings.mask, name="gloss")
-            self._trace_gloss = gloss_tracer(device, gloss_guide, features)
+            self._trace_gloss = GlossTracer(device, gloss_guide, features, kernels.gloss)
             self._signals.append(Signal("gloss", "specular", gloss_guide))
         kinds: list[Kind] = ["specular"] if features.specular_signal else []
         kinds += ["diffuse"] if features.diffuse_signal else []
@@ -195,7 +193,7 @@ class ReflectingPixels:
 
     @property
     def hit(self) -> cla.Array | None:
-        """`TraceVirtual.hit`."""
+        """`VirtualTracer.hit`."""
         return self._trace.hit
 
     @property

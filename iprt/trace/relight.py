@@ -78,7 +78,7 @@ class Relight:
         Parameters
         ----------
         signal : 6 planes
-            `TraceReal.signal`, filtered.
+            `RealTracer.signal`, filtered.
         colour : 3 planes
             Radiance of the real layer, L_cam.
         world : World

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
@@ -17,26 +15,11 @@ from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
 from iprt.method import Image, Method, Setup, Signals, in_front
 from iprt.passes import Clock, Pass
 from iprt.trace.pixels import RealPixels, ReflectingPixels
-from iprt.trace.tracers import TraceGloss, TraceReal, TraceVirtual
+from iprt.trace.tracers import RayKernels
 from iprt.world.world import World
 
 Around = tuple[cla.Array, int] | None
 """Ratio of real surfaces around the capture centre and its rows, for `World.relight`."""
-
-
-@dataclass(frozen=True)
-class Tracers:
-    """Tracers of the kinds of pixels.
-
-    Attributes
-    ----------
-    real, virtual, gloss : callable
-        Build a tracer, with the arguments of the default class.
-    """
-
-    real: Callable[..., Any] = TraceReal
-    virtual: Callable[..., Any] = TraceVirtual
-    gloss: Callable[..., Any] = TraceGloss
 
 
 class SparseMethod(Method):
@@ -60,14 +43,12 @@ class SparseMethod(Method):
         self._motions: list[cla.Array] = []
         layers: list[Layer] = []
         masks: list[Mask] = []
-        tracers = self.tracers()
+        kernels = self.kernels()
         self.real_pixels: RealPixels | None = None
         if features.tracing:
             guide = self._guide("real", real.motion)
             layers.append(Layer(real.normal, real.depth, real.id))
-            self.real_pixels = RealPixels(
-                device, real, guide, features, name="real", tracer=tracers.real
-            )
+            self.real_pixels = RealPixels(device, real, guide, features, kernels.real, name="real")
             masks.append(self.real_pixels.mask)
         gloss_guide = None
         if real.gloss is not None:
@@ -82,8 +63,7 @@ class SparseMethod(Method):
             guide,
             gloss_guide,
             features,
-            tracer=tracers.virtual,
-            gloss_tracer=tracers.gloss,
+            kernels,
         )
         if pixels.gloss_mask is not None:
             masks.append(pixels.gloss_mask)
@@ -91,9 +71,9 @@ class SparseMethod(Method):
         self._gather = Guides(device, self._guides, layers)
         self._masks = Masks(device, masks)
 
-    def tracers(self) -> Tracers:
-        """Return the method's tracers; called once, when the method is built."""
-        return Tracers()
+    def kernels(self) -> RayKernels:
+        """Return the method's kernels; called once, when the method is built."""
+        return RayKernels.of(self.setup.features)
 
     def _guide(self, name: str, motion: cla.Array) -> Guide:
         """Add a guide for a layer of the view."""

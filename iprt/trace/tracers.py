@@ -5,9 +5,9 @@ They implement IPRT Algorithm 1.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import pyopencl.array as cla
@@ -16,7 +16,7 @@ from iprt.device.block import Block, Floats, Int32, Ints, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.filter.mask import Mask
-from iprt.gbuffer.guide import Guide, plane_defines
+from iprt.gbuffer.guide import Guide
 from iprt.settings.features import Features
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.world import World
@@ -64,55 +64,108 @@ class JitterArgs(Block):
     view: Floats = when("OBJECTS_BVH")
 
 
+@dataclass(frozen=True)
+class RayKernel:
+    """Kernel that sends rays, cones or paths from listed pixels, and the scene that they meet.
+
+    Attributes
+    ----------
+    file : str
+        File of `cl/` without its suffix. The kernel has the file's name.
+    defines : mapping
+        Its variant, besides the layout of the pixels.
+    scene : callable
+        Returns the arguments by parameter, given the world and the view's constants.
+    fixed : mapping
+        Further arguments.
+    finds_hit : bool
+        It computes the distance of reflected surfaces.
+    """
+
+    file: str
+    defines: Mapping[str, Define]
+    scene: Callable[[World, cla.Array], Mapping[str, Any]]
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    finds_hit: bool = True
+
+
+@dataclass(frozen=True)
+class RayKernels:
+    """Kernels of the three kinds of pixels.
+
+    Attributes
+    ----------
+    real, virtual, gloss : RayKernel
+        For real surfaces to relight, virtual surfaces, and glossy real surfaces.
+    """
+
+    real: RayKernel
+    virtual: RayKernel
+    gloss: RayKernel
+
+    @classmethod
+    def of(cls, features: Features) -> Self:
+        """Return the kernels of IPRT's rays (Algorithm 1)."""
+
+        def scene(world: World, view: cla.Array) -> dict[str, Any]:
+            return {"world": world.arguments(features, view)}
+
+        def jittered(world: World, view: cla.Array) -> dict[str, Any]:
+            return scene(world, view) | {"jitter": JitterArgs(on=int(features.jitter), view=view)}
+
+        real = "trace/trace_delta" if features.delta else "trace/trace_real"
+        gloss = features.gloss_defines()
+        return cls(
+            RayKernel(real, features.trace_defines(), scene),
+            RayKernel("trace/trace_virtual", gloss, jittered),
+            RayKernel("trace/trace_gloss", gloss, scene),
+        )
+
+
 class _Tracer:
-    """Kernel that traces rays or cones from the listed pixels of a guide's layer."""
+    """Pass that traces the listed pixels of a guide's layer."""
 
     def __init__(
         self,
         device: ComputeDevice,
         guide: Guide,
         features: Features,
-        kernel: str,
-        defines: Mapping[str, Define],
+        kernel: RayKernel,
         *,
-        name: str | None,
+        name: str,
         rays: int,
         planes: Mapping[str, cla.Array | None],
-        **own: Any,
+        defines: Mapping[str, Define],
     ) -> None:
         """Build the kernel.
 
         Parameters
         ----------
-        kernel : str
-            File of `cl/` without its suffix. The kernel has the file's name.
-        name : str or None
-            Prefix of the buffer that counts each pixel's samples; None: the kernel draws none.
+        name : str
+            Prefix of the buffer that counts each pixel's samples.
         planes : mapping
             Output planes by parameter.
-        **own
-            Parameters of this kernel alone.
+        defines : mapping
+            Variant of the kernel, besides its own.
         """
         self._guide, self._features, self._rays = guide, features, rays
+        self._scene = kernel.scene
         layout = guide.layout
-        if name is not None:
-            own["samples"] = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
-        pixels = layout.width * layout.height
-        entry = kernel.rpartition("/")[2]
-        self._kernel = device.kernel(f"{kernel}.cl", entry, defines, items=pixels).fixed(
-            layout.arguments(), planes, **own
+        # Rays use the view only if objects are traced as its rasterized layers.
+        equirect = layout.equirect and features.traced_layers
+        variant = {"VIEW_EQUIRECT": equirect, **defines, **kernel.defines}
+        samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
+        entry, pixels = kernel.file.rpartition("/")[2], layout.width * layout.height
+        self._kernel = device.kernel(f"{kernel.file}.cl", entry, variant, items=pixels).fixed(
+            layout.arguments(), planes, kernel.fixed, {"samples": samples}
         )
-
-    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
-        """Return the scene that rays are traced through, by kernel parameter."""
-        return {"world": world.arguments(self._features, view)}
 
     def _launch(self, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
         """Run the kernel; `more` are further arguments, of which the kernel may lack some."""
         layout = self._guide.layout
         self._kernel(
             (layout.width * layout.height,),
-            self.arguments(world, view),
+            self._scene(world, view),
             more,
             {"touched": mask.touched},
             pixels=PixelsArgs(
@@ -134,7 +187,8 @@ class RealTracer(_Tracer):
     ----------
     signal : 6 planes
         Irradiance that objects block and irradiance that they reflect or emit instead, both
-        relative to E_R, rgb each. Valid at the traced pixels.
+        relative to E_R, rgb each. With the estimator "ratio": E_R rgb and E_RV rgb, irradiance / π.
+        Valid at the traced pixels.
     """
 
     def __init__(
@@ -142,18 +196,15 @@ class RealTracer(_Tracer):
         device: ComputeDevice,
         guide: Guide,
         features: Features,
-        kernel: str,
-        defines: Mapping[str, Define],
+        kernel: RayKernel,
         *,
         name: str,
-        **own: Any,
     ) -> None:
-        """Build the kernel; `own` are parameters of this kernel alone."""
+        """Build the kernel; `name` prefixes buffers."""
         self.signal = device.zeros(f"{name} signal", guide.layout.shape(6))
-        rays = features.settings.trace.rays
-        planes = {"signal": self.signal}
+        rays, planes = features.settings.trace.rays, {"signal": self.signal}
         super().__init__(
-            device, guide, features, kernel, defines, name=name, rays=rays, planes=planes, **own
+            device, guide, features, kernel, name=name, rays=rays, planes=planes, defines={}
         )
 
     def run(
@@ -178,22 +229,6 @@ class RealTracer(_Tracer):
         self._launch(world, mask, view, min_solid_angle=min_solid_angle, **known)
 
 
-class TraceReal(RealTracer):
-    """Rays from real surfaces, for the estimator "delta" or "ratio".
-
-    With "ratio", `signal` is E_R rgb and E_RV rgb, irradiance / π, and no cache is needed.
-    """
-
-    def __init__(
-        self, device: ComputeDevice, guide: Guide, features: Features, *, name: str
-    ) -> None:
-        # Rays use the view only if objects are traced as its rasterized layers.
-        equirect = guide.layout.equirect and features.traced_layers
-        defines = plane_defines(equirect=equirect, **features.trace_defines())
-        kernel = "trace/trace_delta" if features.delta else "trace/trace_real"
-        super().__init__(device, guide, features, kernel, defines, name=name)
-
-
 class VirtualTracer(_Tracer):
     """Light that visible virtual surfaces reflect, at the traced pixels.
 
@@ -214,31 +249,26 @@ class VirtualTracer(_Tracer):
         device: ComputeDevice,
         guide: Guide,
         features: Features,
-        kernel: str,
-        defines: Mapping[str, Define],
-        *,
-        finds_hit: bool = True,
-        **own: Any,
+        kernel: RayKernel,
     ) -> None:
-        """Build the kernel; `own` are parameters of this kernel alone."""
+        """Build the kernel."""
         layout = guide.layout
         self.diffuse = self.specular = self.hit = None
         if features.diffuse_signal:
             self.diffuse = device.zeros("diffuse signal", layout.shape(3))
         if features.specular_signal:
             self.specular = device.zeros("specular signal", layout.shape(3))
-        if features.specular_signal and finds_hit:
+        if features.specular_signal and kernel.finds_hit:
             self.hit = device.zeros("specular hit distance", layout.shape(1))
         super().__init__(
             device,
             guide,
             features,
             kernel,
-            defines,
             name="object",
             rays=features.settings.trace.object_rays,
             planes={"diffuse": self.diffuse, "specular": self.specular, "hit_distance": self.hit},
-            **own,
+            defines=guide.defines(),
         )
 
     def run(
@@ -260,20 +290,6 @@ class VirtualTracer(_Tracer):
         self._launch(world, mask, view, albedo=albedo, history=history)
 
 
-class TraceVirtual(VirtualTracer):
-    """Rays from virtual surfaces."""
-
-    def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        equirect = guide.layout.equirect and features.traced_layers
-        defines = guide.defines(VIEW_EQUIRECT=equirect, **features.gloss_defines())
-        super().__init__(device, guide, features, "trace/trace_virtual", defines)
-
-    def arguments(self, world: World, view: cla.Array) -> dict[str, Any]:
-        """Return the scene and the start of rays, by kernel parameter."""
-        jitter = JitterArgs(on=int(self._features.jitter), view=view)
-        return super().arguments(world, view) | {"jitter": jitter}
-
-
 class GlossTracer(_Tracer):
     """Change of the reflections of glossy real surfaces by the objects, at the traced pixels.
 
@@ -289,27 +305,21 @@ class GlossTracer(_Tracer):
         device: ComputeDevice,
         guide: Guide,
         features: Features,
-        kernel: str,
-        defines: Mapping[str, Define],
-        *,
-        name: str | None,
+        kernel: RayKernel,
     ) -> None:
         """Build the kernel; ids of `guide` are indices of real materials + 1."""
         self.change = device.zeros("gloss signal", guide.layout.shape(3))
-        rays, planes = features.settings.trace.rays, {"change": self.change}
         super().__init__(
-            device, guide, features, kernel, defines, name=name, rays=rays, planes=planes
+            device,
+            guide,
+            features,
+            kernel,
+            name="gloss",
+            rays=features.settings.trace.rays,
+            planes={"change": self.change},
+            defines=guide.defines(),
         )
 
     def run(self, world: World, mask: Mask, view: cla.Array) -> None:
         """Trace the pixels of `mask`."""
         self._launch(world, mask, view)
-
-
-class TraceGloss(GlossTracer):
-    """Rays of the specular lobe of glossy real surfaces."""
-
-    def __init__(self, device: ComputeDevice, guide: Guide, features: Features) -> None:
-        equirect = guide.layout.equirect and features.traced_layers
-        defines = guide.defines(VIEW_EQUIRECT=equirect, **features.gloss_defines())
-        super().__init__(device, guide, features, "trace/trace_gloss", defines, name="gloss")

@@ -29,6 +29,7 @@ from iprt.settings.filter import MaskSettings
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.trace.pixels import listed_arguments
+from iprt.trace.tracers import RealTracer, VirtualTracer
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
@@ -111,9 +112,9 @@ class Kernels:
 
     def _real(self, seed: int, rays: int) -> tuple[Float, Float, Float]:
         renderer = self.renderer
-        trace = renderer.method.tracers().real(
-            self.device, renderer.method.real_pixels.guide, self._features(seed, rays), name="run"
-        )
+        features = self._features(seed, rays)
+        kernel, guide = renderer.method.kernels().real, renderer.method.real_pixels.guide
+        trace = RealTracer(self.device, guide, features, kernel, name="run")
         trace.run(
             renderer.world,
             renderer.method.real_pixels.mask,
@@ -161,7 +162,8 @@ class Kernels:
         """(H, W, 3) "diffuse" (without albedo) and "specular" radiance of virtual surfaces."""
         renderer = self.renderer
         guide, mask, nothing = self._virtual
-        trace = renderer.method.tracers().virtual(self.device, guide, self._features(seed, rays))
+        kernel, features = renderer.method.kernels().virtual, self._features(seed, rays)
+        trace = VirtualTracer(self.device, guide, features, kernel)
         albedo = renderer.visible.albedo
         trace.run(renderer.world, mask, self.view, albedo, nothing)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}

@@ -2,45 +2,23 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.method import Setup
 from iprt.methods.dit import DitSettings
 from iprt.methods.dit.impostor import Impostor
 from iprt.passes import Clock, Pass
-from iprt.settings.features import Features
-from iprt.trace.sparse import SparseMethod, Tracers
-from iprt.trace.tracers import RealTracer
+from iprt.trace.sparse import SparseMethod
+from iprt.trace.tracers import RayKernel, RayKernels
 from iprt.world.world import World
 
 SLACK = 0.25
 """Threshold for moving the map: distance of the objects' middle from its centre, relative to their
 radius. Section 6.1 requires a threshold that depends on their size, and gives no value."""
-
-
-class TraceCached(RealTracer):
-    """Rays in sampled directions, restricted to directions that hit the boxes of objects."""
-
-    def __init__(
-        self, device: ComputeDevice, guide: Guide, features: Features, *, name: str, cache: int
-    ) -> None:
-        """Build the kernel; `cache` is `DitSettings.cache`, 0 traces every direction."""
-        defines = plane_defines() | features.trace_defines()
-        super().__init__(
-            device,
-            guide,
-            features,
-            "methods/dit/trace_cached",
-            defines,
-            name=name,
-            cache_size=cache,
-        )
 
 
 class DistanceImpostorTracing(SparseMethod):
@@ -62,12 +40,15 @@ class DistanceImpostorTracing(SparseMethod):
         )
         super().__init__(setup)
 
-    def tracers(self) -> Tracers:
-        """Return the tracers of real surfaces for the setting `directions`."""
-        if self._own.directions == "boxes":
-            return Tracers()
-        cache = self._own.cache if self._own.directions == "cached" else 0
-        return Tracers(real=partial(TraceCached, cache=cache))
+    def kernels(self) -> RayKernels:
+        """Return the kernels for the setting `directions`."""
+        kernels, own = super().kernels(), self._own
+        if own.directions == "boxes":
+            return kernels
+        cache = own.cache if own.directions == "cached" else 0  # 0 traces every direction
+        defines, scene = self.setup.features.trace_defines(), kernels.real.scene
+        cached = RayKernel("methods/dit/trace_cached", defines, scene, {"cache_size": cache})
+        return replace(kernels, real=cached)
 
     def prepare(self, world: World) -> list[Pass[FrameContext]]:
         """Build the impostor of each video frame, and anew where objects leave its centre."""

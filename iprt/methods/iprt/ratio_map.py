@@ -15,6 +15,7 @@ from iprt.geometry.camera import View
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.pixels import RealPixels
+from iprt.trace.tracers import RayKernels
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
@@ -52,7 +53,13 @@ class RatioMap:
         guide = Guide(device, layout, name="ratio map", camera=camera)
         self._guides = Guides(device, [guide], [Layer(layer.normal, layer.depth, layer.id)])
         self._pixels = RealPixels(
-            device, layer, guide, features, name="ratio map", min_solid_angle=MIN_SOLID_ANGLE
+            device,
+            layer,
+            guide,
+            features,
+            RayKernels.of(features).real,
+            name="ratio map",
+            min_solid_angle=MIN_SOLID_ANGLE,
         )
         self._masks = Masks(device, [self._pixels.mask])
         self.ratio = self._pixels.relight.ratio

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
@@ -14,8 +12,9 @@ from iprt.method import Image, Setup
 from iprt.methods.oil import OilSettings
 from iprt.methods.oil.learned import LearnedRadiance
 from iprt.passes import Clock, Pass
-from iprt.trace.paths import Environment, EnvironmentArgs, PathTraceReal, PathTraceVirtual
-from iprt.trace.sparse import SparseMethod, Tracers
+from iprt.trace.paths import Environment, EnvironmentArgs, path_kernels
+from iprt.trace.sparse import SparseMethod
+from iprt.trace.tracers import RayKernels
 from iprt.world.world import World
 
 
@@ -56,12 +55,10 @@ class OnlineIllumination(SparseMethod):
             "methods/oil/show_learned.cl", "show_learned", plane_defines()
         )
 
-    def tracers(self) -> Tracers:
-        """Return the tracers of paths."""
-        shared: dict[str, Any] = {"environment": self.environment, "bounces": self._own.bounces}
-        return Tracers(
-            partial(PathTraceReal, one_pass=False, **shared), partial(PathTraceVirtual, **shared)
-        )
+    def kernels(self) -> RayKernels:
+        """Return the kernels of path tracing."""
+        features, bounces = self.setup.features, self._own.bounces
+        return path_kernels(features, self.environment, bounces, one_pass=False)
 
     def prepare(self, world: World) -> list[Pass[FrameContext]]:
         """Draw samples of the frame's lights, and learn from a batch of texels in each frame."""

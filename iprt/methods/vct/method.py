@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
+from dataclasses import replace
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
@@ -11,8 +10,9 @@ from iprt.method import Setup
 from iprt.methods.vct import VctSettings
 from iprt.passes import Pass
 from iprt.settings.features import Features
-from iprt.trace.cones import ConeReal, ConeVirtual
-from iprt.trace.sparse import SparseMethod, Tracers
+from iprt.trace.cones import cones_from_real, cones_from_virtual
+from iprt.trace.sparse import SparseMethod
+from iprt.trace.tracers import RayKernels
 from iprt.trace.voxel_world import VoxelWorld
 from iprt.world.world import World
 
@@ -58,12 +58,13 @@ class VoxelConeTracing(SparseMethod):
         self.voxels = GatheringWorld(setup.device, setup.features, self._own)
         super().__init__(setup)
 
-    def tracers(self) -> Tracers:
-        """Return the tracers of cones."""
-        shared: dict[str, Any] = {"voxels": self.voxels, "cones": self._own.cones}
-        return Tracers(
-            partial(ConeReal, kernel="methods/vct/cone_real", **shared),
-            partial(ConeVirtual, **shared),
+    def kernels(self) -> RayKernels:
+        """Return the kernels of cones."""
+        features, voxels, cones = self.setup.features, self.voxels, self._own.cones
+        return replace(
+            super().kernels(),
+            real=cones_from_real("methods/vct/cone_real", features, voxels, cones),
+            virtual=cones_from_virtual(features, voxels, cones),
         )
 
     def prepare(self, world: World) -> list[Pass[FrameContext]]:
