@@ -8,9 +8,7 @@ from typing import Any
 
 from pyopencl import cltypes
 
-from iprt.device.kernel_source import constant
-
-MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
+from iprt.device.kernel import MOST_ENTRIES
 
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
@@ -23,7 +21,7 @@ def int4(rect: Rect) -> Any:
 
 
 def batched(**values: Sequence[Any]) -> dict[str, Any]:
-    """Return `BATCHED` parameters of `cl/lib/gbuffer/batch.h` from one value per entry each."""
+    """Return parameters `name[MOST_ENTRIES]` of kernels from one value per entry each."""
     given: dict[str, Any] = {}
     for name, entries in values.items():
         lacking = MOST_ENTRIES - len(entries)

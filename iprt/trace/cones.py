@@ -60,8 +60,6 @@ class ConeVirtual(VirtualTracer):
     ) -> None:
         self._voxels = voxels
         defines = guide.defines(
-            HAS_DIFFUSE=features.diffuse_signal,
-            HAS_SPECULAR=features.specular_signal,
             DELTA=voxels.delta is not None,
             **cone_defines(features),
         )
