@@ -125,34 +125,13 @@ static inline ALWAYS_INLINE float tap_weight(int taps, int d)
     return d == 0 ? 1.0f : abs(d) == 1 ? 0.25f / 0.375f : 0.0625f / 0.375f;
 }
 
-// Per signal: guide, 7 planes; the signal's planes and the variance of the mean of its guide scalar, in and
-// out. Spans: columns with surfaces; the rest is 0.
-#define FILTER_BUFFERS(EACH)                                                                       \
-    EACH(PLANES_IN, guide), EACH(SIGNAL_IN, signal), EACH(STORED_IN, variance),                    \
-        EACH(SIGNAL_OUT, signal_out), EACH(STORED_OUT, variance_out), SPAN_PARAMETERS
-#define FILTER_ENTRY(OF) OF(guide), OF(signal), OF(variance), OF(signal_out), OF(variance_out)
-#if defined(FIRST) || defined(LAST)
-#define UNIT_PARAMETER float unit, /* of signals in half precision */
-#define UNIT_ARGUMENT unit,
-#else
-#define UNIT_PARAMETER
-#define UNIT_ARGUMENT
-#endif
-#define FILTER_SCALARS                                                                             \
-    int step, /* tap distance in pixels: 1, 2, 4, 8, 16 */                                         \
-        float normal_sharpness, /* k_n */                                                          \
-        float plane_sharpness, /* k_d */                                                           \
-        float variance_scale, /* k_v^2 */                                                          \
-        UNIT_PARAMETER int width, int height, int seam
-#define FILTER_ARGUMENTS                                                                           \
-    step, normal_sharpness, plane_sharpness, variance_scale, UNIT_ARGUMENT width, height, seam
-
 // Filter one pixel. `planes` and `taps` are constants. `alpha`: GGX roughness of `specular` signals, whose
 // mirrors are copied; `turned`: from smooth_real.
 static inline ALWAYS_INLINE void filter_pixel(
     int planes, int taps, int specular, float alpha, float lobe_fraction, float turned,
     PLANES_IN guide, SIGNAL_IN signal, STORED_IN variance, SIGNAL_OUT signal_out,
-    STORED_OUT variance_out, int x, int y, FILTER_SCALARS)
+    STORED_OUT variance_out, int x, int y, int step, float normal_sharpness,
+    float plane_sharpness, float variance_scale, float unit, int width, int height, int seam)
 {
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
@@ -229,31 +208,58 @@ static inline ALWAYS_INLINE void filter_pixel(
 }
 
 __kernel void filter_real(
-    FILTER_BUFFERS(SINGLE),
-    SINGLE(STORED_IN, turned), // from smooth_real
-    FILTER_SCALARS)
+    PLANES_IN guide[1],          // 7 planes
+    SIGNAL_IN signal[1],         // its planes
+    STORED_IN variance[1],       // 1 plane, of the mean of its guide scalar
+    SIGNAL_OUT signal_out[1],    // out: its planes
+    STORED_OUT variance_out[1],  // out: 1 plane
+    __global const int *restrict spans, // columns with surfaces; the rest is 0
+    const int layer[MOST_ENTRIES],
+    STORED_IN turned[1], // from smooth_real
+    int step,                      // tap distance in pixels: 1, 2, 4, 8, 16
+    float normal_sharpness,        // k_n
+    float plane_sharpness,         // k_d
+    float variance_scale,          // k_v^2
+    float unit,                    // of signals in half precision, in the first and last level
+    int width,
+    int height,
+    int seam)
 {
     SPAN_ITEM;
 #ifdef GUIDED
-    const float least = load_stored(OF_SINGLE(turned), plane_index(x, y, width));
+    const float least = load_stored(turned, plane_index(x, y, width));
 #else
     const float least = 0.0f;
 #endif
-    filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, FILTER_ENTRY(OF_SINGLE), x, y,
-                 FILTER_ARGUMENTS);
+    filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, guide, signal, variance, signal_out,
+                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width, height, seam);
 }
 
 __kernel void filter_reflected(
-    FILTER_BUFFERS(BATCHED),
-    BATCHED(STORED_IN, widened), // GGX alpha, from smooth_reflected; < 1e-4: copied
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    SIGNAL_IN signal[MOST_ENTRIES],              // its planes
+    STORED_IN variance[MOST_ENTRIES],            // 1 plane, of the mean of its guide scalar
+    SIGNAL_OUT signal_out[MOST_ENTRIES],         // out: its planes
+    STORED_OUT variance_out[MOST_ENTRIES],       // out: 1 plane
+    __global const int *restrict spans, // columns with surfaces; the rest is 0
+    const int layer[MOST_ENTRIES],
+    STORED_IN widened[MOST_ENTRIES],             // GGX alpha, from smooth_reflected; < 1e-4: copied
     int specular,                // number of specular signals
     float lobe_fraction,         // fraction of the lobe's half width that taps may span
-    FILTER_SCALARS)
+    int step,                      // tap distance in pixels: 1, 2, 4, 8, 16
+    float normal_sharpness,        // k_n
+    float plane_sharpness,         // k_d
+    float variance_scale,          // k_v^2
+    float unit,                    // of signals in half precision, in the first and last level
+    int width,
+    int height,
+    int seam)
 {
     SPAN_ITEM;
-    const float alpha = load_stored(OF_BATCH(widened), plane_index(x, y, width));
+    const float alpha = load_stored(widened, plane_index(x, y, width));
     filter_pixel(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, alpha, lobe_fraction, 0.0f,
-                 FILTER_ENTRY(OF_BATCH), x, y, FILTER_ARGUMENTS);
+                 guide, signal, variance, signal_out,
+                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width, height, seam);
 }
 
 // Return the GGX alpha of a whole pixel's lobe. The normals within a pixel turn its reflections by twice
@@ -311,42 +317,54 @@ static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int
     return sum / weights;
 }
 
-// Prepares the levels' inputs. Per signal: guide, 7 planes; variance, 1 plane. Out: smooth, 1 plane.
-#define SMOOTH_BUFFERS(EACH)                                                                       \
-    EACH(PLANES_IN, guide), EACH(PLANES_IN, variance), EACH(STORED_OUT, smooth), SPAN_PARAMETERS
+// Prepare the levels' inputs: store the smoothed variance of a pixel.
+static inline ALWAYS_INLINE void smooth_variance(
+    PLANES_IN guide, PLANES_IN variance, STORED_OUT smooth, float unit, int x, int width, int size, int p,
+    int seam)
+{
+    float mean = smoothed(guide + GUIDE_ID * size, variance, plane_stride(width), p);
 #ifdef HALF_PLANES
-#define SMOOTH_SCALARS float unit, int width, int height, int seam
-#define IN_UNITS(variance) ((variance) * unit * unit) // unit squared alone may overflow
-#else
-#define SMOOTH_SCALARS int width, int height, int seam
-#define IN_UNITS(variance) (variance)
+    mean = mean * unit * unit; // unit squared alone may overflow
 #endif
-#define SMOOTH(OF)                                                                                 \
-    SPAN_ITEM;                                                                                     \
-    PLANES_IN guide = OF(guide);                                                                   \
-    const int size = plane_size(width, height), stride = plane_stride(width);                      \
-    const int p = plane_index(x, y, width);                                                        \
-    const float mean = smoothed(guide + GUIDE_ID * size, OF(variance), stride, p);                 \
-    store_stored_variance(OF(smooth), p, x, width, seam, IN_UNITS(mean))
+    store_stored_variance(smooth, p, x, width, seam, mean);
+}
 
 __kernel void smooth_real(
-    SMOOTH_BUFFERS(SINGLE),
-    SINGLE(STORED_OUT, turned), // out: 1 plane
-    SMOOTH_SCALARS)
+    PLANES_IN guide[1],      // 7 planes
+    PLANES_IN variance[1],   // 1 plane
+    STORED_OUT smooth[1],    // out: 1 plane
+    __global const int *restrict spans,
+    const int layer[MOST_ENTRIES],
+    STORED_OUT turned[1], // out: 1 plane
+    float unit,                    // of signals in half precision
+    int width,
+    int height,
+    int seam)
 {
-    SMOOTH(OF_SINGLE);
-    store_stored(OF_SINGLE(turned), p, x, width, seam, least_turn(guide, size, stride, p));
+    SPAN_ITEM;
+    const int size = plane_size(width, height), p = plane_index(x, y, width);
+    smooth_variance(guide, variance, smooth, unit, x, width, size, p, seam);
+    store_stored(turned, p, x, width, seam, least_turn(guide, size, plane_stride(width), p));
 }
 
 __kernel void smooth_reflected(
-    SMOOTH_BUFFERS(BATCHED),
-    BATCHED(PLANES_IN, roughness), // GGX alpha
-    BATCHED(STORED_OUT, widened),  // out: 1 plane; mirrors stay mirrors
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    PLANES_IN variance[MOST_ENTRIES],            // 1 plane
+    STORED_OUT smooth[MOST_ENTRIES],             // out: 1 plane
+    __global const int *restrict spans,
+    const int layer[MOST_ENTRIES],
+    PLANES_IN roughness[MOST_ENTRIES],           // GGX alpha
+    STORED_OUT widened[MOST_ENTRIES],            // out: 1 plane; mirrors stay mirrors
     int specular,                  // number of specular signals
-    SMOOTH_SCALARS)
+    float unit,                    // of signals in half precision
+    int width,
+    int height,
+    int seam)
 {
-    SMOOTH(OF_BATCH);
+    SPAN_ITEM;
+    const int size = plane_size(width, height), p = plane_index(x, y, width);
+    smooth_variance(guide, variance, smooth, unit, x, width, size, p, seam);
     if (entry < specular)
-        store_stored(OF_BATCH(widened), p, x, width, seam,
-                     widened_alpha(guide, OF_BATCH(roughness)[p], size, stride, p));
+        store_stored(widened, p, x, width, seam,
+                     widened_alpha(guide, roughness[p], size, plane_stride(width), p));
 }

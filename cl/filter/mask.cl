@@ -59,58 +59,54 @@ static inline float unlikeness(
 }
 
 __kernel void carry_touched(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    BATCHED(PLANES_IN, guide_previous),          // the last picture's
-    BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
-    BATCHED(PLANES_IN, before),                  // 1 plane, touched of the last picture
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_OUT, touched),                // out: 1 plane
-    BATCHED(const float, unseen),                // touched where the last picture did not show it
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    PLANES_IN guide_previous[MOST_ENTRIES],      // the last picture's
+    PLANES_IN motion[MOST_ENTRIES],              // previous pixel, 2 planes; -1e9 = nowhere
+    PLANES_IN before[MOST_ENTRIES],              // 1 plane, touched of the last picture
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_OUT touched[MOST_ENTRIES],            // out: 1 plane
+    const float unseen[MOST_ENTRIES],            // touched where the last picture did not show it
     float plane_tolerance,                       // distance / depth of one surface; negative: a cut
     float normal_agreement,                      // least cosine between its normals
     int width,
     int height,
-    int seam CAMERA_PARAMETER)
+    int seam,
+    const Camera camera)
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     const Surface surface =
-        surface_before(OF_BATCH(guide), plane_tolerance, size, p CAMERA_ARGUMENT);
-    const int q = pixel_before(OF_BATCH(motion), p, width, height, seam);
+        surface_before(guide, plane_tolerance, size, p, camera);
+    const int q = pixel_before(motion, p, width, height, seam);
     const bool seen =
-        q >= 0 && shows_surface(OF_BATCH(guide_previous), surface, normal_agreement, size, q);
-    const float frames = seen ? fmax(OF_BATCH(before)[q] - 1.0f, 0.0f) : OF_BATCH(unseen);
-    store_wrapped(OF_BATCH(touched), p, x, width, seam, surface.id > 0.0f ? frames : 0.0f);
+        q >= 0 && shows_surface(guide_previous, surface, normal_agreement, size, q);
+    const float frames = seen ? fmax(before[q] - 1.0f, 0.0f) : unseen;
+    store_wrapped(touched, p, x, width, seam, surface.id > 0.0f ? frames : 0.0f);
 }
 
 __kernel void choose_level(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    BATCHED(PLANES_IN, motion),                  // previous pixel, 2 planes; -1e9 = nowhere
-    BATCHED(PLANES_IN, touched),                 // 1 plane, border wrapped
-    BATCHED(PLANES_IN, length),                  // 1 plane, of the previous histories
-    BATCHED(const int, keep),                    // where histories are long, a quarter of the rays
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(__global uchar *restrict, level),    // out: 1 plane
-    BATCHED(__global int *restrict, count),      // out: 0
-    BATCHED(float, sigma_position),              // sigma_p, per unit of the positions
-    BATCHED(float, low),                         // delta_1
-    BATCHED(float, high),                        // delta_2; 0 traces every pixel
-    BATCHED(float, faint_frames),                // touched for at most as long: one ray for 4 pixels
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    PLANES_IN motion[MOST_ENTRIES],              // previous pixel, 2 planes; -1e9 = nowhere
+    PLANES_IN touched[MOST_ENTRIES],             // 1 plane, border wrapped
+    PLANES_IN length[MOST_ENTRIES],              // 1 plane, of the previous histories
+    const int keep[MOST_ENTRIES],                // where histories are long, a quarter of the rays
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    __global uchar *restrict level[MOST_ENTRIES], // out: 1 plane
+    __global int *restrict count[MOST_ENTRIES],  // out: 0
+    float sigma_position[MOST_ENTRIES],          // sigma_p, per unit of the positions
+    float low[MOST_ENTRIES],                     // delta_1
+    float high[MOST_ENTRIES],                    // delta_2; 0 traces every pixel
+    float faint_frames[MOST_ENTRIES],            // touched for at most as long: one ray for 4 pixels
     __global const int *restrict origin,         // x y of the tracing grid in this frame
     int width,
     int height,
     int seam)
 {
-    if (get_global_id(0) == 0 && get_global_id(1) == 0) {
-        int entry = get_global_id(2);
-        OF_BATCH(count)[0] = 0;
-    }
+    if (get_global_id(0) == 0 && get_global_id(1) == 0)
+        count[0] = 0;
     SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN touched = OF_BATCH(touched);
-    const float low = OF_BATCH(low);
-    const float high = OF_BATCH(high);
-    const float faint_frames = OF_BATCH(faint_frames);
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
     float id = guide[GUIDE_ID * size + p];
@@ -122,36 +118,34 @@ __kernel void choose_level(
     // With graded influence, edges get extra rays only where objects have an effect.
     float squared = active > faint_frames || touched[p] < 0.0f ? 1.0f : 0.0f;
     if (id > 0.0f && high > 0.0f && squared == 0.0f && (active > 0.0f || faint_frames == 0.0f))
-        squared = unlikeness(guide, OF_BATCH(sigma_position), size, stride, p);
+        squared = unlikeness(guide, sigma_position, size, stride, p);
     int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
     bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
-    if (chosen == 0 && OF_BATCH(keep) && waits) {
-        const int q = pixel_before(OF_BATCH(motion), p, width, height, seam);
-        if (q >= 0 && OF_BATCH(length)[q] > SETTLED_HISTORY)
+    if (chosen == 0 && keep && waits) {
+        const int q = pixel_before(motion, p, width, height, seam);
+        if (q >= 0 && length[q] > SETTLED_HISTORY)
             chosen = LEVEL_WAITING;
     }
-    OF_BATCH(level)[p] = id > 0.0f ? chosen : LEVEL_NONE;
+    level[p] = id > 0.0f ? chosen : LEVEL_NONE;
 }
 
 __kernel void list_traced(
-    BATCHED(__global const uchar *restrict, level), // 1 plane
-    BATCHED(__global int *restrict, list),       // out: pixels that get a ray
-    BATCHED(__global int *restrict, count),      // in, out: length of the list, 0 at the start
+    __global const uchar *restrict level[MOST_ENTRIES], // 1 plane
+    __global int *restrict list[MOST_ENTRIES],   // out: pixels that get a ray
+    __global int *restrict count[MOST_ENTRIES],  // in, out: length of the list, 0 at the start
     __global const int *restrict origin,            // x y of the tracing grid in this frame
     int width,
     int height)
 {
-    int x0 = get_global_id(0) * CHUNK, y = get_global_id(1), entry = get_global_id(2);
+    int x0 = get_global_id(0) * CHUNK, y = get_global_id(1);
     if (x0 >= width || y >= height)
         return;
-    __global const uchar *restrict level = OF_BATCH(level);
-    __global int *restrict list = OF_BATCH(list);
     int2 offset = vload2(0, origin);
     int x1 = min(x0 + CHUNK, width);
     int traced = 0;
     for (int x = x0; x < x1; x++)
         traced += is_traced(level[plane_index(x, y, width)], x - offset.x, y - offset.y);
-    int next = traced > 0 ? atomic_add(OF_BATCH(count), traced) : 0;
+    int next = traced > 0 ? atomic_add(count, traced) : 0;
     for (int x = x0; x < x1; x++)
         if (is_traced(level[plane_index(x, y, width)], x - offset.x, y - offset.y))
             list[next++] = y * width + x;

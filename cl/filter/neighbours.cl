@@ -49,10 +49,11 @@ static inline int traced_at(
 }
 
 __kernel void interpolate(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(__global const uchar *restrict, level), // 1 plane
-    BATCHED(__global float *, signal),           // in, out: its planes
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    __global const uchar *restrict level[MOST_ENTRIES], // 1 plane
+    __global float *signal[MOST_ENTRIES],        // in, out: its planes
     float normal_sharpness,               // falloff per 1 - cos of the normals' angle
     float plane_sharpness,                // falloff per plane distance / depth
     __global const int *restrict origin,  // x y of the tracing grid in this frame
@@ -62,9 +63,6 @@ __kernel void interpolate(
     int planes)
 {
     SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    __global const uchar *restrict level = OF_BATCH(level);
-    __global float *signal = OF_BATCH(signal);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     int own = level[p];
     int2 offset = vload2(0, origin);
@@ -134,7 +132,8 @@ __kernel void interpolate(
 
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
-    SPAN_PARAMETERS,                         // where there are surfaces
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
     __global const float *restrict signal,   // its planes
     __global const float *restrict variance, // 1 plane
     __global const float *restrict length,   // 1 plane

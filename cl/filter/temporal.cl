@@ -31,27 +31,32 @@
 #define UNSURE 8.0f           // few samples of rare events underestimate the variance: 1 + 8 / n
 
 __kernel void accumulate(
-    FETCH_BATCHED,
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, samples),                 // its planes; -DPUBLISHED: border too
-    BATCHED(__global const uchar *restrict, level), // 1 plane: tracing density of this picture
-    BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
-    BATCHED(PLANES_OUT, length),                 // out: 1 plane
-#ifdef PUBLISHED
-    float clamp_sigma,                             // half width of the box in deviations
-#endif
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    PLANES_IN guide_previous[MOST_ENTRIES],      // the same of the previous picture
+    PLANES_IN motion[MOST_ENTRIES],              // 2 planes
+    PLANES_IN signal_before[MOST_ENTRIES],       // the history's planes
+    PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
+    const float plane_tolerance,                 // plane distance / depth within one surface
+    const float normal_agreement,                // least cosine between its normals
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_IN samples[MOST_ENTRIES],             // its planes; -DPUBLISHED: border too
+    __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
+    PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
+    PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
+    float clamp_sigma,                             // -DPUBLISHED: half width of the box in deviations
     float fading,                                  // least share of the new sample, 0: plain mean
     int rays,                                      // per sample, for short histories (rays.h)
     int width,
     int height,
     int seam,
-    int planes CAMERA_PARAMETER)
+    int planes,
+    const Camera camera)
 {
     SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN samples = OF_BATCH(samples);
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(planes, FETCH_ENTRIES, p, width, height, seam CAMERA_ARGUMENT);
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
+                                    plane_tolerance, normal_agreement, p, width, height, seam, camera);
 #ifdef PUBLISHED
     // The published mean is one of frames, whose lengths are not lowered.
     const float before = history.length;
@@ -59,76 +64,77 @@ __kernel void accumulate(
     clamp_history(planes, &history, &box);
     history.length = before;
 #endif
-    add_sample(planes, &history, samples, guide, OF_BATCH(level), fading, rays, size, p);
-    store_history(planes, &history, OF_BATCH(signal), OF_BATCH(length), size, p, x, width, seam);
+    add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
+    store_history(planes, &history, signal, length, size, p, x, width, seam);
 }
 
 __kernel void follow(
-    FETCH_BATCHED,                               // of the fast history
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, samples),                 // its planes
-    BATCHED(__global const uchar *restrict, level), // 1 plane: tracing density of this picture
-    BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
-    BATCHED(PLANES_OUT, length),                 // out: 1 plane
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    PLANES_IN guide_previous[MOST_ENTRIES],      // the same of the previous picture
+    PLANES_IN motion[MOST_ENTRIES],              // 2 planes
+    PLANES_IN signal_before[MOST_ENTRIES],       // the history's planes
+    PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
+    const float plane_tolerance,                 // plane distance / depth within one surface
+    const float normal_agreement,                // least cosine between its normals
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_IN samples[MOST_ENTRIES],             // its planes
+    __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
+    PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
+    PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
     float limit,                                   // most samples of the history
     int fresh,                                     // the history starts with this picture
     int width,
     int height,
     int seam,
-    int planes CAMERA_PARAMETER)
+    int planes,
+    const Camera camera)
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(planes, FETCH_ENTRIES, p, width, height, seam CAMERA_ARGUMENT);
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
+                                    plane_tolerance, normal_agreement, p, width, height, seam, camera);
     if (fresh) {
         EACH_PLANE(c, planes)
             history.signal[c] = 0.0f;
         history.length = history.spread = 0.0f;
     }
-    add_fast_sample(planes, &history, OF_BATCH(samples), OF_BATCH(guide), OF_BATCH(level), limit, size, p);
-    store_history(planes, &history, OF_BATCH(signal), OF_BATCH(length), size, p, x, width, seam);
+    add_fast_sample(planes, &history, samples, guide, level, limit, size, p);
+    store_history(planes, &history, signal, length, size, p, x, width, seam);
 }
 
 __kernel void fetch(
-    FETCH_BATCHED,
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_OUT, signal),                 // out: its planes and two more
-    BATCHED(PLANES_OUT, length),                 // out: 1 plane
-    BATCHED(PLANES_OUT, fast_signal),            // out: g, replacing the fast history's own
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    PLANES_IN guide_previous[MOST_ENTRIES],      // the same of the previous picture
+    PLANES_IN motion[MOST_ENTRIES],              // 2 planes
+    PLANES_IN signal_before[MOST_ENTRIES],       // the history's planes
+    PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
+    const float plane_tolerance,                 // plane distance / depth within one surface
+    const float normal_agreement,                // least cosine between its normals
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
+    PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
+    PLANES_OUT fast_signal[MOST_ENTRIES],        // out: g, replacing the fast history's own
     int width,
     int height,
     int seam,
-    int planes CAMERA_PARAMETER)
+    int planes,
+    const Camera camera)
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(planes, FETCH_ENTRIES, p, width, height, seam CAMERA_ARGUMENT);
-    store_history(planes, &history, OF_BATCH(signal), OF_BATCH(length), size, p, x, width, seam);
-    store_scalar(planes, history.signal, OF_BATCH(fast_signal), size, p, x, width, seam);
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
+                                    plane_tolerance, normal_agreement, p, width, height, seam, camera);
+    store_history(planes, &history, signal, length, size, p, x, width, seam);
+    store_scalar(planes, history.signal, fast_signal, size, p, x, width, seam);
 }
-
-// Inputs of the correction of either kind of signal: guide, 7 planes; spans, where there are surfaces; the
-// fast history, with g of the slow one, borders wrapped; samples, the signal's planes; level, the tracing
-// density of this picture. In and out: the slow history.
-#define CORRECT_BUFFERS(EACH)                                                                      \
-    EACH(PLANES_IN, guide), SPAN_PARAMETERS, EACH(PLANES_IN, fast_signal),                         \
-        EACH(PLANES_IN, fast_length), EACH(PLANES_IN, samples),                                    \
-        EACH(__global const uchar *restrict, level), EACH(PLANES_OUT, signal),                     \
-        EACH(PLANES_OUT, length)
-#define CORRECT_ENTRY(OF)                                                                          \
-    OF(guide), OF(fast_signal), OF(fast_length), OF(samples), OF(level), OF(signal), OF(length)
-#define CORRECT_SCALARS                                                                            \
-    float antilag_sigma, /* differences of so many deviations are noise */                         \
-        float clamp_sigma, /* half width of the box in deviations */                               \
-        int trusted, /* the fast history holds enough to compare with */                           \
-        float fading, /* least share of the new sample, 0: plain mean */                           \
-        int rays, /* of a sample, before they become fewer (rays.h) */                             \
-        int width, int height, int seam
 
 static inline ALWAYS_INLINE void correct_pixel(
     int planes, PLANES_IN guide, PLANES_IN fast_signal, PLANES_IN fast_length, PLANES_IN samples,
     __global const uchar *restrict level, PLANES_OUT signal, PLANES_OUT length, int x, int y,
-    CORRECT_SCALARS)
+    float antilag_sigma, float clamp_sigma, int trusted, float fading, int rays, int width, int height,
+    int seam)
 {
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history;
@@ -148,39 +154,71 @@ static inline ALWAYS_INLINE void correct_pixel(
 }
 
 // One kernel per kind: PoCL does not vectorize loops over a number of planes known only at run time.
-__kernel void correct_real(CORRECT_BUFFERS(SINGLE), CORRECT_SCALARS)
+__kernel void correct_real(
+    PLANES_IN guide[1],          // 7 planes
+    __global const int *restrict spans,          // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_IN fast_signal[1],    // the fast history, with g of the slow one, borders wrapped
+    PLANES_IN fast_length[1],
+    PLANES_IN samples[1],        // the signal's planes
+    __global const uchar *restrict level[1], // 1 plane: tracing density of this picture
+    PLANES_OUT signal[1],        // in, out: the slow history
+    PLANES_OUT length[1],
+    float antilag_sigma,           // differences of so many deviations are noise
+    float clamp_sigma,             // half width of the box in deviations
+    int trusted,                   // the fast history holds enough to compare with
+    float fading,                  // least share of the new sample, 0: plain mean
+    int rays,                      // of a sample, before they become fewer (rays.h)
+    int width,
+    int height,
+    int seam)
 {
     SPAN_ITEM;
-    correct_pixel(REAL_PLANES, CORRECT_ENTRY(OF_SINGLE), x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
+    correct_pixel(REAL_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
                   width, height, seam);
 }
 
-__kernel void correct_reflected(CORRECT_BUFFERS(BATCHED), CORRECT_SCALARS)
+__kernel void correct_reflected(
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    __global const int *restrict spans,          // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_IN fast_signal[MOST_ENTRIES],         // the fast history, with g of the slow one, borders wrapped
+    PLANES_IN fast_length[MOST_ENTRIES],
+    PLANES_IN samples[MOST_ENTRIES],             // the signal's planes
+    __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
+    PLANES_OUT signal[MOST_ENTRIES],             // in, out: the slow history
+    PLANES_OUT length[MOST_ENTRIES],
+    float antilag_sigma,           // differences of so many deviations are noise
+    float clamp_sigma,             // half width of the box in deviations
+    int trusted,                   // the fast history holds enough to compare with
+    float fading,                  // least share of the new sample, 0: plain mean
+    int rays,                      // of a sample, before they become fewer (rays.h)
+    int width,
+    int height,
+    int seam)
 {
     SPAN_ITEM;
-    correct_pixel(REFLECTED_PLANES, CORRECT_ENTRY(OF_BATCH), x, y, antilag_sigma, clamp_sigma, trusted, fading,
+    correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y, antilag_sigma, clamp_sigma, trusted, fading,
                   rays, width, height, seam);
 }
 
 __kernel void estimate_variance(
-    BATCHED(PLANES_IN, guide),                   // 7 planes
-    SPAN_PARAMETERS,                             // where there are surfaces
-    BATCHED(PLANES_IN, signal),                  // its planes and two more, border wrapped
-    BATCHED(PLANES_IN, length),                  // 1 plane
-    BATCHED(PLANES_OUT, variance),               // out: 1 plane, of the scalar's mean
+    PLANES_IN guide[MOST_ENTRIES],               // 7 planes
+    __global const int *restrict spans,             // where there are surfaces
+    const int layer[MOST_ENTRIES],
+    PLANES_IN signal[MOST_ENTRIES],              // its planes and two more, border wrapped
+    PLANES_IN length[MOST_ENTRIES],              // 1 plane
+    PLANES_OUT variance[MOST_ENTRIES],           // out: 1 plane, of the scalar's mean
     int width,
     int height,
     int seam,
     int planes)
 {
     SPAN_ITEM;
-    PLANES_IN guide = OF_BATCH(guide);
-    PLANES_IN length = OF_BATCH(length);
-    PLANES_OUT variance = OF_BATCH(variance);
     int stride = plane_stride(width), size = plane_size(width, height), p = plane_index(x, y, width);
     PLANES_IN ids = guide + GUIDE_ID * size;
-    PLANES_IN spread = OF_BATCH(signal) + (planes + SPREAD_PLANE) * size;
-    PLANES_IN scalar = OF_BATCH(signal) + (planes + SCALAR_PLANE) * size;
+    PLANES_IN spread = signal + (planes + SPREAD_PLANE) * size;
+    PLANES_IN scalar = signal + (planes + SCALAR_PLANE) * size;
     float samples = length[p], result = 0.0f;
     if (samples >= SHORT_HISTORY - 0.5f) { // the mean of four lengths of 4 may be rounded down
         result = (1.0f + UNSURE / samples) * spread[p] / (samples - 1.0f);

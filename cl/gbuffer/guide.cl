@@ -16,9 +16,9 @@
 // Finds the columns of each row between which a layer has surfaces in this picture or had some in the two
 // before. Passes that work on these columns alone have written 0 to all others, also with double buffers.
 __kernel void find_spans(
-    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = no surface
-    BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
-    BATCHED(const int, layer),
+    PLANES_IN depth[MOST_ENTRIES],               // radial distance in metres, 0 = no surface
+    PLANES_IN id[MOST_ENTRIES],                  // 0 = nothing to trace, else the surface's id
+    const int layer[MOST_ENTRIES],
     const int layers,                            // layers of the batch
     __global int *restrict past,                 // in, out: per layer and row first column and end in
                                                  // the last picture, and in the one before
@@ -26,12 +26,10 @@ __kernel void find_spans(
     int width,
     int height)
 {
-    int y = get_global_id(0), entry = get_global_id(1);
+    int y = get_global_id(0);
     if (y >= height || entry >= layers) // work groups may extend beyond both
         return;
-    PLANES_IN depth = OF_BATCH(depth);
-    PLANES_IN id = OF_BATCH(id);
-    const int row = OF_BATCH(layer) * height + y;
+    const int row = layer * height + y;
     int first = width, end = 0;
     for (int x = 0; x < width; x++) {
         int p = plane_index(x, y, width);
@@ -48,20 +46,17 @@ __kernel void find_spans(
 
 __kernel void build_guide(
     __global const float *restrict view,            // projection and rotation, view.h
-    BATCHED(PLANES_IN, normal),                  // world-space unit normals, 3 planes
-    BATCHED(PLANES_IN, depth),                   // radial distance in metres, 0 = no surface
-    BATCHED(PLANES_IN, id),                      // 0 = nothing to trace, else the surface's id
-    SPAN_PARAMETERS,                             // where there are surfaces; the rest is 0
-    BATCHED(PLANES_OUT, guide),                  // out: 7 planes
+    PLANES_IN normal[MOST_ENTRIES],              // world-space unit normals, 3 planes
+    PLANES_IN depth[MOST_ENTRIES],               // radial distance in metres, 0 = no surface
+    PLANES_IN id[MOST_ENTRIES],                  // 0 = nothing to trace, else the surface's id
+    __global const int *restrict spans,             // where there are surfaces; the rest is 0
+    const int layer[MOST_ENTRIES],
+    PLANES_OUT guide[MOST_ENTRIES],              // out: 7 planes
     int width,
     int height,
     int seam)
 {
     SPAN_ITEM;
-    PLANES_IN normal = OF_BATCH(normal);
-    PLANES_IN depth = OF_BATCH(depth);
-    PLANES_IN id = OF_BATCH(id);
-    PLANES_OUT guide = OF_BATCH(guide);
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 position = depth[p] * view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float of_guide[GUIDE_PLANES];

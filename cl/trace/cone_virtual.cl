@@ -30,19 +30,12 @@ TRACING_KERNEL void cone_virtual(
     const Voxels scene,
     const Voxels objects,
     const Surroundings around,
-#ifdef DELTA
-    const Voxels delta,
-#endif
     const int cones,
     __global uint *restrict samples,
-#ifdef HAS_DIFFUSE
     __global float *restrict diffuse,
-#endif
-#ifdef HAS_SPECULAR
     __global float *restrict specular,
     __global float *restrict hit_distance,
     const int seam,
-#endif
     __global float *restrict touched,
     const Work work)
 {
@@ -90,7 +83,8 @@ TRACING_KERNEL void cone_virtual(
         const ConeLight real = trace_cone(scene, cone, scene.box.w, 0.0f, 1);
         float3 behind = all_arriving(around, cone, real);
 #ifdef DELTA
-        behind = fmax(behind + trace_cone(delta, cone, delta.box.w, 0.0f, 1).radiance, 0.0f);
+        const ConeLight change = trace_cone(around.delta, cone, around.delta.box.w, 0.0f, 1);
+        behind = fmax(behind + change.radiance, 0.0f);
 #endif
         const float3 arriving = object.radiance + object.passed * behind;
         met |= object.passed < 1.0f;
@@ -102,14 +96,13 @@ TRACING_KERNEL void cone_virtual(
         lobe_nearness += luminance(specular_share) / fmax(away, 1e-6f);
     }
     samples[at.pixel] = first + pixels.rays;
-#ifdef HAS_DIFFUSE
-    store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)pixels.rays);
-#endif
-#ifdef HAS_SPECULAR
-    store_planes(specular, at.size, at.pixel, specular_sum / (float)pixels.rays);
-    store_wrapped(hit_distance, at.pixel, at.x, pixels.width, seam,
-                  lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
-#endif
+    if (diffuse)
+        store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)pixels.rays);
+    if (specular) {
+        store_planes(specular, at.size, at.pixel, specular_sum / (float)pixels.rays);
+        store_wrapped(hit_distance, at.pixel, at.x, pixels.width, seam,
+                      lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
+    }
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

@@ -1,7 +1,7 @@
 // Level of the prefiltered panorama: means, weighted by solid angle, of the finer level or of the panorama
 // itself.
 //
-// -D OPENING_ENVIRONMENT, for the panorama itself: directions in which it shows neither a window nor the sky
+// With `real_surface`, for the panorama itself: directions in which it shows neither a window nor the sky
 // take the estimated radiance behind windows.
 //
 // in       source            3 a texel, [source_height * source_width], from texel `source_first` on
@@ -18,10 +18,8 @@ __kernel void reduce_panorama(
     const int width,
     const int height,
     const int first,
-#ifdef OPENING_ENVIRONMENT
     __global const float4 *restrict real_surface,
     __global const float *restrict real_outside,
-#endif
     __global const float *source,
     __global float *texels)
 {
@@ -37,13 +35,11 @@ __kernel void reduce_panorama(
         for (int column = x0; column < x1; column++) {
             const int texel = source_first + row * source_width + column;
             float3 radiance = vload3(texel, source);
-#ifdef OPENING_ENVIRONMENT
-            if (!((int)real_surface[texel].w & (SURFACE_OPENING | SURFACE_NONE))) {
+            if (real_surface && !((int)real_surface[texel].w & (SURFACE_OPENING | SURFACE_NONE))) {
                 const float2 uv = ((float2)(column, row) + 0.5f)
                     / (float2)((float)source_width, (float)source_height);
                 radiance = panorama_bilinear(real_outside, 2 * OUTSIDE_ROWS, OUTSIDE_ROWS, uv);
             }
-#endif
             sum += weight * radiance;
             weights += weight;
         }

@@ -9,7 +9,7 @@
 //      roughness              1 plane, GGX alpha
 //      hit                    1 plane, distance to the reflected point, metres; 0: no reflection
 //      view                   lib/gbuffer/view.h, of the previous picture
-//      camera                 lib/gbuffer/camera.h, with -DCAMERA_MOTION
+//      camera                 lib/gbuffer/camera.h
 // out  moved                  2 planes: previous position of the reflection, as `motion`
 //
 // The image of a point at distance h in front of a mirror of curvature k (convex: > 0) lies at
@@ -47,7 +47,8 @@ __kernel void move_reflections(
     __global float *restrict moved,                // out: 2 planes
     int width,
     int height,
-    int seam CAMERA_PARAMETER)
+    int seam,
+    const Camera camera)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
@@ -111,9 +112,8 @@ __kernel void move_reflections(
     float3 seen = normalize(point);
     float3 mirrored = seen - 2.0f * dot(seen, normal) * normal;
     float3 reflected = point + distance * mirrored;
-#ifdef CAMERA_MOTION
-    reflected = camera_before(camera, reflected, 1.0f);
-#endif
+    if (camera.rows)
+        reflected = camera_before(camera.rows, reflected, 1.0f);
     float3 behind = reflected
                     - 2.0f * dot(reflected - point_before, normal_before) * normal_before;
     float2 at = view_project(view, point_before + image * (behind - point_before));

@@ -16,10 +16,8 @@
 // brighten themselves by way of objects near them.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
-#ifdef DELTA
 #include "filter/residual.h"
 #include "world/real/irradiance.h"
-#endif
 
 // Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured colour
 // is too dark to be reliable.
@@ -43,27 +41,23 @@ static inline float channel_ratio(
 }
 
 __kernel void relight(
-    SPAN_PARAMETERS,                       // where the signal is nonzero, in this picture or the last
+    __global const int *restrict spans,             // where the signal is nonzero, in this picture or the last
+    const int layer[MOST_ENTRIES],
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes
     __global const float *restrict colour, // 3 planes
     __global float4 *restrict ratio,       // out: float4 per pixel
-#ifdef DELTA
     const IrradianceCache cache,
     __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
                                            // densely: more where objects change more
-#ifdef NOISE
-    STORED_IN variance,                    // 1 plane, of the signal's guide scalar
-#endif
-#else
-    float black,                           // E_R up to this counts as black
-#endif
+    STORED_IN variance,                    // -D NOISE: 1 plane, of the signal's guide scalar
     int width,
     int height)
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 seen = load_planes(colour, size, p);
+    const float black = cache.black;
 #ifdef DELTA
 #ifdef NOISE
     const Filtered filtered = {signal, variance, guide, size, plane_stride(width)};
@@ -75,7 +69,6 @@ __kernel void relight(
     // Only filtered values are clamped: single samples may exceed the physical range.
     blocked = clamp(blocked, 0.0f, 1.0f);
     bounce = fmax(bounce, 0.0f);
-    const float black = cache.black;
     const float3 larger = fmax(blocked, bounce);
     // For most pixels of most views, the change is too small for E_R to matter.
     const int slight = fmax(larger.x, fmax(larger.y, larger.z)) < SLIGHT;

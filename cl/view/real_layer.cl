@@ -40,42 +40,13 @@
 #include "world/real/color_map.h"
 #include "world/real/edges.h"
 #include "world/real/uneven.h"
+#include <iprt.view.real_layer>
 
 #define BEYOND 0.1f // share of a texel's depth within which its plane extends to neighbours
 
-#ifdef CLIPPED
-#define CLIPPED_PARAMETERS                                                                         \
-    __global const uint *restrict panorama_clipped,                                                \
-        __global const float *restrict panorama_clipped_color,
-#define CLIPPED_ARGUMENTS panorama_clipped, panorama_clipped_color,
-#define SHOWN {panorama_color, panorama_clipped, panorama_clipped_color}
-#else
-#define CLIPPED_PARAMETERS
-#define CLIPPED_ARGUMENTS
-#define SHOWN {panorama_color, 0, 0}
-#endif
-
-#define REAL_LAYER_PARAMETERS                                                                      \
-    const int width, const int height, __global const float *restrict view,                        \
-        __global const float *restrict previous, const int panorama_width,                         \
-        const int panorama_height, __global const float *restrict panorama_color,                  \
-        CLIPPED_PARAMETERS __global const float4 *restrict panorama_surface,                       \
-        __global const float2 *restrict panorama_range, __global float *restrict color,            \
-        __global float *restrict normal, __global float *restrict depth,                           \
-        __global float *restrict id, __global float *restrict motion,                              \
-        __global int *restrict other_pixel CAMERA_PARAMETER
-#define REAL_LAYER_ARGUMENTS                                                                       \
-    width, height, view, previous, panorama_width, panorama_height, panorama_color,                \
-        CLIPPED_ARGUMENTS panorama_surface, panorama_range, color, normal, depth, id, motion,      \
-        other_pixel CAMERA_ARGUMENT
-#define GLOSS_PARAMETERS                                                                           \
-    __global const int *restrict panorama_gloss, __global const float *restrict panorama_highlight, \
-        __global const float4 *restrict real_materials, __global float *restrict gloss,            \
-        __global float *restrict roughness, __global float *restrict highlight
-
-#define PIXEL_ITEM                                                                                 \
+#define PIXEL_ITEM(width, height)                                                                  \
     const int x = get_global_id(0), y = get_global_id(1);                                          \
-    if (x >= width || y >= height)                                                                 \
+    if (x >= (width) || y >= (height))                                                             \
         return
 
 // Write the surface that a pixel shows of a texel's plane in direction v. The plane may leave the texel's
@@ -84,7 +55,7 @@ static inline ALWAYS_INLINE void show_surface(
     int texel, float3 v, float slack, __global const float *restrict previous,
     __global const float4 *restrict panorama_surface, __global const float2 *restrict panorama_range,
     int pixel, int size, __global float *restrict normal, __global float *restrict depth,
-    __global float *restrict id, __global float *restrict motion CAMERA_PARAMETER)
+    __global float *restrict id, __global float *restrict motion, const Camera camera)
 {
     __global const float *restrict surface = (__global const float *)panorama_surface + 4 * texel;
     const float gx = surface[0], gy = surface[1], gz = surface[2];
@@ -100,12 +71,9 @@ static inline ALWAYS_INLINE void show_surface(
     const float radius = visible ? surface_radius(0.0f, inverse, 1.0f, 1.0f, range) : 0.0f;
     depth[pixel] = radius;
     id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
-#ifdef CAMERA_MOTION
-    // Only the direction of distant surfaces matters.
-    const float3 point = camera_before(camera, v, radius > 0.0f ? 1.0f / radius : 0.0f);
-#else
-    const float3 point = v; // the capture centre stays, so only the direction matters
-#endif
+    // Only the direction of distant surfaces matters, and of all if the capture centre stays.
+    const float3 point
+        = camera.rows ? camera_before(camera.rows, v, radius > 0.0f ? 1.0f / radius : 0.0f) : v;
     const float2 before = view_project(previous, point);
     motion[pixel] = before.x;
     motion[size + pixel] = before.y;
@@ -132,55 +100,61 @@ typedef struct {
     Footprint inside;
 } Sampled;
 
-static inline ALWAYS_INLINE Sampled resample(int x, int y, REAL_LAYER_PARAMETERS)
+static inline ALWAYS_INLINE Sampled resample(int x, int y, const RealPlanes layer)
 {
-    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const Footprint inside = footprint(view, x, y);
+    const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
+    const Footprint inside = footprint(layer.view, x, y);
     const float2 uv = inside.middle;
-    int texel = min((int)(uv.y * panorama_height), panorama_height - 1) * panorama_width
-        + min((int)(uv.x * panorama_width), panorama_width - 1);
-    const Shown shown = SHOWN;
-    const int points = points_across(view, panorama_height);
-    const Taps around = equirect_taps(panorama_width, panorama_height, uv);
-    __global const float *restrict marks = (__global const float *)panorama_surface + 3;
+    int texel = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
+        + min((int)(uv.x * layer.panorama_width), layer.panorama_width - 1);
+    const int points = points_across(layer.view, layer.panorama_height);
+    const Taps around = equirect_taps(layer.panorama_width, layer.panorama_height, uv);
+    __global const float *restrict marks = (__global const float *)layer.panorama_surface + 3;
     const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
-    const int same = is_equirect(view) && width == panorama_width && height == panorama_height
-        && view[0] == 1.0f && view[4] == 1.0f && view[8] == 1.0f;
-    const int mark = gap ? y * width + x : is_uneven(panorama_surface, around) ? UNEVEN : -1;
-    other_pixel[y * width + x] = points == 1 && !same ? mark : -1;
+    const int same = is_equirect(layer.view) && layer.width == layer.panorama_width && layer.height == layer.panorama_height
+        && layer.view[0] == 1.0f && layer.view[4] == 1.0f && layer.view[8] == 1.0f;
+    const int mark = gap ? y * layer.width + x : is_uneven(layer.panorama_surface, around) ? UNEVEN : -1;
+    layer.other_pixel[y * layer.width + x] = points == 1 && !same ? mark : -1;
     float3 radiance;
     if (same) {
-        texel = y * width + x;
-        radiance = (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
-                            shown_texel(shown, texel, 2));
+        texel = y * layer.width + x;
+        radiance = (float3)(shown_texel(layer.shown, texel, 0), shown_texel(layer.shown, texel, 1),
+                            shown_texel(layer.shown, texel, 2));
     } else {
-        radiance = shown_in_pixel(shown, panorama_width, panorama_height, inside, points);
+        radiance = shown_in_pixel(layer.shown, layer.panorama_width, layer.panorama_height, inside, points);
     }
-    color[pixel] = radiance.x;
-    color[size + pixel] = radiance.y;
-    color[2 * size + pixel] = radiance.z;
-    show_surface(texel, inside.direction, 0.0f, previous, panorama_surface, panorama_range, pixel, size,
-                 normal, depth, id, motion CAMERA_ARGUMENT);
+    layer.color[pixel] = radiance.x;
+    layer.color[size + pixel] = radiance.y;
+    layer.color[2 * size + pixel] = radiance.z;
+    show_surface(texel, inside.direction, 0.0f, layer.previous, layer.panorama_surface, layer.panorama_range, pixel, size,
+                 layer.normal, layer.depth, layer.id, layer.motion, layer.camera);
     return (Sampled){texel, points, inside};
 }
 
-__kernel void resample_panorama(REAL_LAYER_PARAMETERS)
+__kernel void resample_panorama(const RealPlanes layer)
 {
-    PIXEL_ITEM;
-    resample(x, y, REAL_LAYER_ARGUMENTS);
+    PIXEL_ITEM(layer.width, layer.height);
+    resample(x, y, layer);
 }
 
-__kernel void resample_glossy(REAL_LAYER_PARAMETERS, GLOSS_PARAMETERS)
+__kernel void resample_glossy(
+    const RealPlanes layer,
+    __global const int *restrict panorama_gloss,
+    __global const float *restrict panorama_highlight,
+    __global const float4 *restrict real_materials,
+    __global float *restrict gloss,
+    __global float *restrict roughness,
+    __global float *restrict highlight)
 {
-    PIXEL_ITEM;
-    const Sampled sampled = resample(x, y, REAL_LAYER_ARGUMENTS);
+    PIXEL_ITEM(layer.width, layer.height);
+    const Sampled sampled = resample(x, y, layer);
     const Shown part = {panorama_highlight, 0, 0};
     const float3 specular
-        = shown_in_pixel(part, panorama_width, panorama_height, sampled.inside, sampled.points);
-    show_gloss(panorama_gloss[sampled.texel], specular, real_materials, plane_index(x, y, width),
-               plane_size(width, height), gloss, roughness, highlight);
+        = shown_in_pixel(part, layer.panorama_width, layer.panorama_height, sampled.inside, sampled.points);
+    show_gloss(panorama_gloss[sampled.texel], specular, real_materials, plane_index(x, y, layer.width),
+               plane_size(layer.width, layer.height), gloss, roughness, highlight);
 }
 
 typedef struct {
@@ -194,41 +168,39 @@ typedef struct {
 } Edge;
 
 // Sharpen a pixel; window.red, green and blue are the colours of its window.
-static inline ALWAYS_INLINE Edge sharpen(
-    int x, int y, REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner)
+static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
 {
-    const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const int itself = y * width + x;
+    const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
+    const int itself = y * layer.width + x;
     Edge edge;
     edge.is = 0;
-    const int mark = other_pixel[itself];
+    const int mark = layer.other_pixel[itself];
     if (mark == -1)
         return edge;
-    const Footprint inside = footprint(view, x, y);
-    store_corners(panorama_color, panorama_surface, panorama_width, panorama_height, inside, x, y, width,
-                  height, (__global float *)(other + itself), (__global int *)(corner + itself));
+    const Footprint inside = footprint(layer.view, x, y);
+    store_corners(layer.shown.color, layer.panorama_surface, layer.panorama_width, layer.panorama_height, inside, x, y, layer.width,
+                  layer.height, (__global float *)(layer.other + itself), (__global int *)(layer.corner + itself));
     if (mark == UNEVEN)
         return edge;
-    other_pixel[itself] = UNEVEN;
-    Window window = window_at(panorama_width, panorama_height, inside.middle);
-    const Joints joints = window_joints(panorama_surface, &window);
+    layer.other_pixel[itself] = UNEVEN;
+    Window window = window_at(layer.panorama_width, layer.panorama_height, inside.middle);
+    const Joints joints = window_joints(layer.panorama_surface, &window);
     const int2 sides = sides_of_gap(&window, joints);
     if (INNER & ~(sides.x | sides.y))
         return edge;
-    const Shown shown = SHOWN;
-    see(&window, shown);
+    see(&window, layer.shown);
     const int2 pure = pure_texels(&window, sides, joints.mixed);
     if (!pure.x)
         return edge;
     float mixtures;
     const float16 coverage = find_coverage(&window, sides.x, pure, joints.mixed, &mixtures);
-    const float2 texels = (float2)(panorama_width, panorama_height);
+    const float2 texels = (float2)(layer.panorama_width, layer.panorama_height);
     const float share
         = pixel_coverage(&window, coverage, inside.right * texels, inside.down * texels);
     const int2 whole = whole_texels(sides, pure, coverage);
     const float3 first = side_color(&window, whole.x), second = side_color(&window, whole.y);
-    const float3 blurred = load_planes(color, size, pixel);
-    store_planes(color, size, pixel, mix(blurred, mix(second, first, share), mixtures));
+    const float3 blurred = load_planes(layer.color, size, pixel);
+    store_planes(layer.color, size, pixel, mix(blurred, mix(second, first, share), mixtures));
 
     const int is_first = share > 0.5f;
     const float of_first = mix(blurred_coverage(&window, coverage), share, mixtures);
@@ -236,32 +208,36 @@ static inline ALWAYS_INLINE Edge sharpen(
     const float3 theirs = area * (is_first ? second : first);
     const float3 light = theirs + (1.0f - area) * (is_first ? first : second);
     const int beyond = nearest_texel(&window, is_first ? whole.y : whole.x);
-    const float2 there = view_project(view, texel_direction(beyond % panorama_width,
-                                                            beyond / panorama_width,
-                                                            panorama_width, panorama_height));
-    const int in_view = there.x >= 0.0f && there.y >= 0.0f && there.x < width && there.y < height;
-    other_pixel[itself] = in_view ? (int)there.y * width + (int)there.x : itself;
-    other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
+    const float2 there = view_project(layer.view, texel_direction(beyond % layer.panorama_width,
+                                                            beyond / layer.panorama_width,
+                                                            layer.panorama_width, layer.panorama_height));
+    const int in_view = there.x >= 0.0f && there.y >= 0.0f && there.x < layer.width && there.y < layer.height;
+    layer.other_pixel[itself] = in_view ? (int)there.y * layer.width + (int)there.x : itself;
+    layer.other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
 
     const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
-    show_surface(texel, inside.direction, BEYOND, previous, panorama_surface, panorama_range, pixel, size,
-                 normal, depth, id, motion CAMERA_ARGUMENT);
+    show_surface(texel, inside.direction, BEYOND, layer.previous, layer.panorama_surface, layer.panorama_range, pixel, size,
+                 layer.normal, layer.depth, layer.id, layer.motion, layer.camera);
     return (Edge){1, texel, share, mixtures, whole, inside, window};
 }
 
-__kernel void sharpen_edges(
-    REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner)
+__kernel void sharpen_edges(const RealPlanes layer)
 {
-    PIXEL_ITEM;
-    sharpen(x, y, REAL_LAYER_ARGUMENTS, other, corner);
+    PIXEL_ITEM(layer.width, layer.height);
+    sharpen(x, y, layer);
 }
 
 __kernel void sharpen_glossy(
-    REAL_LAYER_PARAMETERS, __global float4 *restrict other, __global int4 *restrict corner,
-    GLOSS_PARAMETERS)
+    const RealPlanes layer,
+    __global const int *restrict panorama_gloss,
+    __global const float *restrict panorama_highlight,
+    __global const float4 *restrict real_materials,
+    __global float *restrict gloss,
+    __global float *restrict roughness,
+    __global float *restrict highlight)
 {
-    PIXEL_ITEM;
-    const Edge edge = sharpen(x, y, REAL_LAYER_ARGUMENTS, other, corner);
+    PIXEL_ITEM(layer.width, layer.height);
+    const Edge edge = sharpen(x, y, layer);
     if (!edge.is)
         return;
     const int index = panorama_gloss[edge.texel];
@@ -270,12 +246,12 @@ __kernel void sharpen_glossy(
         const Shown part = {panorama_highlight, 0, 0};
         Window window = edge.window;
         see(&window, part);
-        specular = mix(shown_in_pixel(part, panorama_width, panorama_height, edge.inside, 1),
+        specular = mix(shown_in_pixel(part, layer.panorama_width, layer.panorama_height, edge.inside, 1),
                        mix(side_color(&window, edge.whole.y), side_color(&window, edge.whole.x),
                            edge.share),
                        edge.mixtures);
     }
-    show_gloss(index, specular, real_materials, plane_index(x, y, width), plane_size(width, height),
+    show_gloss(index, specular, real_materials, plane_index(x, y, layer.width), plane_size(layer.width, layer.height),
                gloss, roughness, highlight);
 }
 
@@ -288,7 +264,7 @@ __kernel void diffuse_part(
     int width,
     int height)
 {
-    PIXEL_ITEM;
+    PIXEL_ITEM(width, height);
     const int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 left = load_planes(colour, size, p);
     if (maps)

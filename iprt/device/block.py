@@ -3,14 +3,14 @@
 A kernel takes a block like any struct, `const World world`. OpenCL allows no pointers in structs
 that kernels take, so `flat_kernels` replaces it by a parameter per member, such as
 `world_real_grid_width`, and begins the kernel's body with the struct made of them. A launch takes
-an instance: `kernel(size, world=WorldArgs(...))`.
+an instance, `kernel(size, world=WorldArgs(...))`, and for a batch, `const World world[3]`, a list.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import pyopencl.array as cla
@@ -25,11 +25,16 @@ Float4s = Annotated[cla.Array | None, "__global const float4 *restrict"]
 Halves = Annotated[cla.Array | None, "__global const half *restrict"]
 Ints = Annotated[cla.Array | None, "__global const int *restrict"]
 Int4s = Annotated[cla.Array | None, "__global const int4 *restrict"]
+Uints = Annotated[cla.Array | None, "__global const uint *restrict"]
 Counters = Annotated[cla.Array | None, "__global uint *restrict"]
+FloatsOut = Annotated[cla.Array | None, "__global float *restrict"]
+Float4sOut = Annotated[cla.Array | None, "__global float4 *restrict"]
+IntsOut = Annotated[cla.Array | None, "__global int *restrict"]
+Int4sOut = Annotated[cla.Array | None, "__global int4 *restrict"]
 """Types of members: numbers, vectors and buffers of these. None is a null pointer."""
 
 _KERNEL = re.compile(r"\b(?:__kernel|TRACING_KERNEL)\s+void\s+\w+\s*\(([^{]*)\)\s*\{")
-_TAKEN = re.compile(r"const (\w+) (\w+)\s*\Z")
+_TAKEN = re.compile(r"(\s*)(.*?)\s*\b(\w+)(?:\[(\w+)\])?\s*", re.DOTALL)
 
 
 def when(condition: str, *, outer: str = "") -> Any:
@@ -98,93 +103,104 @@ def _kind(hint: Any) -> Any:
     return nested[0] if nested else hint.__metadata__[0]
 
 
-def _present(block: type[Block], defined: Collection[str]) -> Iterator[Member]:
-    """Yield the members that a program with these macros has."""
-    for member in _members(block):
-        words = member.when.split()
-        if all((word.lstrip("!") in defined) != word.startswith("!") for word in words):
-            yield member
-
-
 def struct_name(block: type[Block]) -> str:
     """Return the name of the block's struct."""
     return block.__name__.removesuffix("Args")
 
 
-def structs(
-    block: type[Block], defined: Collection[str], known: dict[str, type[Block]]
-) -> Iterator[str]:
-    """Yield the definitions of a block's struct and of nested ones, without the `known` ones.
+def structs(block: type[Block], known: dict[str, type[Block]]) -> Iterator[str]:
+    """Yield the lines of a block's struct and of nested ones, without the `known` ones.
 
-    `known` gets their blocks by name. A struct without members is not defined.
+    `known` gets their blocks by name. Programs that lack a member have it in the struct as 0.
     """
     if struct_name(block) in known:
         return
     lines = []
-    for member in _present(block, defined):
+    for member in _members(block):
         kind = member.kind
         if isinstance(kind, type):
-            yield from structs(kind, defined, known)
+            yield from structs(kind, known)
             kind = struct_name(kind)
         kind = kind.removeprefix("const ").removesuffix("restrict")
         lines.append(f"    {kind} {member.name};")
     known[struct_name(block)] = block
-    if lines:
-        yield "\n".join(["typedef struct {", *lines, f"}} {struct_name(block)};"])
+    yield from ("typedef struct {", *lines, f"}} {struct_name(block)};")
 
 
-def _parameters(block: type[Block], name: str, defined: Collection[str]) -> Iterator[str]:
-    for member in _present(block, defined):
+def _leaves(
+    block: type[Block], name: str, macros: Mapping[str, str]
+) -> Iterator[tuple[str, str, Member]]:
+    """Yield designator, flat name and description of all members that a program has."""
+    for member in _members(block):
+        words = member.when.split()
+        if any((word.lstrip("!") in macros) == word.startswith("!") for word in words):
+            continue
         if isinstance(member.kind, type):
-            yield from _parameters(member.kind, f"{name}_{member.name}", defined)
-        elif not member.outer:
-            yield f"{member.kind} {name}_{member.name}"
+            for path, flat, leaf in _leaves(member.kind, f"{name}_{member.name}", macros):
+                yield f".{member.name}{path}", flat, leaf
+        else:
+            yield f".{member.name}", f"{name}_{member.name}", member
 
 
-def _initialiser(block: type[Block], name: str, defined: Collection[str]) -> str:
-    parts = []
-    for member in _present(block, defined):
-        value = member.outer or f"{name}_{member.name}"
-        if isinstance(member.kind, type):
-            value = _initialiser(member.kind, value, defined)
-        parts.append(f".{member.name} = {value}")
-    return f"{{{', '.join(parts)}}}"
+def flat_kernels(text: str, blocks: Mapping[str, type[Block]], macros: Mapping[str, str]) -> str:
+    """Return OpenCL C whose kernels take members of blocks, and single entries of batches.
 
+    A batch `TYPE name[MOST_ENTRIES]` becomes the parameters `name_0`, `name_1` and so on. In the
+    body, `name` is the one of the work item's `entry`, its place along the third dimension. Line
+    numbers stay.
 
-def flat_kernels(text: str, blocks: Mapping[str, type[Block]], defined: Collection[str]) -> str:
-    """Return OpenCL C whose kernels take the members of blocks instead of the blocks.
-
-    Line numbers stay.
+    Parameters
+    ----------
+    text : str
+    blocks : mapping
+        By the names of their structs.
+    macros : mapping of str to str
+        Macros for `when()`.
     """
+    sizes: dict[str, str] = dict(re.findall(r"^#define (\w+) (\d+)$", text, re.MULTILINE))
 
     def flat(kernel: re.Match[str]) -> str:
-        taken, structs_made = [], []
-        for parameter in split_parameters(kernel[1]):
-            found = _TAKEN.search(parameter)
-            if found is None or found[1] not in blocks:
-                taken.append(parameter)
+        parameters: list[str] = []
+        body: list[str] = []
+        for parameter in kernel[1].split(","):
+            found = _TAKEN.fullmatch(parameter)
+            block = blocks.get(found[2].removeprefix("const ")) if found else None
+            if found is None or not (block or found[4]):
+                parameters.append(parameter)
                 continue
-            block, name = blocks[found[1]], found[2]
-            members = ", ".join(_parameters(block, name, defined))
-            if members:
-                taken.append(parameter[: found.start()] + members)
-                made = _initialiser(block, name, defined)
-                structs_made.append(f" const {found[1]} {name} = {made};")
+            space, kind, name, size = found.groups()
+            count = int(sizes.get(size, size)) if size else 1
+            entries = [f"{name}_{i}" for i in range(count)] if size else [name]
+            declared, value = _split(kind, entries, block, macros)
+            if declared:
+                parameters.append(space + ", ".join(declared))
             else:
-                taken[-1] += parameter[: found.start()]
+                parameters[-1] += space
+            body.append(f"{kind} {name} = {value};")
+        if any("entry == " in statement for statement in body):
+            body.insert(0, "const int entry = get_global_id(2);")
         start, end = (at - kernel.start() for at in kernel.span(1))
-        return kernel[0][:start] + ",".join(taken) + kernel[0][end:] + "".join(structs_made)
+        return " ".join([kernel[0][:start] + ",".join(parameters) + kernel[0][end:], *body])
 
     return _KERNEL.sub(flat, text)
 
 
-def split_parameters(text: str) -> list[str]:
-    """Split a parameter list at its commas, but not inside of parentheses."""
-    parts, depth = [""], 0
-    for character in text:
-        depth += {"(": 1, ")": -1}.get(character, 0)
-        if character == "," and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += character
-    return parts
+def _split(
+    kind: str, entries: Sequence[str], block: type[Block] | None, macros: Mapping[str, str]
+) -> tuple[list[str], str]:
+    """Return the flat parameters of a batch, or of one entry, and the work item's value."""
+    if block is None:
+        return [f"{kind} {entry}" for entry in entries], _chosen(entries)
+    leaves = [list(_leaves(block, entry, macros)) for entry in entries]
+    declared = [f"{leaf.kind} {flat}" for of in leaves for _, flat, leaf in of if not leaf.outer]
+    members = [
+        f"{of[0][0]} = {_chosen([leaf.outer or flat for _, flat, leaf in of])}"
+        for of in zip(*leaves, strict=True)
+    ]
+    return declared, f"{{{', '.join(members) or '0'}}}"
+
+
+def _chosen(entries: Sequence[str]) -> str:
+    """Return the expression of the work item's entry."""
+    *first, last = entries
+    return "".join(f"entry == {i} ? {entry} : " for i, entry in enumerate(first)) + last

@@ -16,10 +16,8 @@ import numpy as np
 import pyopencl as cl
 
 from iprt.device.compilers import POCL, SMALL_GRID, KernelTask
-from iprt.device.kernel_source import KernelSource
 from iprt.device.program import Program, build
 from iprt.errors import KernelError
-from iprt.files.resources import CL
 
 GROUP = 64
 """Work items of a group: `ComputeDevice.group_size` on a CPU."""
@@ -50,7 +48,7 @@ def main() -> None:
     for line in sys.stdin:
         text, options, kernels = json.loads(line)
         try:
-            built = build(context, Program(text, tuple(options), "", "", KernelSource(CL)))
+            built = build(context, Program(text, tuple(options), "", ""))
         except KernelError:  # the parent process reports it at the launch
             built = None
         for task in kernels if built is not None else ():

@@ -16,7 +16,7 @@ import pyopencl as cl
 from pyopencl.cache import create_built_program_from_source_cached
 from pyopencl.characterize import has_src_build_cache
 
-from iprt.device.kernel_source import KernelSource
+from iprt.device.kernel_source import resolved
 from iprt.device.signature import Parameter, signature
 from iprt.errors import KernelError
 from iprt.files.resources import CL
@@ -47,25 +47,19 @@ class Program:
     Attributes
     ----------
     text : str
-        OpenCL C with includes and conditions resolved.
+        OpenCL C; see `iprt.device.kernel_source.resolved`.
     options : tuple of str
         Compiler options, with the defines that occur in the text.
     file : str
         Path below `cl/`.
     name : str
         Name in the profile: file and defines.
-    source : KernelSource
-        Parsed source, from which kernel parameters are read.
     """
 
     text: str
     options: tuple[str, ...]
     file: str = field(compare=False)
     name: str = field(compare=False)
-    source: KernelSource = field(compare=False, repr=False)
-    _signatures: dict[str, tuple[Parameter, ...]] = field(
-        default_factory=dict, compare=False, repr=False
-    )
 
     @classmethod
     def of(cls, file: str, defines: Mapping[str, Define] | None = None) -> Program:
@@ -79,9 +73,7 @@ class Program:
 
     def signature(self, kernel: str) -> tuple[Parameter, ...]:
         """Return the parameters of a kernel, in order."""
-        if kernel not in self._signatures:
-            self._signatures[kernel] = signature(self.source, kernel)
-        return self._signatures[kernel]
+        return _signature(self.text, kernel)
 
     @property
     def key(self) -> str:
@@ -91,13 +83,15 @@ class Program:
 
 @cache
 def _program(file: str, text: str | None, defines: tuple[tuple[str, str], ...]) -> Program:
-    source = KernelSource(CL / "lib")
-    source.define(dict(defines))
-    source.read((CL / file).read_text() if text is None else text, file)
-    words = set(re.findall(r"\w+", source.text))
+    text = (CL / file).read_text() if text is None else text
+    source = resolved(text, file, dict(defines), CL)
+    words = set(re.findall(r"\w+", source))
     flags = [f"-D{name}={value}" for name, value in defines if name in words]
     name = " ".join([file, *(f"-D{name}={value}" for name, value in defines)])
-    return Program(source.text, (*OPTIONS, *flags), file, name, source)
+    return Program(source, (*OPTIONS, *flags), file, name)
+
+
+_signature = cache(signature)
 
 
 def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> Any:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 import string
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from iprt.device.kernel_source import KernelSource
 from iprt.errors import KernelError
 
 SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
@@ -44,28 +44,26 @@ class Parameter:
         return 0 if self.is_buffer else int(self.kind.lstrip(string.ascii_letters) or 1)
 
 
-def signature(source: KernelSource, kernel: str) -> tuple[Parameter, ...]:
-    """Parse the parameters of a kernel, in order.
+def signature(text: str, kernel: str) -> tuple[Parameter, ...]:
+    """Parse the parameters of a kernel in resolved source, in order.
 
     Raises
     ------
     KernelError
         The source has no such kernel.
     """
-    text = source.text
-    start = re.search(rf"\bvoid\s+{kernel}\s*\(", text)
-    if start is None:
+    found = re.search(rf"\bvoid\s+{kernel}\s*\(([^{{]*)\)\s*\{{", text)
+    if found is None:
         raise KernelError(f"no kernel '{kernel}'")
-    depth, end = 1, start.end()
-    while depth:
-        depth += {"(": 1, ")": -1}.get(text[end], 0)
-        end += 1
-    lines = text[start.end() : end - 1].splitlines()
-    declared = " ".join(" ".join(line for line in lines if not line.startswith("#line")).split())
-    return tuple(_parameter(one) for one in source.expanded(declared).split(","))
+    # Types of buffers may have names, `#define PLANES_IN __global const float *restrict`.
+    names = dict(re.findall(r"^ *#define (\w+) (\w.*)$", text, re.MULTILINE))
+    return tuple(_parameter(one, names) for one in found[1].split(","))
 
 
-def _parameter(declaration: str) -> Parameter:
+def _parameter(declaration: str, names: Mapping[str, str]) -> Parameter:
+    first, _, rest = declaration.strip().partition(" ")
+    if first in names:
+        return _parameter(f"{names[first]} {rest}", names)
     *words, name = re.findall(r"\w+|\*", declaration)
     kind = next(word for word in words if word not in QUALIFIERS)
     is_buffer = "*" in words

@@ -28,8 +28,8 @@ class Atrous:
     Attributes
     ----------
     spans : dict
-        `SPAN_PARAMETERS` of the columns where filtered signals are not 0, or were not in the last
-        picture.
+        Arguments of `SPAN_ITEM` for the columns where filtered signals are not 0, or were not in
+        the last picture.
     variances : list of 1 plane
         Variance of each filtered signal's displayed scalar, as `STORED_IN` of
         `cl/lib/gbuffer/stored.h`; none where `levels` is 0 or without `guided`.

@@ -132,6 +132,7 @@ class Temporal:
             **batched(variance=self._variance),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,
+            "clamp_sigma": settings.clamp_sigma,
             "planes": channels,
         }
 
@@ -141,9 +142,7 @@ class Temporal:
 
         self._estimate = kernel("estimate_variance")
         if published:
-            self._accumulate = kernel(
-                "accumulate", clamp_sigma=settings.clamp_sigma, fading=IPRT_FADING
-            )
+            self._accumulate = kernel("accumulate", fading=IPRT_FADING)
         else:
             self._accumulate = kernel("accumulate")
             self._fast, self._fast_before = histories("fast history")
@@ -154,7 +153,6 @@ class Temporal:
                 "correct_real" if of_real else "correct_reflected",
                 later=True,
                 antilag_sigma=settings.antilag_sigma,
-                clamp_sigma=settings.clamp_sigma,
             )
 
     @property

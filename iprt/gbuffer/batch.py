@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from iprt.device.kernel_source import constant
-
-MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
+from iprt.device.kernel import MOST_ENTRIES
 
 
 def batched(**values: Sequence[Any]) -> dict[str, Any]:
-    """Return `BATCHED` parameters of `cl/lib/gbuffer/batch.h` from one value per entry each."""
+    """Return parameters `name[MOST_ENTRIES]` of kernels from one value per entry each."""
     given: dict[str, Any] = {}
     for name, entries in values.items():
         lacking = MOST_ENTRIES - len(entries)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyopencl.array as cla
 
+from iprt.device.block import Block, Floats, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
 from iprt.device.program import Define
@@ -22,6 +23,13 @@ PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 def plane_defines(*, equirect: bool = False, **others: Define) -> dict[str, Define]:
     """Return the build flags of every kernel that works on padded planes of a view."""
     return {"VIEW_EQUIRECT": equirect, **others}
+
+
+@dataclass(kw_only=True)
+class CameraArgs(Block):
+    """Motion of the 360° camera (`cl/lib/gbuffer/camera.h`); `rows` of `CameraMotion`, or None."""
+
+    rows: Floats = when("CAMERA_MOTION")
 
 
 class Spans:
@@ -52,7 +60,7 @@ class Spans:
 
 
 def span_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
-    """Return `SPAN_PARAMETERS` of `cl/lib/gbuffer/batch.h`."""
+    """Return the arguments of `SPAN_ITEM` of `cl/lib/gbuffer/batch.h`."""
     assert all(guide.spans is guides[0].spans for guide in guides)
     return {
         "spans": guides[0].spans.rows,
@@ -118,8 +126,8 @@ class Guide:
 
     @property
     def camera_argument(self) -> dict[str, Any]:
-        """Return the argument `camera` of these kernels, if the camera moves."""
-        return {} if self.camera is None else {"camera": self.camera}
+        """Return the argument `camera` of these kernels."""
+        return {"camera": CameraArgs(rows=self.camera)}
 
 
 @dataclass(frozen=True)
@@ -173,7 +181,7 @@ class Guides:
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
         layout = self._guides[0].layout
-        self._find_spans((layout.height, len(self._guides)))
+        self._find_spans((layout.height, 1, len(self._guides)))
         self._build(
             (*layout.size, len(self._guides)),
             batched(guide=[guide.current for guide in self._guides]),

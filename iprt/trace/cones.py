@@ -33,8 +33,6 @@ def cones_from_virtual(features: Features, voxels: VoxelWorld, cones: int) -> Ra
         return voxels.arguments() | {"materials": world.objects.materials}
 
     defines = {
-        "HAS_DIFFUSE": features.diffuse_signal,
-        "HAS_SPECULAR": features.specular_signal,
         "DELTA": voxels.delta is not None,
         **_defines(features),
     }

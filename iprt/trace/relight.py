@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import STRONG_FRAMES
 from iprt.gbuffer.guide import Guide
 from iprt.settings.features import TOUCHED_FRAMES
-from iprt.world.real.irradiance import BLACK, IrradianceCache
+from iprt.world.real.irradiance import BLACK, IrradianceCache, IrradianceCacheArgs
 from iprt.world.world import World
 
 
@@ -49,10 +49,10 @@ class Relight:
             Signals are relative to a cached E_R.
         """
         self._guide = guide
-        noise = {} if variance is None or not delta else {"variance": variance}
+        noise = variance if delta else None
         defines = guide.defines(
             DELTA=delta,
-            NOISE=bool(noise),
+            NOISE=noise is not None,
             HALF_PLANES=device.half_planes,
             FAINT_FRAMES=TOUCHED_FRAMES,
             STRONG_FRAMES=STRONG_FRAMES,
@@ -62,7 +62,7 @@ class Relight:
         one = np.broadcast_to(np.float32(1.0), (pixels, 4))
         self.ratio = device.upload(f"{name} relighting ratio", one)
         self._kernel = device.kernel("trace/relight.cl", "relight", defines).fixed(
-            guide.layout.arguments(), spans, noise, ratio=self.ratio
+            guide.layout.arguments(), spans, variance=noise, ratio=self.ratio
         )
 
     def run(
@@ -89,12 +89,12 @@ class Relight:
             `Mask.touched`, raised where objects change the irradiance considerably. With the
             estimator "ratio", the tracer has written it already.
         """
-        known: dict[str, Any] = {"black": BLACK * world.panorama.mean_radiance}
-        if cache is not None:
-            known = {"cache": cache.arguments(world.panorama), "touched": touched}
+        black = BLACK * world.panorama.mean_radiance
+        known = IrradianceCacheArgs(plane=None, irradiance=None, columns=0, rows=0, black=black)
         self._kernel(
             self._guide.layout.size,
-            known,
+            cache=known if cache is None else cache.arguments(world.panorama),
+            touched=touched,
             guide=self._guide.current,
             signal=signal,
             colour=colour,

@@ -146,10 +146,15 @@ class VoxelWorld(ABC):
 
     def arguments(self) -> dict[str, Any]:
         """Return the voxels and their surroundings for cones, by kernel parameter."""
-        outside = None if self.outside is None else self.outside.arguments()
+        delta = None if self.delta is None else self.delta.arguments()
+        around = SurroundingsArgs(
+            panorama=self.panorama.arguments(),
+            outside=None if self.outside is None else self.outside.arguments(),
+            delta=delta,
+        )
         return {
             "scene": self.scene.arguments(),
             "objects": self.objects.arguments(),
-            "around": SurroundingsArgs(panorama=self.panorama.arguments(), outside=outside),
-            "delta": None if self.delta is None else self.delta.arguments(),
+            "around": around,
+            "delta": delta,
         }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,10 +73,11 @@ class PrefilteredArgs(Block):
 
 @dataclass(kw_only=True)
 class SurroundingsArgs(Block):
-    """Environment around the voxels of the room, and behind its windows."""
+    """Environment around the voxels of the room, behind its windows, and its change by objects."""
 
     panorama: PrefilteredArgs
     outside: PrefilteredArgs | None = when("OPENING_ENVIRONMENT")
+    delta: VoxelsArgs | None = when("DELTA")
 
 
 @dataclass(frozen=True)
@@ -256,18 +256,20 @@ class PrefilteredPanorama:
         self.levels = np.array(rows, np.int32)
         self.texels = device.zeros(name, (first, 3))
         self._levels = device.upload(f"{name} levels", self.levels)
-        kernel = partial(device.kernel, "trace/reduce_panorama.cl", "reduce_panorama")
-        outside = {"OPENING_ENVIRONMENT": openings, "OUTSIDE_ROWS": OUTSIDE_ROWS}
-        self._reduce = kernel(outside), kernel({"OUTSIDE_ROWS": OUTSIDE_ROWS})
+        self._openings = openings
+        self._reduce = device.kernel(
+            "trace/reduce_panorama.cl", "reduce_panorama", {"OUTSIDE_ROWS": OUTSIDE_ROWS}
+        )
 
     def load(self, panorama: Panorama) -> None:
         """Prefilter the frame that the panorama holds."""
-        seen = {"real_surface": panorama.surface, "real_outside": panorama.outside}
+        surface = panorama.surface if self._openings else None
         source = panorama.width, panorama.height, 0
         for number, (width, height, first, _) in enumerate(self.levels.tolist()):
-            self._reduce[min(number, 1)](
+            self._reduce(
                 (width, height),
-                seen,
+                real_surface=surface if number == 0 else None,
+                real_outside=panorama.outside,
                 source_width=source[0],
                 source_height=source[1],
                 source_first=source[2],

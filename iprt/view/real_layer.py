@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.device.block import (
+    Block,
+    Float2s,
+    Float4s,
+    Float4sOut,
+    Floats,
+    FloatsOut,
+    Int4sOut,
+    Int32,
+    IntsOut,
+)
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
+from iprt.gbuffer.guide import CameraArgs
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.diffuse_part import DiffusePart
-from iprt.world.real.clipped import NOTHING_CLIPPED
+from iprt.world.real.clipped import ShownArgs
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
@@ -23,6 +36,30 @@ UNEVEN = -2
 
 REAL_LAYER_READS = ("surfaces", "radiance", "highlights", "color map", "camera motion")
 """Data that `RealLayer.show` reads, besides the view."""
+
+
+@dataclass(kw_only=True)
+class RealPlanesArgs(Block):
+    """Panorama, view and planes of `cl/view/real_layer.cl`, which describes them."""
+
+    width: Int32
+    height: Int32
+    view: Floats
+    previous: Floats
+    panorama_width: Int32
+    panorama_height: Int32
+    shown: ShownArgs
+    panorama_surface: Float4s
+    panorama_range: Float2s
+    camera: CameraArgs
+    color: FloatsOut
+    normal: FloatsOut
+    depth: FloatsOut
+    id: FloatsOut
+    motion: FloatsOut
+    other_pixel: IntsOut
+    other: Float4sOut
+    corner: Int4sOut
 
 
 class RealLayer:
@@ -114,16 +151,7 @@ class RealLayer:
             names.append("sharpen_glossy" if glossy else "sharpen_edges")
         return [
             self._device.kernel("view/real_layer.cl", name, defines).fixed(
-                self._layout.arguments(),
-                {} if self._camera is None else {"camera": self._camera},
                 {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
-                {"other": self.other, "corner": self.corner},
-                color=self.color,
-                normal=self.normal,
-                depth=self.depth,
-                id=self.id,
-                motion=self.motion,
-                other_pixel=self.other_pixel,
             )
             for name in names
         ]
@@ -154,23 +182,36 @@ class RealLayer:
             "panorama_highlight": panorama.highlight,
             "real_materials": real_materials,
         }
-        color, clipped = panorama.color, panorama.clipped.arguments
+        shown = panorama.clipped.shown(panorama.color)
         if self._radiated:
-            color, clipped = panorama.radiated, NOTHING_CLIPPED
-        kernels = self._clipped if clipped else self._plain
+            shown = ShownArgs(color=panorama.radiated)
+        planes = RealPlanesArgs(
+            width=self._layout.width,
+            height=self._layout.height,
+            view=view,
+            previous=previous,
+            panorama_width=panorama.width,
+            panorama_height=panorama.height,
+            shown=shown,
+            panorama_surface=panorama.surface,
+            panorama_range=panorama.range,
+            camera=CameraArgs(rows=self._camera),
+            color=self.color,
+            normal=self.normal,
+            depth=self.depth,
+            id=self.id,
+            motion=self.motion,
+            other_pixel=self.other_pixel,
+            other=self.other,
+            corner=self.corner,
+        )
+        kernels = self._plain if shown.clipped is None else self._clipped
         assert kernels is not None, "no kernels for it"
         for kernel in kernels:
             kernel(
                 self._layout.size,
                 gloss,
-                clipped,
-                view=view,
-                previous=previous,
-                panorama_width=panorama.width,
-                panorama_height=panorama.height,
-                panorama_color=color,
-                panorama_surface=panorama.surface,
-                panorama_range=panorama.range,
+                layer=planes,
             )
         self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 

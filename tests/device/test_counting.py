@@ -25,13 +25,13 @@ from tests.worlds import bright_walls, room_frame
 TRACE = ("other", "trace")
 ADD = """
 #include "maths/work.h"
-__kernel void add(const int count, const uint steps WORK_PARAMETER)
+__kernel void add(const int count, const uint steps, const Work work)
 {
     if (get_global_id(0) >= count)
         return;
     COUNT_ITEM;
-    COUNT_RAY(work, WORK_REAL);
-    COUNT_STEPS(work, WORK_REAL, steps);
+    COUNT_RAY(work.counters, WORK_REAL);
+    COUNT_STEPS(work.counters, WORK_REAL, steps);
 }
 """
 
@@ -176,7 +176,7 @@ def test_counting_and_checking_go_together(device: ComputeDevice) -> None:
 
 OVERRUN = """
 #include "maths/work.h"
-__kernel void overrun(__global float *out WORK_PARAMETER)
+__kernel void overrun(__global float *out, const Work work)
 {
     COUNT_ITEM;
     if (get_global_id(0) == 0)

@@ -11,10 +11,8 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel, fitting
-from iprt.device.kernel_source import KernelSource
 from iprt.device.program import Program, build
 from iprt.device.signature import Parameter
-from iprt.files.resources import CL
 from tests.films import planned_kernels
 
 MOST_BUFFERS = 31
@@ -38,44 +36,44 @@ __kernel void visit(__global int *items, __global int *largest, const int width,
 }
 """
 
-Taken = list[tuple[str, str, bool, tuple[Parameter, ...]]]
+Taken = list[tuple[Program, str, bool, tuple[Parameter, ...]]]
 
 
 @pytest.fixture(scope="module")
 def taken() -> Taken:
-    """File, kernel, whether its planes are in half precision, and parameters: what GPUs build."""
+    """Program, kernel, whether planes are in half precision, and parameters, as for GPUs."""
     found = []
     for one in planned_kernels():
-        parameters = Program.of(one.file, one.defines).signature(one.name)
-        found.append((one.file, one.name, "HALF_PLANES" in one.defines, parameters))
+        program = Program.of(one.file, one.defines)
+        half_planes = "HALF_PLANES" in one.defines
+        found.append((program, one.name, half_planes, program.signature(one.name)))
     return found
 
 
 def test_kernels_take_few_buffers(taken: Taken) -> None:
-    for file, name, _, parameters in taken:
+    for program, name, _, parameters in taken:
         buffers = sum(parameter.is_buffer for parameter in parameters)
-        assert buffers <= MORE_BUFFERS.get(name, MOST_BUFFERS), f"{name} of {file}: {buffers}"
+        assert buffers <= MORE_BUFFERS.get(name, MOST_BUFFERS), (
+            f"{name} of {program.file}: {buffers}"
+        )
 
 
 def test_half_precision_is_asked_for(taken: Taken) -> None:
     """It takes storage of 16 bits (clspv): for planes where HALF_PLANES says so, and textures."""
-    for file, name, half_planes, parameters in taken:
+    for program, name, half_planes, parameters in taken:
         half = {parameter.name for parameter in parameters if parameter.kind == "half"}
-        assert half_planes or all(one.endswith("bvh_texels") for one in half), (
-            f"{name} of {file}: {half}"
-        )
+        textures = {one for one in half if one.endswith("bvh_texels")}
+        assert half_planes or half == textures, f"{name} of {program.file}: {half}"
 
 
 def test_pointers_lie_in_no_buffer(taken: Taken) -> None:
     """clspv knows none there: kernels take numbers, vectors, and structs of these."""
-    for file, name, _, parameters in taken:
+    for program, name, _, parameters in taken:
         for parameter in parameters:
-            if parameter.kind == "half" or ELEMENTS.fullmatch(parameter.kind):
+            if parameter.kind in ("half", "STORED") or ELEMENTS.fullmatch(parameter.kind):
                 continue
-            read = KernelSource(CL / "lib")
-            read.read((CL / file).read_text(), file)
-            body = re.search(rf"{{([^}}]*)}} {parameter.kind};", "\n".join(read.lines))
-            assert body is not None, f"{name} of {file}: {parameter}"
+            body = re.search(rf"{{([^}}]*)}} {parameter.kind};", program.text)
+            assert body is not None, f"{name} of {program.file}: {parameter}"
             for member in body[1].split(";")[:-1]:
                 assert ELEMENTS.fullmatch(member.split()[0]), f"{parameter.kind}: {member}"
                 assert "*" not in member, f"{parameter.kind}: {member}"

@@ -52,27 +52,25 @@ def test_defines_that_change_nothing_make_no_program_of_their_own() -> None:
     assert [option for option in plain.options if option.startswith("-D")] == ["-DOFFSET=3"]
 
 
-def test_the_compiler_decides_what_only_it_knows() -> None:
-    assert "#if defined(__has_attribute)" in program().text
-    assert "#ifndef KIND" in program().text
-    assert "#define KIND static inline" in program().text
-    assert "#ifdef TWICE" not in program().text
+def test_headers_are_included_once_unless_they_ask_for_more(tmp_path: Path) -> None:
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib/once.h").write_text('#pragma once\n#include "each.h"\nint once;\n')
+    (tmp_path / "lib/each.h").write_text("int each; // comment\n")
+    source = '#include "once.h"\n#include "once.h"\n#include "each.h"\nint own;\n'
+    text = kernel_source.resolved(source, "run.cl", {}, tmp_path)
+    assert [text.count(word) for word in ("once;", "each;", "own;", "comment")] == [1, 2, 1, 0]
 
 
-def test_the_folder_of_the_checkout_does_not_matter(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_folder_of_the_checkout_does_not_matter(tmp_path: Path) -> None:
     files = [path.relative_to(CL) for path in sorted(CL.rglob("*.cl"))]
     here = {file: Program.of(str(file)).text for file in files}
     for path in CL.rglob("*.*"):
         copy = tmp_path / path.relative_to(CL)
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_bytes(path.read_bytes())
-    monkeypatch.setattr("iprt.device.program.CL", tmp_path)
-    kernel_source._text.cache_clear()
     for file in files:
         text = (tmp_path / file).read_text()
-        assert Program.of_text(text, str(file)).text == here[file]
+        assert kernel_source.resolved(text, str(file), {}, tmp_path) == here[file]
         assert str(CL) not in here[file]
 
 

@@ -2,8 +2,7 @@
 // (filter/temporal.cl, which names the sources).
 //
 // -DCOMMON: filter/signal.h; -DCAMERA_MOTION: filter/surface.h.
-#ifndef IPRT_HISTORY_H
-#define IPRT_HISTORY_H
+#pragma once
 
 #include "gbuffer/batch.h"
 #include "trace/rays.h"
@@ -101,29 +100,14 @@ static inline ALWAYS_INLINE void store_history(
     length[p] = history->length;
 }
 
-// Parameters of reprojection: guides (7 planes) of this and the previous picture; motion, 2 planes; the
-// history's planes; largest plane distance / depth, and least cosine between normals, within one surface.
-#define FETCH_PARAMETERS                                                                           \
-    __global const float *restrict guide, __global const float *restrict guide_previous,           \
-        __global const float *restrict motion, __global const float *restrict signal_before,       \
-        __global const float *restrict length_before, const float plane_tolerance,                 \
-        const float normal_agreement
-
-// The same as kernel parameters per signal, and the arguments of the work item's signal.
-#define FETCH_BATCHED                                                                              \
-    BATCHED(PLANES_IN, guide), BATCHED(PLANES_IN, guide_previous), BATCHED(PLANES_IN, motion),     \
-        BATCHED(PLANES_IN, signal_before), BATCHED(PLANES_IN, length_before),                      \
-        const float plane_tolerance, const float normal_agreement
-#define FETCH_ENTRIES                                                                              \
-    OF_BATCH(guide), OF_BATCH(guide_previous), OF_BATCH(motion), OF_BATCH(signal_before),          \
-        OF_BATCH(length_before), plane_tolerance, normal_agreement
-
 // Return the history of the pixel's surface, where the previous picture showed it.
 static inline ALWAYS_INLINE History fetch_history(
-    int planes, FETCH_PARAMETERS, int p, int width, int height, int seam CAMERA_PARAMETER)
+    int planes, PLANES_IN guide, PLANES_IN guide_previous, PLANES_IN motion, PLANES_IN signal_before,
+    PLANES_IN length_before, float plane_tolerance, float normal_agreement, int p, int width, int height,
+    int seam, const Camera camera)
 {
     int size = plane_size(width, height);
-    const Surface surface = surface_before(guide, plane_tolerance, size, p CAMERA_ARGUMENT);
+    const Surface surface = surface_before(guide, plane_tolerance, size, p, camera);
 
     float past[REAL_PLANES];
     EACH_PLANE(c, planes)
@@ -315,5 +299,3 @@ static inline ALWAYS_INLINE void add_fast_sample(
     }
     history->length = usable ? fmin(before + worth, limit) : before;
 }
-
-#endif

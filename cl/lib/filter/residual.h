@@ -3,8 +3,7 @@
 // noisier they are: the linear minimum mean squared error estimate of a value that differs from that mean
 // by SPREAD (J.-S. Lee, "Digital Image Enhancement and Noise Filtering by Use of Local Statistics", IEEE
 // TPAMI 1980).
-#ifndef IPRT_RESIDUAL_H
-#define IPRT_RESIDUAL_H
+#pragma once
 
 #include "gbuffer/guide.h"
 #include "gbuffer/stored.h"
@@ -63,5 +62,3 @@ static inline Change settled_change(const Filtered f, int p)
                            own_bounce + share * (scale * bounce_around - own_bounce)};
     return result;
 }
-
-#endif

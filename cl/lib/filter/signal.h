@@ -1,7 +1,6 @@
 // Signals to accumulate and filter, `planes` values per pixel. For real surfaces 6: E_R rgb and E_RV rgb
 // (-DCOMMON), or blocked / E_R rgb and bounce / E_R rgb. For reflected signals 3: rgb.
-#ifndef IPRT_SIGNAL_H
-#define IPRT_SIGNAL_H
+#pragma once
 
 #include "maths/maths.h"
 #include "maths/tracing.h"
@@ -20,5 +19,3 @@ static inline ALWAYS_INLINE float guide_scalar(int planes, const float *s)
     return planes == REAL_PLANES ? luminance((float3)(s[0] - s[3], s[1] - s[4], s[2] - s[5]))
                                  : luminance((float3)(s[0], s[1], s[2]));
 }
-
-#endif

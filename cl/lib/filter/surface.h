@@ -1,7 +1,6 @@
 // The surface that a pixel shows, to be found in the previous picture. -D CAMERA_MOTION:
 // gbuffer/camera.h.
-#ifndef IPRT_SURFACE_H
-#define IPRT_SURFACE_H
+#pragma once
 
 #include "gbuffer/camera.h"
 #include "gbuffer/guide.h"
@@ -16,18 +15,18 @@ typedef struct {
 
 // The surface of pixel p. `plane_tolerance`: distance from its plane / depth.
 static inline ALWAYS_INLINE Surface surface_before(
-    __global const float *restrict guide, float plane_tolerance, int size, int p CAMERA_PARAMETER)
+    __global const float *restrict guide, float plane_tolerance, int size, int p, const Camera camera)
 {
     Surface s = {guide[p], guide[size + p], guide[2 * size + p],
                  guide[3 * size + p], guide[4 * size + p], guide[5 * size + p],
                  guide[GUIDE_ID * size + p], 0.0f};
     s.tolerance = plane_tolerance * sqrt(s.px * s.px + s.py * s.py + s.pz * s.pz);
-#ifdef CAMERA_MOTION
-    const float3 normal = camera_before(camera, (float3)(s.nx, s.ny, s.nz), 0.0f);
-    const float3 point = camera_before(camera, (float3)(s.px, s.py, s.pz), 1.0f);
-    s.nx = normal.x, s.ny = normal.y, s.nz = normal.z;
-    s.px = point.x, s.py = point.y, s.pz = point.z;
-#endif
+    if (camera.rows) {
+        const float3 normal = camera_before(camera.rows, (float3)(s.nx, s.ny, s.nz), 0.0f);
+        const float3 point = camera_before(camera.rows, (float3)(s.px, s.py, s.pz), 1.0f);
+        s.nx = normal.x, s.ny = normal.y, s.nz = normal.z;
+        s.px = point.x, s.py = point.y, s.pz = point.z;
+    }
     return s;
 }
 
@@ -44,5 +43,3 @@ static inline ALWAYS_INLINE bool shows_surface(
     return guide_previous[GUIDE_ID * size + q] == s.id && fabs(off_plane) <= s.tolerance
            && cosine >= normal_agreement;
 }
-
-#endif

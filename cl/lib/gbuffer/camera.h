@@ -1,16 +1,8 @@
-// Motion of the 360° camera, -D CAMERA_MOTION. `camera` holds the rows (3 x 4 floats) of the affine map
-// from the axes of this frame's capture centre to the previous frame's.
-#ifndef IPRT_CAMERA_H
-#define IPRT_CAMERA_H
+// Motion of the 360° camera: `rows` of the block Camera (iprt/gbuffer/guide.py) are the rows (3 x 4 floats) of the
+// affine map from the axes of this frame's capture centre to the previous frame's, or null.
+#pragma once
 
-// The last parameter of kernels and functions with camera motion.
-#ifdef CAMERA_MOTION
-#define CAMERA_PARAMETER , __global const float *restrict camera
-#define CAMERA_ARGUMENT , camera
-#else
-#define CAMERA_PARAMETER
-#define CAMERA_ARGUMENT
-#endif
+#include <iprt.gbuffer.guide>
 
 // Return w times the previous position of the point v / w; with w = 0, the previous direction of the
 // infinitely distant direction v.
@@ -26,5 +18,3 @@ static inline float3 camera_now(__global const float *restrict camera, float3 v)
 {
     return v.x * vload3(0, camera) + v.y * vload3(0, camera + 4) + v.z * vload3(0, camera + 8);
 }
-
-#endif

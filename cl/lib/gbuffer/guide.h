@@ -2,8 +2,7 @@
 // (planes.h), written by guide.cl: normal x y z, world position x y z (metres from the capture centre), id.
 // id > 0: a surface; 0: nothing to trace; -1: outside the picture. In equirect views the left and right
 // border hold copies from across the seam, so neighbours need no wrapping.
-#ifndef IPRT_GUIDE_H
-#define IPRT_GUIDE_H
+#pragma once
 
 #include "maths/maths.h"
 #include "gbuffer/planes.h"
@@ -37,5 +36,3 @@ static inline int wrap_column(int x, int width, int seam)
 #endif
     return x < 0 ? x + turn : x >= width ? x - turn : x;
 }
-
-#endif

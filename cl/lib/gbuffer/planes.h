@@ -5,8 +5,7 @@
 // Planes start PLANE_SHIFT floats more than a multiple of PLANE_WAY apart. Without the shift, all values of
 // a pixel of a 512x512 view fall into one set of a CPU's L1 cache. A set holds 8 lines, and a level of the
 // à-trous filter takes 1.7 times as long.
-#ifndef IPRT_PLANES_H
-#define IPRT_PLANES_H
+#pragma once
 
 #define PLANE_PAD 32   // reach of the widest à-trous level: two taps of stride 16
 #define PLANE_WAY 1024 // floats in one way of an L1 cache
@@ -84,5 +83,3 @@ static inline void store_planes(__global float *restrict planes, int size, int p
     planes[size + pixel] = value.y;
     planes[2 * size + pixel] = value.z;
 }
-
-#endif

@@ -5,8 +5,7 @@
 // non-finite values stay non-finite. A variance is stored as its square root: its square has half the
 // range. Kernels that write radiance into such planes multiply it by a unit of the scene (`half_unit` of
 // iprt/filter/signals.py).
-#ifndef IPRT_STORED_H
-#define IPRT_STORED_H
+#pragma once
 
 #include "gbuffer/planes.h"
 
@@ -69,5 +68,3 @@ static inline void store_stored_variance(
 #endif
     store_stored(plane, p, x, width, seam, value);
 }
-
-#endif

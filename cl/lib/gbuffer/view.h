@@ -1,8 +1,7 @@
 // The view's projection. `view` is the 16-float block of View.kernel_constants(): rows of world_from_view,
 // focal length and centre in pixels, width, height, and 1 for an equirect projection, 0 for a perspective
 // one.
-#ifndef IPRT_VIEW_H
-#define IPRT_VIEW_H
+#pragma once
 
 #include "maths/equirect.h"
 
@@ -54,5 +53,3 @@ static inline float2 view_project(__global const float *restrict view, float3 po
     return (float2)(in_front ? view[10] - view[9] * p.x / p.z : -1e9f,
                     in_front ? view[11] + view[9] * p.y / p.z : -1e9f);
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Bit operations on integers.
-#ifndef IPRT_BITS_H
-#define IPRT_BITS_H
+#pragma once
 
 static inline uint reverse_bits(uint x)
 {
@@ -10,5 +9,3 @@ static inline uint reverse_bits(uint x)
     x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
     return ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
 }
-
-#endif

@@ -1,7 +1,6 @@
 // Cube maps around a point. Faces 2 a and 2 a + 1 look along the axis a and against it. Rows and columns of
 // both follow the next two axes, cyclically.
-#ifndef IPRT_CUBE_H
-#define IPRT_CUBE_H
+#pragma once
 
 #define CUBE_FACES 6
 
@@ -31,5 +30,3 @@ static inline float2 cube_place(int face, float3 v, int side)
     const float3 r = to_face(face >> 1, v);
     return 0.5f * side * (r.yz / fabs(r.x) + 1.0f) - 0.5f;
 }
-
-#endif

@@ -1,7 +1,6 @@
 // Equirect mapping of the scene format: row 0 is the zenith (+Y), the image centre looks along -Z, and +X
 // is to its right. uv in [0, 1): column / width, row / height.
-#ifndef IPRT_EQUIRECT_H
-#define IPRT_EQUIRECT_H
+#pragma once
 
 #include "maths/maths.h"
 
@@ -35,5 +34,3 @@ static inline int equirect_texel(float2 uv, int width, int height)
 {
     return min((int)(uv.y * height), height - 1) * width + min((int)(uv.x * width), width - 1);
 }
-
-#endif

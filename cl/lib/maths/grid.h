@@ -1,7 +1,6 @@
 // Hierarchy over an equirect image that rays march through, and a ray parametrization in which crossings of
 // cell boundaries are cheap.
-#ifndef IPRT_GRID_H
-#define IPRT_GRID_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "maths/work.h"
@@ -89,5 +88,3 @@ static inline float cone_crossing(const PolarRay ray, float a2, float c, float s
 }
 
 static inline int cells_along(int texels, int level) { return (texels + (1 << level) - 1) >> level; }
-
-#endif

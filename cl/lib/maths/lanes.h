@@ -2,8 +2,7 @@
 //
 // -D WIDE: 16 lanes, for runtimes such as PoCL that fill vector units only from vectors in the source, at
 // least in kernels with more than a few branches. Otherwise one: GPUs have a lane per work item.
-#ifndef IPRT_LANES_H
-#define IPRT_LANES_H
+#pragma once
 
 #define WIDE_LANES 16
 
@@ -58,5 +57,3 @@ static inline floats load_west(__global const float *restrict line, int x, int w
     return line[x > 0 ? x - 1 : width - 1];
 #endif
 }
-
-#endif

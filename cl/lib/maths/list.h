@@ -1,7 +1,6 @@
 // Kernels over the items of a list whose length only the device knows. The launch has one work item per
 // possible entry.
-#ifndef IPRT_LIST_H
-#define IPRT_LIST_H
+#pragma once
 
 #include "maths/bits.h"
 
@@ -22,5 +21,3 @@ static inline int list_place(void)
     const int item = list_place();                                                                 \
     if (item >= (count))                                                                           \
         return
-
-#endif

@@ -1,6 +1,5 @@
 // Arithmetic for hot kernels without libm calls or branches, so that PoCL vectorizes it.
-#ifndef IPRT_MATHS_H
-#define IPRT_MATHS_H
+#pragma once
 
 // Return 2^x. The relative error is at most 1.1e-4, and 0 at integers. x is clamped to [-126, 127]. As x +
 // 127 is positive, truncation is floor, and its integer part is the biased exponent. The cubic is the
@@ -93,5 +92,3 @@ static inline float3 safe_normalize(float3 v, float3 fallback)
     v /= size;
     return v / sqrt(dot(v, v));
 }
-
-#endif

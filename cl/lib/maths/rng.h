@@ -1,7 +1,6 @@
 // Deterministic, counter-based random numbers: a hash of the number's purpose (pixel, frame, bounce, seed).
 // There is no state to carry.
-#ifndef IPRT_RNG_H
-#define IPRT_RNG_H
+#pragma once
 
 // Return a bijective hash of x. Every input bit flips each output bit with probability 1/2 to within 0.2%
 // (two rounds of xorshift-multiply; multipliers by C. Wellons' search, "lowbias32").
@@ -27,5 +26,3 @@ static inline float u01(uint x)
 {
     return (float)(x >> 8) * (1.0f / 16777216.0f);
 }
-
-#endif

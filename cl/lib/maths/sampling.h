@@ -4,8 +4,7 @@
 // is hash_combine(hash_combine(pixel, dimension pair), user seed). Its index is the sample's number over
 // all frames. Any 2^k points that start at a multiple of 2^k put one point into every elementary interval
 // of area 2^-k.
-#ifndef IPRT_SAMPLING_H
-#define IPRT_SAMPLING_H
+#pragma once
 
 #include "maths/bits.h"
 #include "maths/maths.h"
@@ -107,5 +106,3 @@ static inline float3 sample_cosine(float2 u)
     const float2 disk = sqrt(u.y) * unit_circle(u.x);
     return (float3)(disk.x, disk.y, sqrt(1.0f - u.y));
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Declarations of kernels that trace rays and of the functions they call.
-#ifndef IPRT_TRACING_H
-#define IPRT_TRACING_H
+#pragma once
 
 // One ray per lane. Rays diverge at once, so the vectors of sixteen work items that Intel's CPU compiler
 // would form run half as fast.
@@ -23,6 +22,4 @@
 #define ALWAYS_INLINE
 #else
 #define ALWAYS_INLINE __attribute__((always_inline))
-#endif
-
 #endif

@@ -8,8 +8,7 @@
 //
 // Each ray counter has four values: rays, steps of all marches (low and high 32 bits), and steps of the
 // longest march.
-#ifndef IPRT_WORK_H
-#define IPRT_WORK_H
+#pragma once
 
 #include <iprt.device.counting>
 
@@ -36,7 +35,5 @@ static inline void count_steps(__global uint *counter, uint steps)
 #define COUNT_ITEM
 #define COUNT_RAY(work, of)
 #define COUNT_STEPS(work, of, steps)
-
-#endif
 
 #endif

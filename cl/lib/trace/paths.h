@@ -9,15 +9,12 @@
 // -D LIGHT_SAMPLING: aim rays at the environment. Without it, all rays are sampled by the BRDF.
 // -D LEARNED_RADIANCE: real surfaces have their learned radiance (lib/world/real/learned.h), or the
 // panorama's where none was learned.
-#ifndef IPRT_PATH_TRACING_H
-#define IPRT_PATH_TRACING_H
+#pragma once
 
 #include "maths/sampling.h"
 #include "world/brdf.h"
 #include "world/direction.h"
-#ifdef LEARNED_RADIANCE
 #include "world/real/learned.h"
-#endif
 #include <iprt.trace.paths>
 
 // A pixel sends `rays` pairs of rays: a pair is one path with two rays per surface, or two paths with one.
@@ -237,5 +234,3 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
     }
     return sums;
 }
-
-#endif

@@ -1,7 +1,6 @@
 // Mip chain of the panorama's radiance, which cones look up by their width (trace/reduce_panorama.cl).
 // -D OPENING_ENVIRONMENT: a second chain of the radiance behind windows, in all directions.
-#ifndef IPRT_PREFILTERED_H
-#define IPRT_PREFILTERED_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "trace/voxels.h"
@@ -36,5 +35,3 @@ static inline float3 all_arriving(const Surroundings around, const Cone cone, co
 #endif
     return sum;
 }
-
-#endif

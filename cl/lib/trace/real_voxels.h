@@ -1,7 +1,6 @@
 // Voxels of the panorama's surfaces: a voxel is solid if a surface intersects it or lies up to one voxel
 // in front of it.
-#ifndef IPRT_REAL_VOXELS_H
-#define IPRT_REAL_VOXELS_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "trace/voxels.h"
@@ -32,5 +31,3 @@ static inline RealVoxel real_voxel(__global const float4 *restrict surfaces, int
     voxel.nearest = voxel.p + behind * voxel.n;
     return voxel;
 }
-
-#endif

@@ -1,6 +1,5 @@
 // Leading parameters of the kernels that trace listed pixels, and the pixel of a work item.
-#ifndef IPRT_TRACED_H
-#define IPRT_TRACED_H
+#pragma once
 
 #include "gbuffer/planes.h"
 #include "maths/list.h"
@@ -40,5 +39,3 @@ static inline TracedPixel traced_pixel(const Pixels pixels, int item, uint strea
     at.seed = hash_combine(hash_combine((uint)listed, stream), (uint)pixels.frame_seed);
     return at;
 }
-
-#endif

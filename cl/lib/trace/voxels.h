@@ -4,8 +4,7 @@
 // A voxel has an opacity along each axis: the share of parallel rays through it that are blocked. Along
 // other directions it has the cross section of the ellipsoid with these three: exact for a flat sheet
 // across an axis and for isotropic contents.
-#ifndef IPRT_VOXELS_H
-#define IPRT_VOXELS_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "maths/tracing.h"
@@ -185,5 +184,3 @@ static inline int voxels_above(const Voxels voxels, float3 p, float3 n)
     const float3 reach = 0.5f * voxels.box.w * convert_float3(voxels.levels[0].xyz);
     return dot(n, voxels.box.xyz + reach - p) + dot(fabs(n), reach) > 0.0f;
 }
-
-#endif

@@ -4,8 +4,7 @@
 // A box is sampled by its faces that look at x: a face in proportion to (nearly) its solid angle, and a
 // point on it uniformly. boxes[2 i] and boxes[2 i + 1] are the lower and upper corner of box i, world,
 // metres.
-#ifndef IPRT_BOXES_H
-#define IPRT_BOXES_H
+#pragma once
 
 #include "maths/maths.h"
 
@@ -132,5 +131,3 @@ static inline float box_density(__global const float4 *restrict boxes, int count
     }
     return density / at.total;
 }
-
-#endif

@@ -10,8 +10,7 @@
 // JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub, "Sampling Visible GGX
 // Normals with Spherical Caps", HPG 2023. Plastic: a GGX dielectric coat on a Lambertian base with linear
 // colour, as Mitsuba 3 defines `roughplastic` and `plastic`.
-#ifndef IPRT_BRDF_H
-#define IPRT_BRDF_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "maths/maths.h"
@@ -260,5 +259,3 @@ static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, 
     density.x = (1.0f - probability) * i.z / IPRT_PI;
     return density;
 }
-
-#endif

@@ -3,8 +3,7 @@
 // A share of the rays is aimed at bright parts of the panorama. The densities of both techniques are
 // combined by the one-sample balance heuristic (Veach and Guibas, "Optimally Combining Sampling Techniques
 // for Monte Carlo Rendering", SIGGRAPH 1995).
-#ifndef IPRT_DIRECTION_H
-#define IPRT_DIRECTION_H
+#pragma once
 
 #include "world/world.h"
 
@@ -47,5 +46,3 @@ static inline float inverse_density(const World world, const Scatter s, float3 o
     }
     return 1.0f / density;
 }
-
-#endif

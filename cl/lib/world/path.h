@@ -6,14 +6,11 @@
 // -D GLOSS lets one glossy real surface per path reflect as well. The radiance of glossy surfaces is then
 // their diffuse part only (iprt/world/real/highlight.py).
 // -D DISTANT_ENVIRONMENT treats the panorama as infinitely far: environment mapping.
-#ifndef IPRT_PATH_H
-#define IPRT_PATH_H
+#pragma once
 
 #include "world/brdf.h"
 #include "world/direction.h"
-#ifdef GLOSS
 #include "world/real/gloss.h"
-#endif
 #include "maths/sampling.h"
 #include "world/world.h"
 
@@ -212,5 +209,3 @@ static inline ALWAYS_INLINE PathResult trace_path(
     }
     return result;
 }
-
-#endif

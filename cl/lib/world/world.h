@@ -7,8 +7,7 @@
 // shows the surface, else from the panorama. Without either (null pointers) radiance is as captured.
 // With a picture of the surroundings, windows show distant radiance in the ray's direction rather than the
 // radiance of the point where the ray crosses them.
-#ifndef IPRT_WORLD_H
-#define IPRT_WORLD_H
+#pragma once
 
 #include "world/real/lights.h"
 #include "world/real/panorama.h"
@@ -87,5 +86,3 @@ static inline float3 real_radiance(const World world, const RealHit hit, float3 
 #endif
     return radiance;
 }
-
-#endif

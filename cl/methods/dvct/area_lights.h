@@ -2,8 +2,7 @@
 // maps of the space around the objects, with and without the objects.
 //
 // A map covers a spherical cap around the direction to the objects, in Lambert's azimuthal equal-area projection.
-#ifndef IPRT_AREA_LIGHTS_H
-#define IPRT_AREA_LIGHTS_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "maths/maths.h"
@@ -88,5 +87,3 @@ static inline float2 light_passing(const AreaLights lights, int number, const Ar
     }
     return passing;
 }
-
-#endif

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
+import pyopencl.array as cla
 
+from iprt.device.block import Block, Floats, Uints, when
 from iprt.device.compute import ComputeDevice
 from iprt.footage.clipped_texels import ClippedTexels
 
-NOTHING_CLIPPED: dict[str, Any] = {}
-"""`ShownTexels.arguments` where the displayed picture equals the radiance for rays."""
+
+@dataclass(kw_only=True)
+class ShownArgs(Block):
+    """Displayed picture of the panorama (`cl/lib/world/real/panorama.h`).
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32
+    clipped : uint32 or None
+        `ClippedTexels.words()`; None: no texel is clipped.
+    clipped_color : (N + 1, 3) float32 or None
+        Displayed colours of the clipped texels.
+    """
+
+    color: Floats
+    clipped: Uints = when("CLIPPED")
+    clipped_color: Floats = when("CLIPPED")
 
 
 class ShownTexels:
@@ -23,25 +40,23 @@ class ShownTexels:
     ----------
     width, height : int
         Size of the panorama.
-
-    Attributes
-    ----------
-    arguments : dict
-        Arguments of kernels that show the picture, besides `Panorama.color`.
     """
 
     def __init__(self, device: ComputeDevice, width: int, height: int) -> None:
         self._device, self._count = device, width * height
-        self.arguments = NOTHING_CLIPPED
+        self._words: cla.Array | None = None
+        self._colors: cla.Array | None = None
+
+    def shown(self, color: cla.Array) -> ShownArgs:
+        """Return the displayed picture; `color` is `Panorama.color`."""
+        return ShownArgs(color=color, clipped=self._words, clipped_color=self._colors)
 
     def load(self, clipped: ClippedTexels | None) -> None:
         """Load the texels of a frame; None: it has none."""
-        self.arguments = NOTHING_CLIPPED
+        self._words = self._colors = None
         if clipped is None:
             return
         # Kernels load a vector of four, past the last colour too.
         colors = np.concatenate([clipped.color, np.zeros((1, 3), np.float32)])
-        self.arguments = {
-            "panorama_clipped": self._device.share("panorama.clipped", clipped.words(self._count)),
-            "panorama_clipped_color": self._device.share("panorama.clipped color", colors),
-        }
+        self._words = self._device.share("panorama.clipped", clipped.words(self._count))
+        self._colors = self._device.share("panorama.clipped color", colors)

@@ -259,7 +259,7 @@ const Scatter s = scatter(world, m, (float3)(0.5f), x, n, wo, u);
 const RealHit hit = trace_real_layer(world.real, x, s.wi, INFINITY);
 const float3 weight = (float3)(0.5f) * s.diffuse + s.specular;
 const float share = weight.y > 0.0f ? inverse_density(world, s, x, hit) : 0.0f;
-light = share > 0.0f ? weight.y * share * captured_radiance(world, hit, s.wi).y : 0.0f;
+light = share > 0.0f ? weight.y * share * captured_radiance(world.real, hit, s.wi).y : 0.0f;
 """
 MIXED = [(name, index) for name in FRAMES for index in range(len(SHINY))]
 

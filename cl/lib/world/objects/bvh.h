@@ -14,11 +14,12 @@
 //              corner, the second, the third; NaN where there is no triangle.
 //   instances  BVH_INSTANCE_ROWS float4 per instance: 3 rows object from world; 3 rows world from
 //              object; then as int bits: reference of its root, first material.
-#ifndef IPRT_BVH_H
-#define IPRT_BVH_H
+#pragma once
 
 #include "maths/work.h"
 #include <iprt.world.objects.object_bvh>
+
+#ifdef OBJECTS_BVH
 
 // -D BVH_STACK: three entries for each level of both trees, whose depth the host bounds
 // (iprt/bvh/build.py). A level leaves at most three children on the stack.

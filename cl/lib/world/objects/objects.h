@@ -8,17 +8,10 @@
 //   trace_objects(objects, o, d, t_max, &hit)   nearest surface before t_max, hit.t; 1: found
 //   object_point(objects, hit, o, d)            the surface there: Scatterer
 //   object_lift(objects, distance)              offset in metres of rays from visible surfaces
-#ifndef IPRT_OBJECTS_H
-#define IPRT_OBJECTS_H
+#pragma once
 
 #include <iprt.world.objects.object_bvh>
 
-#ifdef OBJECTS_BVH
 #include "world/objects/objects_bvh.h"
-#elif defined(DISTANT_ENVIRONMENT)
 #include "world/objects/objects_none.h"
-#else
 #include "world/objects/objects_raster.h"
-#endif
-
-#endif

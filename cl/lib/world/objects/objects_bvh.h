@@ -1,11 +1,12 @@
 // The virtual objects as rays see them: triangles in a bounding volume hierarchy.
-#ifndef IPRT_OBJECTS_BVH_H
-#define IPRT_OBJECTS_BVH_H
+#pragma once
 
 #include "world/objects/bvh.h"
 #include "maths/grid.h"
 #include "maths/maths.h"
 #include "world/objects/scatterer.h"
+
+#ifdef OBJECTS_BVH
 
 // Offset of rays above a surface, as a fraction of the largest coordinate involved. A hit, computed from
 // the triangle's corners, and the ray's start in object space are each a few units in the last place

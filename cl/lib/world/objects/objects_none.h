@@ -1,8 +1,9 @@
 // No objects: rays meet nothing.
-#ifndef IPRT_OBJECTS_NONE_H
-#define IPRT_OBJECTS_NONE_H
+#pragma once
 
 #include "world/objects/scatterer.h"
+
+#if defined(DISTANT_ENVIRONMENT) && !defined(OBJECTS_BVH)
 
 typedef struct {
     float t;

@@ -1,13 +1,14 @@
 // The virtual objects as rays see them when rasterized from the capture centre: per texel one solid
 // interval, from the tangent plane of the front layer to the back layer's. The screen layers are
 // tried first. The equirect layers cover the space outside the screen.
-#ifndef IPRT_OBJECTS_RASTER_H
-#define IPRT_OBJECTS_RASTER_H
+#pragma once
 
 #include "maths/grid.h"
 #include "maths/tracing.h"
 #include "world/objects/scatterer.h"
 #include "gbuffer/view.h"
+
+#if !defined(OBJECTS_BVH) && !defined(DISTANT_ENVIRONMENT)
 
 // Most footprints by which a texel's tangent plane may leave its centre depth.
 #define OBJECT_SLOPE 6.0f

@@ -1,6 +1,5 @@
 // A surface point of a virtual object that scatters, seen along d.
-#ifndef IPRT_SCATTERER_H
-#define IPRT_SCATTERER_H
+#pragma once
 
 typedef struct {
     float3 position;   // just off the surface: rays from it do not meet it
@@ -8,5 +7,3 @@ typedef struct {
     float3 albedo;
     int material;
 } Scatterer;
-
-#endif

@@ -5,9 +5,11 @@
 // their joins differ: the floor that a ball hides continues beside it, while the ball ends there. Both
 // surfaces are watertight across joined edges. No back faces are assumed (BASSRT) where the background is
 // known.
-#ifndef IPRT_BACKGROUND_H
-#define IPRT_BACKGROUND_H
+#pragma once
 
+
+
+#ifdef BACKGROUND
 // Return where a radius lies in a texel: 0 before the first layer, 1 in it, 2 between, 3 in the background,
 // 4 behind.
 static inline int place_of(float r, float front, float solid, float back, float back_solid)

@@ -1,6 +1,5 @@
 // Linear maps between the colours of a video frame and of its reference frame.
-#ifndef IPRT_COLOR_MAP_H
-#define IPRT_COLOR_MAP_H
+#pragma once
 
 // First rows, xyz each, of the map to the reference's colours, and of its inverse.
 #define TO_REFERENCE 0
@@ -11,5 +10,3 @@ static inline float3 map_color(__global const float4 *restrict maps, int first, 
     return (float3)(dot(maps[first].xyz, color), dot(maps[first + 1].xyz, color),
                     dot(maps[first + 2].xyz, color));
 }
-
-#endif

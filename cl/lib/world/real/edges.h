@@ -7,8 +7,7 @@
 // between the colours. The edge is the 1/2 isoline of bilinearly blended levels, a function of coverage.
 //
 // Element k of a vector of 16, and bit k of a mask, stand for the texel in row k / 4 and column k % 4.
-#ifndef IPRT_EDGES_H
-#define IPRT_EDGES_H
+#pragma once
 
 #include "world/real/real.h"
 #include "world/real/reconstruct.h"
@@ -342,5 +341,3 @@ static inline ALWAYS_INLINE float blurred_coverage(const Window *w, float16 cove
 {
     return clamp(sum_of(cubic_weight(w) * coverage), 0.0f, 1.0f);
 }
-
-#endif

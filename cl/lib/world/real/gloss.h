@@ -1,11 +1,12 @@
 // Gain of computed highlights (iprt/world/real/highlight_gain.py), in cells of -D CELL x CELL texels.
-#ifndef IPRT_GLOSS_H
-#define IPRT_GLOSS_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "world/brdf.h"
 #include "world/real/panorama.h"
 #include <iprt.world.real.highlight>
+
+#ifdef CELL
 
 // Return the gain at `at`, in texels of the panorama; (0, 0) is its upper left corner.
 static inline float3 gain_at(__global const float4 *restrict gain, int columns, int rows, float2 at)

@@ -4,8 +4,7 @@
 //
 // Inverse distances are blended between texels: on a plane they are linear across a face, up to the length
 // of the direction. In open sky they are 0. Faces are not blended with each other.
-#ifndef IPRT_IMPOSTOR_H
-#define IPRT_IMPOSTOR_H
+#pragma once
 
 #include "maths/cube.h"
 #include "world/real/panorama.h"
@@ -82,5 +81,3 @@ static inline ALWAYS_INLINE float trace_impostor(const Impostor impostor, float3
     }
     return t;
 }
-
-#endif

@@ -2,8 +2,7 @@
 //
 // A cell holds two surfaces. The first `columns * rows` entries are the panorama's surfaces at the cells'
 // centres. As many more follow for thin surfaces that no centre nearby shows, such as the side of a book.
-#ifndef IPRT_IRRADIANCE_H
-#define IPRT_IRRADIANCE_H
+#pragma once
 
 #include "maths/equirect.h"
 #include "maths/maths.h"
@@ -103,5 +102,3 @@ static inline float3 inverse_irradiance(const IrradianceCache cache, float3 p, f
                     irradiance.y > black ? 1.0f / irradiance.y : 0.0f,
                     irradiance.z > black ? 1.0f / irradiance.z : 0.0f);
 }
-
-#endif

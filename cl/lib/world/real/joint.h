@@ -2,8 +2,7 @@
 //
 // Two neighbours are connected if the tangent plane of either explains the step between them, or if the
 // step is below three texel footprints. Only other steps are gaps that a ray can pass.
-#ifndef IPRT_JOINT_H
-#define IPRT_JOINT_H
+#pragma once
 
 #include "maths/lanes.h"
 #include "world/real/real.h"
@@ -53,5 +52,3 @@ static inline floats radius_bend(Vectors g, floats d, float footprint)
 {
     return 0.25f * footprint * footprint * d * (2.0f * along(g, g) * d * d - 1.0f);
 }
-
-#endif

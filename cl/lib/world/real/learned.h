@@ -9,8 +9,7 @@
 // Models are kept in a uniform grid with cells as wide as the search radius. A cell lists the models that
 // reach it. Its index in the table is its coordinates modulo the grid's size, so that the grid is
 // unbounded: cells with the same index are far apart, and distances tell their models apart.
-#ifndef IPRT_LEARNED_H
-#define IPRT_LEARNED_H
+#pragma once
 
 #include "maths/maths.h"
 #include "maths/sampling.h"
@@ -91,5 +90,3 @@ static inline float4 learned_radiance(const Learned learned, float3 p, float3 n)
                                   to_world(learned.pose, n, 0.0f), &greatest);
     return sum.w > 0.0f ? (float4)(sum.xyz / sum.w, 1.0f) : (float4)(0.0f);
 }
-
-#endif

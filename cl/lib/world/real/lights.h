@@ -7,8 +7,7 @@
 // march of the ray.
 //
 // -D IMPOSTOR aims at the table's directions as they are: the density is known whatever a ray meets.
-#ifndef IPRT_LIGHTS_H
-#define IPRT_LIGHTS_H
+#pragma once
 
 #include "maths/maths.h"
 #include "world/real/real.h"
@@ -107,5 +106,3 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
         / (dot(y, y) * fmax(fabs(dot(g, d)), 1e-6f * towards_centre));
 #endif
 }
-
-#endif

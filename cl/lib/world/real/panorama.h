@@ -1,6 +1,7 @@
 // Radiance lookups in the panorama, and its displayed colours where lights were clipped.
-#ifndef IPRT_PANORAMA_H
-#define IPRT_PANORAMA_H
+#pragma once
+
+#include <iprt.world.real.clipped>
 
 #include "maths/tracing.h"
 
@@ -53,13 +54,6 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
     return equirect_bilinear(color, 3, width, height, uv);
 }
 
-// A picture of the panorama. Without clipped lights, `clipped` is 0.
-typedef struct {
-    __global const float *color;         // radiance, 3 a texel
-    __global const uint *clipped;        // 2 for 32 texels: bits of clipped ones; count of those before
-    __global const float *clipped_color; // displayed colours of clipped texels, 3 each; and one more
-} Shown;
-
 // Return channel `c` of a texel as displayed.
 static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
 {
@@ -72,5 +66,3 @@ static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
     const float seen = shown.clipped_color[3 * row + c];
     return word & bit ? seen : sent;
 }
-
-#endif

@@ -7,15 +7,12 @@
 // -D BACKGROUND: a second layer holds, per texel, the farthest surface that the video has shown there
 // (remember.cl). It equals the first layer where nothing nearer hides it (background.h).
 // -D IMPOSTOR: rays do not march but intersect the distance impostor (impostor.h).
-#ifndef IPRT_REAL_H
-#define IPRT_REAL_H
+#pragma once
 
 #include "maths/grid.h"
 #include "maths/tracing.h"
 #include <iprt.world.real.panorama>
-#ifdef IMPOSTOR
 #include "world/real/impostor.h"
-#endif
 
 #define SURFACE_EAST 1      // connected with the neighbour in that direction
 #define SURFACE_WEST 2
@@ -143,9 +140,7 @@ static inline int back_face(const RealLayer layer, const PolarRay ray, const Seg
     return 1;
 }
 
-#ifdef BACKGROUND
 #include "world/real/background.h"
-#endif
 
 // Intersect a ray with one texel. Surfaces are watertight across connected edges: a ray on different sides
 // of two connected neighbours has crossed the surface between them.
@@ -324,5 +319,3 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     return hit;
 #endif
 }
-
-#endif

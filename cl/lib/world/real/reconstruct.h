@@ -1,6 +1,5 @@
 // Reconstruction of the panorama between its texels and over a pixel's footprint.
-#ifndef IPRT_RECONSTRUCT_H
-#define IPRT_RECONSTRUCT_H
+#pragma once
 
 #include "gbuffer/view.h"
 #include "world/real/panorama.h"
@@ -137,5 +136,3 @@ static inline ALWAYS_INLINE float3 shown_in_pixel(
     const float share = apart * apart;
     return (float3)(share * red, share * green, share * blue);
 }
-
-#endif

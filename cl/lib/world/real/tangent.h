@@ -1,6 +1,5 @@
 // Directions of the panorama's texels, and tangent planes.
-#ifndef IPRT_TANGENT_H
-#define IPRT_TANGENT_H
+#pragma once
 
 // Planes seen at a smaller cosine are tilted towards the viewer, so that g stays bounded.
 #define GRAZING 0.02f
@@ -25,5 +24,3 @@ static inline float3 tangent_plane(float3 n, float3 v)
     }
     return n / facing;
 }
-
-#endif

@@ -3,8 +3,7 @@
 // outline.
 //
 // Scalars only: PoCL vectorizes resampling.
-#ifndef IPRT_UNEVEN_H
-#define IPRT_UNEVEN_H
+#pragma once
 
 #include "world/real/real.h"
 #include "world/real/reconstruct.h"
@@ -67,5 +66,3 @@ static inline ALWAYS_INLINE void store_corners(
     for (int k = 0; k < 4; k++)
         shares[k] = share[k] / radiance;
 }
-
-#endif
