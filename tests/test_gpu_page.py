@@ -7,15 +7,13 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from docs import gpu
 from docs.gpu import GPUS, Gpu, estimate, moved, page_part
-from docs.gpu_counts import FILL, FRAME, FULL, GBUFFER, VIDEO, Count, Size, play, resized
-from docs.gpu_instructions import add, cost, widths
+from docs.gpu_counts import FILL, FRAME, FULL, GBUFFER, VIDEO, Count, Size, play
+from docs.gpu_instructions import add, widths
 from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import Frame
 from tests import gpu as compilers
 from tests.films import entry_points
 
@@ -35,24 +33,6 @@ Instructions executed for kernel 'planted':
             7 - call _Z6vload2mPU3AS0Ki()
             4 - call own_function()
 """
-
-
-def test_costs_of_instructions() -> None:
-    width = {"fadd": 4.0}
-    assert cost("fadd", width) == (4.0, 4.0)
-    assert cost("fmul", width) == (1.0, 1.0)
-    assert cost("fdiv", width) == (1.0, 8.0)
-    assert cost("call llvm.fmuladd.f32()", width) == (2.0, 1.0)
-    assert cost("call llvm.fmuladd.v3f32()", width) == (6.0, 3.0)
-    assert cost("call _Z3dotDv3_fS_()", width) == (6.0, 3.0)
-    assert cost("call _Z4sqrtf()", width) == (1.0, 8.0)
-    assert cost("call _Z3sinf()", width) == (1.0, 20.0)
-    assert cost("call _Z3maxii()", width) == (1.0, 1.0)
-    assert cost("call own_function()", width) == (0.0, 0.0)
-    assert cost("load global", width) == (0.0, 2.0)
-    assert cost("load private", width) == (0.0, 0.0)
-    assert cost("getelementptr", width) == (0.0, 0.0)
-    assert cost("icmp", width) == (0.0, 1.0)
 
 
 @pytest.mark.skipif(not compilers.installed(), reason=compilers.MISSING)
@@ -100,11 +80,6 @@ def test_the_slowest_limit_counts() -> None:
     assert times.limit == "issue"
 
 
-def test_registers_limit_threads() -> None:
-    assert [GPUS[0].resident(r) for r in (32, 64, 65, 128, 255)] == [1024, 1024, 896, 512, 256]
-    assert [GPUS[1].resident(r) for r in (32, 64, 255)] == [2048, 1024, 256]
-
-
 def test_small_runs_are_scaled_by_steps_or_items() -> None:
     small = Count("p", 1, 10, steps=20, loaded=40, stored=8, flops=100.0, instructions=300.0)
     full = Count("p", 2, 1000, steps=60).scaled(small)
@@ -113,22 +88,6 @@ def test_small_runs_are_scaled_by_steps_or_items() -> None:
     assert (plain.loaded, plain.flops) == (4000, 10_000.0)
     fill = Count("", 1, bound=5, stored=5)
     assert fill.scaled(fill) == fill
-
-
-def test_a_panorama_is_resized() -> None:
-    rows, columns = np.indices((8, 16))
-    frame = Frame(
-        np.repeat((rows / 8.0)[..., None], 3, axis=-1).astype(np.float32),
-        np.full((8, 16), 2.0, np.float32),
-        columns < 8,
-    )
-    for size in (4, 32):
-        found = resized(frame, size)
-        assert found.color.shape == (size, 2 * size, 3)
-        np.testing.assert_allclose(found.depth, 2.0)
-        assert found.opening.mean() == 0.5
-        assert found.color.mean() == pytest.approx(frame.color.mean())
-        assert np.all(np.diff(found.color[:, 0, 0]) >= 0.0)
 
 
 @pytest.mark.thorough

@@ -96,16 +96,6 @@ def test_a_mirror_shows_what_a_screen_hides(
     assert np.mean(others[0]) < np.mean(others[1]) + 1e-3
 
 
-@pytest.mark.thorough
-def test_a_still_video_looks_as_if_nothing_were_remembered(
-    device: ComputeDevice, screened: Frame
-) -> None:
-    """Bit for bit."""
-    video = [screened, replace(screened, color=screened.color.copy())]
-    with_, without = (last_of(device, video, static_camera=on, steps=2) for on in (True, False))
-    assert np.array_equal(with_.color, without.color)
-
-
 @pytest.mark.parametrize("how", ["cut", "light"])
 def test_is_forgotten(device: ComputeDevice, empty: Frame, screened: Frame, how: str) -> None:
     """At a cut there may be anything behind the screen; where light goes on, it looks otherwise."""

@@ -230,23 +230,6 @@ def test_broken_triangles_change_nothing(
     assert likeness(picture.color, whole.color) > 0.995
 
 
-@METHOD
-@pytest.mark.parametrize(("gbuffer", "view"), [("gl", VIEW), ("cl", PANORAMA)], ids=["gl", "cl"])
-def test_objects_without_triangles_are_none(
-    device: ComputeDevice, method: tuple[str, str], gbuffer: str, view: View
-) -> None:
-    frame = two_frames()[0]
-    nothing = [
-        mesh_of(np.zeros((0, 3)), []),
-        mesh_of(np.ones((3, 3)), []),
-        mesh_of(np.full((3, 3), np.nan), [0, 1, 2]),
-        mesh_of(np.array([[0, 0, -1], [0, 0, -2], [0, 0, -1]], float), [0, 1, 2]),
-    ]
-    plain = render(device, frame, [], view, chosen(method))
-    picture = render(device, frame, nothing, view, chosen(method, gbuffer=gbuffer), frames=2)
-    np.testing.assert_array_equal(picture.color, plain.color)
-
-
 # Depth ----------------------------------------------------------------------------------------
 
 
@@ -340,32 +323,6 @@ def test_a_cut_of_the_video_leaves_nothing_behind(
             assert error < 1.25 * least[name], name
         assert likeness(found.color, truth.color) > likeness(new.color, truth.color) - 0.01
     assert likeness(old.color, truth.color) < 0.5
-
-
-@pytest.mark.thorough
-@METHOD
-def test_a_jump_of_the_head_leaves_nothing_behind(
-    device: ComputeDevice, method: tuple[str, str]
-) -> None:
-    """The first frame after it is about as good as the first one of all."""
-    frame, objects = two_frames()[0], still_life()
-    away = replace(VIEW, yaw_deg=150.0)  # the same floor, in the same pixels
-    sure: dict[str, Any] = {"fading": 0.0, "trace": {"rays": 8}}
-    truth = render(device, frame, objects, VIEW, chosen(method, seed=1, **sure), frames=16)
-    fresh = render(device, frame, objects, VIEW, chosen(method))
-    with Renderer(device, frame, objects, away, chosen(method)) as renderer:
-        renderer.render(12)
-        renderer.look(VIEW)
-        picture = renderer.render(1, AOVS)
-    least = errors(fresh, truth)
-    for name, error in errors(picture, truth).items():
-        # Cells of E_R that the map of shadows has asked for are not smoothed anew.
-        assert error < 1.4 * least[name], name
-    # Shadows are there at once, and not those of the floor that was seen before.
-    dark = (truth.aovs["ratio"].max(-1) < 0.92) & (truth.aovs["coverage"] == 0.0)
-    assert dark.sum() > 20
-    shadow = 1.0 - picture.aovs["ratio"][dark].mean()
-    assert shadow > 0.6 * (1.0 - fresh.aovs["ratio"][dark].mean())
 
 
 @pytest.mark.thorough

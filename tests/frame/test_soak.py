@@ -72,15 +72,12 @@ class Run:
         Digests of all pictures so far.
     used : list of int
         Bytes that are allocated and not freed, buffers of PoCL's devices among them.
-    memory : list of int
-        Bytes that the process holds: with what the allocator keeps, and so in large steps.
     made : list of int
         Buffers and kernels made so far.
     """
 
     digests: list[str] = field(default_factory=list)
     used: list[int] = field(default_factory=list)
-    memory: list[int] = field(default_factory=list)
     made: list[int] = field(default_factory=list)
 
     @property
@@ -117,11 +114,6 @@ def in_use() -> int:
     return int(told.uordblks + told.hblkhd)
 
 
-def resident() -> int:
-    """Bytes of memory that the process holds."""
-    return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
-
-
 def at_rest(stream: Ahead[Any]) -> bool:
     """Whether as many frames lie ready as may, or all are made."""
     return all(made.done() for made in stream._made)
@@ -152,7 +144,6 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
                 gc.collect()
                 run.digests.append(digest.hexdigest())
                 run.used.append(in_use())
-                run.memory.append(resident())
                 run.made.append(device.made)
     return run
 
@@ -180,7 +171,6 @@ def main(frames: int) -> None:
         runs = [play(scene, compute, frames, METHODS[0]) for _ in range(2)]
     for run in runs:
         print(f"{frames} frames: {run.slope:.1f} bytes per frame, {run.used[0]} at first")
-        print(f"  resident: {run.memory[0]} bytes, at the end {run.memory[-1]}")
         print(f"  buffers and kernels: {run.made[0]}, at the end {run.made[-1]}")
     print("the same to the bit" if runs[0].digests == runs[1].digests else "they differ")
 

@@ -107,19 +107,6 @@ def test_random_triangles() -> None:
     check(instances, *EQUIRECT, *PERSPECTIVE, min_compared=1000)
 
 
-@pytest.mark.thorough
-def test_sphere_in_equirect() -> None:
-    """In front, across the seam, over and beside each pole."""
-    places = [(10, -5), (180, 10), (-179, -30), (60, 85), (0, 90), (-30, -80), (0, -90)]
-    with rasterizer([placed(sphere(1))]) as opened:
-        for yaw, pitch in places:
-            for view, distance in zip(EQUIRECT, (1.5, 4.0), strict=True):
-                ball = placed(sphere(1), distance * direction(yaw, pitch))
-                opened.move([ball])
-                layers = opened.render(view, shade=False)
-                check_layers(layers, gather([ball]), view, opened.materials, min_compared=15)
-
-
 @pytest.mark.parametrize("view", PERSPECTIVE)
 @pytest.mark.parametrize("distance", [1.2, 3.0])
 def test_sphere_in_perspective(view: View, distance: float) -> None:
@@ -220,25 +207,6 @@ def test_broken_triangles_do_not_hide_the_others() -> None:
     expected = render([placed(shape, (0, 0, -3))], view)
     found = render([placed(mesh(positions, triangles), (0, 0, -3))], view)
     np.testing.assert_array_equal(found.front.geometry, expected.front.geometry)
-
-
-def test_two_rasterizers_and_repeated_calls_agree() -> None:
-    """Contexts do not disturb each other, and nothing of an earlier call remains."""
-    view, other = View(41, 33), View(50, 25, projection="equirect")
-    with (
-        rasterizer([placed(sphere(1), (0, 0, -3))]) as one,
-        rasterizer([placed(quad(), (0.5, 0, -2))]) as two,
-    ):
-        first = one.render(view, shade=True)
-        two.render(view, shade=True)
-        one.render(other, shade=False)
-        one.move([placed(sphere(1), (1.5, 1, -3))])
-        one.render(view, shade=True)
-        one.move([placed(sphere(1), (0, 0, -3))])
-        again = one.render(view, shade=True)
-    np.testing.assert_array_equal(first.front.geometry, again.front.geometry)
-    np.testing.assert_array_equal(first.back.material, again.back.material)
-    np.testing.assert_array_equal(first.coverage, again.coverage)
 
 
 def test_memory_is_what_opengl_holds() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +13,8 @@ from iprt.geometry.material import Material
 from iprt.settings.model import Settings
 from iprt.trace.paths import Environment, support_plane
 from iprt.world.real.lights import light_table
-from tests.oracles.worlds import Sphere
 from tests.rendering import render
-from tests.trace.environments import UP, hidden_and_bounced, windowed
+from tests.trace.environments import UP, windowed
 from tests.trace.estimators import PLAIN, Estimator, confirm, furnace, kernels, lamps
 from tests.trace.test_estimators import (
     BALL,
@@ -26,9 +24,8 @@ from tests.trace.test_estimators import (
     as_large,
     ball_factor,
     box_of,
-    box_truth,
 )
-from tests.worlds import Float, ball, panorama_at
+from tests.worlds import ball, panorama_at
 
 WAYS: tuple[Estimator, ...] = ("dpt, aimed", "dpt, even", "pt-diff, aimed")
 ALL, PLANE = {"surfaces": "all"}, {"surfaces": "plane"}
@@ -63,48 +60,6 @@ def test_a_ball_hides_light_and_shines(
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("estimator", WAYS)
-def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator) -> None:
-    frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
-    own = {**ALL, "bounces": 1}
-    with kernels(device, frame, objects, estimator, aim_at=lamps(frame), own=own) as run:
-        hidden, sent = np.moveaxis(run.parts(0, 4), -2, 0)
-    assert hidden.max() > 0.0
-    np.testing.assert_array_equal(sent, 0.0)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("estimator", WAYS)
-def test_a_window_casts_a_shadow_by_its_direction(
-    device: ComputeDevice, estimator: Estimator
-) -> None:
-    """On a plane, light is infinitely far, but for what the plane itself sends."""
-    frame, albedo = windowed(), np.array([0.9, 0.5, 0.1])
-    objects = [ball(*BALL, Material(albedo=tuple(albedo)), subdivisions=5)]
-    with kernels(device, frame, objects, estimator, own={**PLANE, "bounces": 1}) as run:
-        points, normals = run.receivers()
-        run.renderer.method.environment.plane = nearest_plane(points, normals)
-        parts = np.array([run.parts(seed, 4 * RAYS) for seed in range(RUNS)])
-        plane = run.renderer.method.environment.plane
-    relit = (np.abs(points @ plane[:3] - plane[3]) < 0.018 * np.linalg.norm(points, axis=-1)) & (
-        normals @ plane[:3] > 0.91
-    )
-    beside = np.abs(points @ plane[:3] - plane[3]) > 0.022 * np.linalg.norm(points, axis=-1)
-    assert relit.sum() > 10
-    assert beside.any()
-    np.testing.assert_array_equal(parts[:, beside], 0.0)
-    hidden, _ = hidden_and_bounced(frame, points[relit], normals[relit], Sphere(*BALL), albedo)
-    confirm(parts[:, relit][..., 0, 0].reshape(RUNS, -1), hidden[:, 0], rounding=5e-3)
-
-
-def nearest_plane(points: Float, normals: Float) -> Any:
-    """The tangent plane in the middle of the view."""
-    row, column = points.shape[0] // 2, points.shape[1] // 2
-    normal = normals[row, column]
-    return np.array([*normal, normal @ points[row, column]], np.float32)
-
-
-@pytest.mark.thorough
 def test_both_methods_have_one_mean(device: ComputeDevice) -> None:
     """Pixel by pixel the same paths: what is not gathered is what cancels."""
     frame, objects = windowed(), [ball(*BALL, LAMP), box_of(Material(albedo=(0.3, 0.6, 0.9)))]
@@ -114,58 +69,6 @@ def test_both_methods_have_one_mean(device: ComputeDevice) -> None:
             found.append(run.parts(3, 16))
     assert found[0].max() > 0.05
     np.testing.assert_allclose(*found, atol=1e-5 * found[0].max())
-
-
-# Objects -------------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["conductor", "plastic"])
-@pytest.mark.parametrize("own", [ALL, PLANE], ids=["all", "plane"])
-def test_glossy_objects_reflect_their_albedo(
-    device: ComputeDevice, name: Any, own: dict[str, str]
-) -> None:
-    material = Material(name, (0.9, 0.6, 0.3), alpha=0.3)
-    frame, aim = furnace("sphere"), lamps(furnace("sphere"))
-    with kernels(device, frame, [box_of(material)], WAYS[0], aim_at=aim, view=LOOK, own=own) as run:
-        runs = [run.reflected(seed, 32) for seed in range(RUNS)]
-        inside, wanted = box_truth(run, material)
-    for kind in runs[0]:
-        confirm(np.array([one[kind][inside, 0] for one in runs]), wanted[kind], rounding=1e-3)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("bounces", [1, 2, 3])
-def test_light_between_objects_is_that_of_so_many_surfaces(
-    device: ComputeDevice, bounces: int
-) -> None:
-    """A white box's top below a black ball in a furnace, and below one that scatters half: what is
-    dark with one bounce is lit by the ball's own direct light with two.
-    """
-    hung, radius, albedo = (0.35, -0.15, -1.2), 0.15, 0.5
-    box = box_of(Material(albedo=(0.0, 0.0, 0.0)))
-    hanging = ball(hung, radius, Material(albedo=(albedo,) * 3))
-    frame = furnace("sphere")
-    own = {**ALL, "bounces": bounces}
-    with kernels(
-        device, frame, [box, hanging], WAYS[0], aim_at=lamps(frame), view=LOOK, own=own
-    ) as run:
-        visible, layout = run.renderer.visible, run.renderer.layout
-        normal, depth = (
-            np.moveaxis(layout.interior(device.read(planes)).astype(np.float64), 0, -1)
-            for planes in (visible.normal, visible.depth)
-        )
-        top = normal[..., 1] > 1.0 - 1e-4
-        points = (LOOK.directions() * depth)[top]
-        runs = np.array([run.reflected(seed, 64)["diffuse"][top, 0] for seed in range(RUNS)])
-    factor = ball_factor(points, np.broadcast_to(UP, points.shape), hung, as_large(hanging, radius))
-    lit = 1.0 - factor
-    if bounces == 1:
-        confirm(runs, lit, rounding=1e-3)
-        return
-    # The ball's lower half sees the black box as well: what it sends lies between none and all.
-    sent = runs.mean() - lit.mean()
-    assert 0.3 * albedo * factor.mean() < sent < albedo * factor.mean()
 
 
 # Samples, plane, pictures ----------------------------------------------------------------------

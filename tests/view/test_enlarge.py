@@ -115,14 +115,6 @@ def test_the_reduced_view_sees_the_same(view: View, scale: int) -> None:
 
 
 @views
-def test_even_light_stays_even(device: ComputeDevice, view: View, scale: int) -> None:
-    small = view.reduced(scale)
-    light = np.broadcast_to([0.5, 2.0, 0.0], (small.height, small.width, 3))
-    found = enlarged(device, view, scale, light, box_room(view), box_room(small))
-    np.testing.assert_allclose(found, np.broadcast_to([0.5, 2.0, 0.0], found.shape), rtol=1e-6)
-
-
-@views
 def test_a_ratio_of_1_is_exact(device: ComputeDevice, view: View, scale: int) -> None:
     small = view.reduced(scale)
     ratio = np.ones((small.height, small.width, 4))

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, minimum_filter
+from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
@@ -19,7 +18,7 @@ from iprt.world.real.panorama import Panorama
 from tests.oracles import edges
 from tests.oracles.worlds import Box, Sphere, World
 from tests.view.layers import Layer, loaded, show
-from tests.worlds import Float, landscape_frame, turned
+from tests.worlds import Float, landscape_frame
 
 WIDTH, HEIGHT = 256, 128
 ROOM = World(
@@ -145,35 +144,6 @@ def test_edges_are_sharp(device: ComputeDevice, view: View) -> None:
     assert sharp.color.max() < 1.05 * COLORS.max()
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ahead", "tilted", "seam"])
-def test_edges_do_not_flicker(device: ComputeDevice, name: str) -> None:
-    """While the head turns by a third of a pixel, edges change less, but for their motion, than
-    those of means of the room over pixels do.
-    """
-    panorama, view = loaded(device, painted()), VIEWS[name]
-    step_deg = float(np.degrees(0.37 / view.focal_px))
-    views = [replace(view, yaw_deg=view.yaw_deg + step_deg * i) for i in range(3)]
-    sharp = [shown(device, panorama, v).color for v in views]
-    blurred = [shown(device, panorama, v, sharp=False).color for v in views]
-    truth = [averaged(v) for v in views]
-    edge = [np.abs(a - b).max(-1) > 1e-2 for a, b in zip(sharp, blurred, strict=True)]
-    changes = []
-    for pictures in (sharp, truth):
-        pairs = zip(pairwise(pictures), pairwise(views), edge[1:], strict=True)
-        squares = [unexplained(*two, *seen)[where] ** 2 for two, seen, where in pairs]
-        changes.append(np.sqrt(np.nanmean(np.concatenate(squares))))
-    assert changes[0] < 0.8 * changes[1]
-
-
-def unexplained(before: Float, after: Float, was: View, now: View) -> Float:
-    """(H, W, 3) change of a picture that is not motion; NaN where it was not to be seen."""
-    x, y = np.moveaxis(was.project(now.directions()), -1, 0) - 0.5
-    outside = (x < 2) | (x > was.width - 3) | (y < 2) | (y > was.height - 3)
-    warped = np.stack([map_coordinates(c, [y, x]) for c in np.moveaxis(before, -1, 0)], axis=-1)
-    return np.asarray(np.where(outside[..., None], np.nan, after - warped))
-
-
 @views
 def test_surfaces_end_where_they_do(device: ComputeDevice, view: View) -> None:
     panorama = loaded(device, painted())
@@ -230,17 +200,6 @@ def test_any_unit_of_light(device: ComputeDevice, factor: float) -> None:
     scaled = shown(device, loaded(device, replace(frame, color=color)), view)
     np.testing.assert_allclose(scaled.color, plain.color * factor, rtol=1e-4, atol=1e-6 * factor)
     np.testing.assert_allclose(scaled.depth, plain.depth)
-
-
-@pytest.mark.parametrize("columns", [1, 128, 255])
-def test_a_turned_panorama_looks_the_same(device: ComputeDevice, columns: int) -> None:
-    frame, view = painted(), VIEWS["seam"]
-    rolled, _, yaw_deg = turned(frame, [], columns)
-    still = shown(device, loaded(device, frame), view)
-    there = replace(view, yaw_deg=view.yaw_deg + yaw_deg)
-    layer = shown(device, loaded(device, rolled), there)
-    off = np.abs(layer.color - still.color).max(-1) > 5e-3
-    assert off.mean() < 0.005
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (3, 2), (4, 2)])

@@ -21,7 +21,7 @@ from tests.oracles.worlds import World
 from tests.rendering import render
 from tests.trace.environments import windowed
 from tests.trace.estimators import kernels
-from tests.trace.test_estimators import BALL, BLACK, LAMP, box_of
+from tests.trace.test_estimators import BALL, LAMP, box_of
 from tests.worlds import ball, bright_walls, ceiling_lamp, filmed, pose_at, room_frame
 
 pytestmark = pytest.mark.gl
@@ -197,26 +197,3 @@ def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> 
 def bounds_of(renderer: Renderer) -> Any:
     """Lower and upper corner (3,) of the one object."""
     return renderer.world.objects.bounds[0, :, :3].astype(np.float64)
-
-
-@pytest.mark.thorough
-def test_frames_are_deterministic_and_finite(device: ComputeDevice) -> None:
-    """With holes in the depth, and light that is not a number."""
-    frame = room_frame(World(), 64, 32, ceiling_lamp)
-    color, depth = frame.color.copy(), frame.depth.copy()
-    color[5, 7], depth[20:25, 10:30] = 6e4, np.inf
-    frame = replace(frame, color=color, depth=depth)
-    objects = [ball(*BALL, BLACK), ball((0.5, -1.1, -1.5), 0.25, MIRROR)]
-    first, second = (render(device, frame, objects, VIEW, chosen(samples=1024), 3) for _ in "ab")
-    for name, image in first.aovs.items():
-        np.testing.assert_array_equal(image, second.aovs[name], err_msg=name)
-        assert np.isfinite(image).all(), name
-    np.testing.assert_array_equal(first.color, second.color)
-    assert np.isfinite(first.color).all()
-
-
-def test_more_models_than_may_be_are_harmless(device: ComputeDevice) -> None:
-    frame = room_frame(World(), 64, 32, bright_walls)
-    picture = render(device, frame, [ball(*BALL, LAMP)], VIEW, chosen(models=64), 3)
-    assert np.isfinite(picture.color).all()
-    assert (picture.aovs["learned"].min(axis=-1) == 0.0).any()

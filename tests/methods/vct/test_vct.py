@@ -95,24 +95,6 @@ def test_objects_reflect_their_albedo_in_a_furnace(device: ComputeDevice, name: 
 LOOK = View(48, 36, pitch_deg=-35.0)
 
 
-@pytest.mark.thorough
-def test_two_runs_agree_bit_for_bit(device: ComputeDevice) -> None:
-    objects = [ball(*BALL, CLAY), box_of(Material("plastic", alpha=0.2))]
-    first, second = (render(device, windowed(), objects, LOOK, vct(), 3).color for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-
-
-def test_what_objects_do_not_reach_stays(device: ComputeDevice) -> None:
-    """Bit for bit, below an object that lies under the plain."""
-    frame = furnace("plain")
-    below = ball((0.2, -3.0, -0.9), 0.45, CLAY)
-    without = render(device, frame, [], LOOK, vct(), 2).color
-    shown = render(device, frame, [below], LOOK, vct(), 2)
-    beside = shown.aovs["coverage"] == 0.0
-    assert beside.sum() > 500
-    np.testing.assert_array_equal(shown.color[beside], without[beside])
-
-
 def test_light_varies_with_the_place_in_the_room(device: ComputeDevice) -> None:
     """Objects and all, ten times as large, are the same; far walls alone are others."""
     rng = np.random.default_rng(3)

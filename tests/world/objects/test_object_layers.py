@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
-from iprt.raster.layers import Layer, ObjectLayers, blank_display
-from iprt.world.objects.object_layers import EMPTY, TracedLayers, VisibleLayer
+from iprt.raster.layers import ObjectLayers
+from iprt.world.objects.object_layers import TracedLayers, VisibleLayer
 from iprt.world.real.panorama import Panorama
 from tests.oracles.worlds import Box, Solid, Sphere, World
 from tests.raster.shapes import rasterizer
@@ -134,11 +133,6 @@ def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
     return channels[..., 0] if channels.shape[-1] == 1 else channels
 
 
-def bounding(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
-    rows, columns = np.nonzero(mask)
-    return columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
-
-
 # The visible layer ---------------------------------------------------------------------------
 
 
@@ -169,46 +163,6 @@ def test_visible_surfaces_are_the_solids(device: ComputeDevice, view: View) -> N
     assert isinstance(SOLIDS[0], Sphere)
     away = np.linalg.norm((d * depth[..., None])[on_ball] - SOLIDS[0].centre, axis=-1)
     np.testing.assert_allclose(away, SOLIDS[0].radius, rtol=2 * SAGITTA)
-
-
-@views
-def test_coverage_is_the_area(device: ComputeDevice, view: View) -> None:
-    layer = visible(device, rasterized(view, instances()), view)
-    coverage = image(device, layer, "coverage")
-    area = see(samples(view, 8)).any.mean(0)
-    edge = (area > 0.0) & (area < 1.0)
-    assert edge.sum() > 60
-    error = coverage - area
-    assert np.abs(error[~edge]).max() == 0.0
-    assert np.sqrt((error[edge] ** 2).mean()) < 0.12
-    assert abs(error[edge].mean()) < 0.03
-    # Every covered pixel has a surface to shade, borrowed where its centre has none.
-    covered = coverage > 0.0
-    assert (covered & ~see(view.directions()).any).sum() > 10
-    for name in ("depth", "id", "roughness"):
-        assert (image(device, layer, name)[covered] > 0.0).all()
-    for name in ("depth", "id", "normal", "albedo"):
-        assert not image(device, layer, name)[~covered].any()
-    assert (image(device, layer, "motion")[~covered] == -1e9).all()
-
-
-@views
-def test_visible_normals_face_the_viewer(device: ComputeDevice, view: View) -> None:
-    """Also those that interpolation turned away, which are mirrored about the silhouette."""
-    layers = rasterized(view, instances())
-    front = layers.front.geometry
-    d = view.directions()
-    covered = front[..., 3] > 0.0
-    tilted = front[..., :3] + 0.8 * d
-    tilted /= np.linalg.norm(tilted, axis=-1, keepdims=True)
-    away = covered & ((tilted * d).sum(-1) > 0.0)
-    assert away.sum() > 60
-    front[covered, :3] = tilted[covered]
-    normal = image(device, visible(device, layers, view), "normal")
-    assert (normal * d).sum(-1)[covered].max() < 1e-6
-    np.testing.assert_allclose(normal[covered & ~away], tilted[covered & ~away], atol=1e-6)
-    mirrored = tilted - 2.0 * (tilted * d).sum(-1, keepdims=True) * d
-    np.testing.assert_allclose(normal[away], mirrored[away], atol=1e-5)
 
 
 @views
@@ -291,60 +245,3 @@ def test_ranges_hold_the_solids(device: ComputeDevice, view: View) -> None:
     inside = clear & solid
     excess = (high - low)[inside] - (seen.leave - seen.enter)[inside]
     assert np.median(excess) < 2.5 * layer.footprint
-
-
-@views
-def test_pyramid_cells_hold_their_texels(device: ComputeDevice, view: View) -> None:
-    layer = traced(device, rasterized(view, instances()), view)
-    cells, shape = device.read(layer._range), layer.shape
-    assert shape.levels > 3
-    levels = [
-        cells[shape.offsets[i] : shape.offsets[i + 1]].reshape(shape.rows[i], shape.columns[i], 2)
-        for i in range(shape.levels)
-    ]
-    for i in range(1, shape.levels):
-        tall = np.arange(0, layer.height, 1 << i)
-        wide = np.arange(0, layer.width, 1 << i)
-        low = np.minimum.reduceat(np.minimum.reduceat(levels[0][..., 0], tall, 0), wide, 1)
-        high = np.maximum.reduceat(np.maximum.reduceat(levels[0][..., 1], tall, 0), wide, 1)
-        np.testing.assert_array_equal(levels[i], np.stack([low, high], -1))
-
-
-@views
-def test_rectangle_and_boxes_hold_all(device: ComputeDevice, view: View) -> None:
-    chosen = instances()
-    layers = rasterized(view, chosen)
-    layer = traced(device, layers, view)
-    front = layers.front.geometry[..., 3] > 0.0
-    assert layer.rect == bounding(front)
-    assert (see(samples(view, 3)).any.any(0) <= front).mean() > 0.995
-    geometry = device.read(layer.geometry)
-    solid_texels = (geometry[..., 3] > 0.0).all(0)
-    points = (view.directions() * geometry[..., 3:])[:, solid_texels]
-    bounds = object_bounds(chosen, margin=0.02)
-    held = [((points >= b[0, :3]) & (points <= b[1, :3])).all(-1) for b in bounds]
-    assert np.any(held, axis=0).all()
-    for box, solid in zip(bounds, SOLIDS, strict=True):
-        low, high = solid.bounds()
-        reach = np.linalg.norm(high - low)
-        assert (box[0, :3] <= low).all()
-        assert (box[1, :3] >= high).all()
-        np.testing.assert_allclose(box[:, :3], np.stack([low, high]), atol=0.03 * float(reach))
-
-
-@views
-def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
-    """After a picture with objects, one without leaves nothing of them."""
-    some = rasterized(view, instances())
-    empty = Layer(np.zeros_like(some.front.geometry), np.zeros_like(some.front.material))
-    none = ObjectLayers.displayed(blank_display(view.height, view.width), empty)
-    seen, back = visible(device, some, view), traced(device, some, view)
-    assert back.rect != EMPTY
-    constants = device.upload("view", view.kernel_constants())
-    seen.load(none, constants, device.upload("materials", material_table(MATERIALS)))
-    back.load(none, constants)
-    assert back.rect == EMPTY
-    for name in ("depth", "id", "normal", "albedo", "coverage"):
-        assert not image(device, seen, name).any()
-    assert not device.read(back._planes).any()
-    assert (device.read(back._range) == (np.inf, -np.inf)).all()

@@ -14,7 +14,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
-from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
+from iprt.raster.layers import SAMPLES
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.objects.visibility import Visibility
@@ -171,17 +171,6 @@ def test_coverage_is_the_same_without_textures(device: ComputeDevice, view: View
     np.testing.assert_array_equal(plain, textured)
 
 
-@views
-def test_few_samples_are_taken_along_outlines_alone(device: ComputeDevice, view: View) -> None:
-    """With textures they are taken everywhere, and show the same."""
-    textured, plain = (
-        Both(device, view, picture, 2).images("coverage")[1] for picture in (pattern(), Material())
-    )
-    assert ((textured > 0.0) & (textured < 1.0)).sum() > 50
-    differ = textured != plain
-    assert differ.sum() <= 0.001 * (textured > 0.0).sum()
-
-
 def test_borrowed_edges(both: Both) -> None:
     ids = both.images("id")
     centre = both.layers.back.geometry[..., 3] > 0.0
@@ -225,31 +214,6 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     assert (coverage[39:41, before] > 0.9).all()
     assert ((coverage[39:41, beyond] > 0.1) & (coverage[39:41, beyond] < 0.5)).all()
     assert (depth[39:41, beyond] > 1.2).all()
-
-
-@views
-def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
-    """What was seen before is gone."""
-    seen = [placed(sphere(2), (0.0, 0.0, -2.0), 0.5)]
-    frame = room_frame(World(), 64, 32, bright_walls)
-    panorama = panorama_of(device, frame)
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table(seen[0].mesh.materials))
-    equirect = view.projection == "equirect"
-    layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
-    bvh = ObjectBvh(device, seen)
-    visibility = Visibility(device, view, bvh, seen, SAMPLES)
-    visibility.follow(seen)
-    for distance, shown in ((2.0, True), (500.0, False)):  # behind the wall
-        there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
-        bvh.load(there)
-        bounds = object_bounds(there, margin=1e-3)
-        boxes = device.upload("boxes", bounds)
-        visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
-        assert (image(device, layer, "coverage") > 0.0).any() == shown
-        assert (image(device, layer, "id") > 0.0).any() == shown
-    assert 0.0 < COVERAGE_TOLERANCE < 0.1
 
 
 @views

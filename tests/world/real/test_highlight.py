@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -124,18 +123,6 @@ def test_a_smooth_coat_mirrors_the_room(device: ComputeDevice) -> None:
     assert (error < 0.2).mean() > 0.85
 
 
-def test_the_seam_does_not_show(device: ComputeDevice) -> None:
-    """A panorama turned by whole cells has the highlights turned; nothing is random here."""
-    frame = mirrored_room(SMOOTH)
-    still = split(device, frame, rays=1).highlight
-    for columns in (8, 64, 120):
-        turned = roll(frame, columns)
-        found = split(device, turned, rays=1).highlight
-        error = np.abs(np.roll(still, columns, 1) - found).max(-1)
-        assert error.mean() < 2e-3
-        assert error.max() < 0.05
-
-
 def test_few_rays_are_filtered_to_what_many_find(device: ComputeDevice) -> None:
     frame = mirrored_room(COAT)
     floor = frame.gloss == 1
@@ -211,16 +198,6 @@ def mirror_image(frame: Frame) -> Float:
     return np.where(floor, fresnel(cosines(frame), 1.5)[..., None] * light, 0.0)
 
 
-def roll(frame: Frame, columns: int) -> Frame:
-    yaw = View(1, 1, columns * 360.0 / frame.width).world_from_view
-    parts: dict[str, Any] = {
-        name: np.roll(getattr(frame, name), columns, 1)
-        for name in ("color", "depth", "opening", "gloss")
-    }
-    normal = (np.roll(frame.normal, columns, 1) @ yaw.T).astype(np.float32)
-    return replace(frame, normal=normal, **parts)
-
-
 # The gain -------------------------------------------------------------------------------------
 
 
@@ -261,9 +238,3 @@ def test_textures_do_not_pass_for_highlights() -> None:
     boards = 1.0 + 0.3 * np.sign(np.sin(np.arange(32) * 2.0))[None, :, None]
     gain, _ = highlight_gain((seen - specular) * boards + specular, specular, irradiance, gloss)
     assert gain[10:15, 8:13, :3].min() > 0.9
-
-
-def test_nothing_glossy_has_gain_one() -> None:
-    nothing = np.zeros((4, 8, 3))
-    gain, _ = highlight_gain(nothing, nothing, nothing, np.zeros((4, 8), np.int64))
-    np.testing.assert_array_equal(gain[..., :3], 1.0)

@@ -193,18 +193,6 @@ def test_normals_between_receive_what_they_face(device: ComputeDevice, angle_deg
     np.testing.assert_array_less(np.abs(found - truth)[inside], bound[inside] + 1e-5)
 
 
-def test_even_light_is_the_same_for_all_normals(device: ComputeDevice) -> None:
-    """Its flux is along the cell's own normal."""
-    tables = corner_tables(2.0, 2.0)
-    g = tables["cache_plane"][:, :3].astype(np.float64)
-    flux = -2.0 * g / np.linalg.norm(g, axis=-1, keepdims=True)
-    points, normals = surface_points(5000)
-    facing = turned(normals, np.deg2rad(35.0))
-    inside = far_from_edges(points)
-    found = looked_up(device, tables, points, facing, flux=flux)
-    np.testing.assert_allclose(found[inside], 2.0, rtol=1e-5)
-
-
 def test_normals_of_one_surface_share_its_irradiance(device: ComputeDevice) -> None:
     """Bit for bit, so that a flux of few samples adds no noise."""
     tables = corner_tables(2.0, 2.0)

@@ -227,23 +227,6 @@ def test_directions_to_lights_have_their_density(
         assert len(reached) > 0.1 * count
 
 
-def test_at_the_capture_centre_the_density_is_the_tables(
-    worlds: Callable[[str], RealWorld],
-) -> None:
-    world, count = worlds("bright walls"), 4096
-    d = np.random.default_rng(2).normal(size=(count, 3))
-    d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    x = np.full((count, 3), 1e-7, np.float32)
-    density = world.run(STATE, {"x": x, "d": d}, {"density": "float"})["density"]
-    walls = FRAMES["bright walls"]().color
-    table = light_table(cell_luminance(walls, world.lights.rows, world.lights.columns))[0]
-    pixel = equirect_pixel(d.astype(np.float64), world.lights.columns, world.lights.rows)
-    inner = (np.abs(pixel % 1.0 - 0.5) < 0.49).all(-1)
-    column, row = np.floor(pixel).astype(int).T
-    wanted = table.reshape(world.lights.rows, -1)[row, column]
-    np.testing.assert_allclose(density[inner], wanted[inner], rtol=1e-4)
-
-
 # Mixed with other ways to choose a direction -------------------------------------------------
 
 SHINY = (

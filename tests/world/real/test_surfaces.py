@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,7 +16,6 @@ from iprt.world.real import surfaces
 from iprt.world.real.panorama import Panorama
 from tests.footage.test_normals import angle_deg, near_edges
 from tests.kernels.tracing import panorama_of
-from tests.oracles.worlds import Box, World
 from tests.scene.files import box_room
 
 Picture = NDArray[np.floating]
@@ -231,20 +229,3 @@ def test_bands_do_not_matter(device: ComputeDevice, monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(surfaces, "BAND_TEXELS", rows * frame.width)
         found.append(layers(device, frame))
     np.testing.assert_array_equal(*found)
-
-
-def test_corners_of_small_things_face_as_what_is_around(device: ComputeDevice) -> None:
-    """Two texels high, they leave little to fit a plane to: few face as nothing near them does."""
-    rng = np.random.default_rng(0)
-    lost = 0
-    for _ in range(3):
-        places = rng.uniform((-1.5, 0.8, 0.0), (1.5, 1.6, 1.5), (12, 3))
-        things = [Box((x, -1.36, z), (0.12, 0.04, 0.09), yaw) for x, z, yaw in places]
-        exact = World(solids=tuple(things)).frame(512, 256)
-        assert exact.normal is not None
-        found = normals(device, replace(exact, normal=None))
-        shifts = itertools.product((-1, 0, 1), repeat=2)
-        near = [(found * np.roll(exact.normal, shift, (0, 1))).sum(-1) for shift in shifts]
-        lost += int((np.max(near, axis=0) < 0.7).sum())
-    # 48 where neighbours are not asked.
-    assert lost < 24
