@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import pytest
 
 from docs import gpu
 from docs.gpu import GPUS, Gpu, estimate, moved, page_part
-from docs.gpu_counts import FILL, FRAME, FULL, GBUFFER, VIDEO, Count, Size, play
+from docs.gpu_counts import FILL, FRAME, GBUFFER, VIDEO, Count, Size, play
 from docs.gpu_instructions import add, widths
 from iprt.device.compute import ComputeDevice
 from tests import gpu as compilers
@@ -105,31 +104,6 @@ def test_a_frame_is_counted(device: ComputeDevice) -> None:
     launches = sum(c.launches for of in counts.values() for (_, k), c in of.items() if k != FILL)
     assert launches == sum(bool(names) for names in marked)
     assert marked[-1] == ()
-
-
-def test_measured_times_are_columns_beside_the_model(tmp_path: Path) -> None:
-    kernels = {what: [["composite", "composite", ms]] for what, ms in ((FRAME, 1.25), (VIDEO, 9.0))}
-    played = {what: {"wall_ms": 20.0, "kernels": found} for what, found in kernels.items()}
-    full = {"device": "Card", "view": FULL.view, "rows": FULL.rows, **played}
-    small = {**full, "device": "Other", "view": 8}
-    file = tmp_path / "measured.json"
-    assert gpu.read_measured(file) == []
-    file.write_text(json.dumps({"devices": [full, small]}))
-    counts = {("composite", "composite"): Count("p", 1, 10), ("mask", "other"): Count("p", 1, 10)}
-    part = page_part(counts, counts, {}, gpu.read_measured(file))
-    assert "Measured on Card, by the host's clock: 20.00 ms for a frame, 20.00 ms" in part
-    assert "Other" not in part
-    _, frame, video = part.split("###")
-    for text, ms in ((frame, "1.250"), (video, "9.000")):
-        rows = [row.split("|")[1:-1] for row in text.splitlines() if row.startswith("|")]
-        assert {len(row) for row in rows} == {len(rows[0])}
-        assert [row[-1].strip() for row in rows[2:]] == [ms, "", f"**{ms[:-1]}**"]
-    assert gpu.modelled(part, FRAME)["composite", "composite"] == {
-        f"{one.name} ms": round(
-            estimate(one, "composite", counts["composite", "composite"], {}).ms, 3
-        )
-        for one in GPUS
-    }
 
 
 def test_the_page_names_what_misses_the_goal_and_kernels_that_there_are() -> None:

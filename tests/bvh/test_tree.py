@@ -128,16 +128,6 @@ def test_wide_nodes_are_as_many_as_planned(count: int) -> None:
     )
 
 
-@pytest.mark.parametrize("factor", [1e-30, 1e-3, 1e4, 1e15])
-def test_the_unit_of_length_does_not_matter(factor: float) -> None:
-    low, high = cloud(2000)
-    tree = mesh_tree(low, high)
-    other = mesh_tree(low * np.float32(2.0) ** 20, high * np.float32(2.0) ** 20)
-    np.testing.assert_array_equal(tree.order, other.order)
-    scaled = mesh_tree(low * np.float32(factor), high * np.float32(factor))
-    assert is_tree(scaled, 2000)
-
-
 def test_more_objects_than_the_tree_has_room_for_are_refused() -> None:
     mesh = same_centres(1)
     places = [placed(position=(3.0 * i, 0.0, 0.0)) for i in range(MAX_OBJECTS + 1)]

@@ -253,25 +253,6 @@ def test_all_holes_is_a_distant_world(device: ComputeDevice, method: tuple[str, 
 
 
 @METHOD
-def test_bad_depth_is_filled(device: ComputeDevice, method: tuple[str, str]) -> None:
-    """5% NaN, infinite, 0 or negative: the same frame in all cases, almost that of true depth."""
-    frame = two_frames()[0]
-    missing = np.random.default_rng(8).random(frame.depth.shape) < 0.05
-    filled = []
-    for value in (np.nan, np.inf, 0.0, -3.0):
-        depth = np.where(missing, np.float32(value), frame.depth)
-        filled.append(Preparation()(RawFrame(frame.color, depth, None)))
-        for part in ("color", "depth", "opening", "normal"):
-            np.testing.assert_array_equal(getattr(filled[-1], part), getattr(filled[0], part))
-    clean = Preparation()(RawFrame(frame.color, frame.depth, None))
-    whole, picture = (
-        render(device, f, still_life(), VIEW, chosen(method), frames=4) for f in (clean, filled[0])
-    )
-    assert np.isfinite(picture.color).all()
-    assert likeness(picture.color, whole.color) > 0.98
-
-
-@METHOD
 @pytest.mark.parametrize(
     "size", [(1, 1), (2, 1), (1, 2), (3, 5), (5, 3), (7, 13), (63, 31)], ids=str
 )

@@ -186,31 +186,6 @@ def test_a_mirrored_world_looks_mirrored(
 # Straight up and down -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("side", [-1, 1], ids=["down", "up"])
-@pytest.mark.parametrize("yaw_deg", [0.0, 33.0, 180.0])
-def test_the_picture_around_a_pole_is_the_room(
-    device: ComputeDevice, side: int, yaw_deg: float
-) -> None:
-    """Within the blur of a texel, as steep as the radiance may be."""
-
-    def radiance(points: Float, normals: Float) -> Float:
-        return 4.0 + points @ np.array([[0.7, 0.1, -0.3], [0.0, 0.2, 0.0], [0.2, -0.6, 0.5]])
-
-    world = World()
-    frame = room_frame(world, 256, 128, radiance)
-    view = View(64, 64, yaw_deg, 90.0 * side, fov_y_deg=16.0)
-    picture = render(device, frame, [], view, chosen(METHODS[0]))
-    d = view.directions()
-    t, normal, _ = world.first_hit(np.zeros(3), d)
-    wanted = radiance(t[..., None] * d, normal)
-    # Up to half a texel from the pole the last row stands for it; its gradient is at most 0.85.
-    texel = np.pi / 128 * 1.4
-    error = np.abs(picture.color - wanted)
-    assert error.max() < 0.5 * 0.85 * texel
-    beside = np.degrees(np.arccos(np.clip(d @ [0.0, side, 0.0], -1, 1))) > 1.5
-    assert error[beside].max() < 0.1 * texel
-
-
 @METHOD
 def test_nothing_in_sight_keeps_every_bit(device: ComputeDevice, method: tuple[str, str]) -> None:
     """Objects behind the walls of the room, of which nothing is seen, cast or reflected."""

@@ -119,6 +119,11 @@ def test_there_is_no_density_beside_the_boxes(device: ComputeDevice, name: str) 
     # What is met above the horizon has a density, so that nothing is missed.
     above = d.astype(np.float64) @ np.array(n) > 1e-3
     assert (density[met.any(-1) & above] > 0.0).mean() > 0.9999
+    # Other rays from within a box meet it too.
+    from_within = (np.array(x) > np.array(boxes)[:, 0]) & (np.array(x) < np.array(boxes)[:, 1])
+    body = f"met = meets_boxes(boxes, {len(boxes)}, x, d);"
+    told = run(device, body, boxes, {**repeated(x, n, len(d)), "d": d}, {"met": "int"})["met"]
+    assert ((told > 0) == (met | from_within.all(-1)).any(-1)).mean() > 0.9999
     axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
     assert np.isfinite(stated(device, boxes, x, n, axes)).all()
 

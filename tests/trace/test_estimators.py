@@ -28,7 +28,7 @@ from tests.trace.estimators import (
     kernels,
     lamps,
 )
-from tests.worlds import Float, ball, cuboid, disc, landscape_frame, panorama_at
+from tests.worlds import Float, ball, cuboid, disc
 
 pytestmark = pytest.mark.thorough
 
@@ -127,45 +127,6 @@ def test_no_light_leaks_into_a_box_that_stands_on_the_plain(device: ComputeDevic
     assert inside.sum() > 30
     np.testing.assert_allclose(parts[:, 0], 1.0, rtol=1e-4)
     np.testing.assert_allclose(parts[:, 1], albedo**bounces, rtol=1e-4)
-
-
-# Irradiance without objects ------------------------------------------------------------------
-
-
-def in_eights(cells: Float) -> Float:
-    """(runs, N) means of eight neighbours each: rare bright rays make single cells skewed."""
-    return np.asarray(cells[:, : cells.shape[1] // 8 * 8].reshape(len(cells), -1, 8).mean(-1))
-
-
-@pytest.mark.parametrize("around", ["plain", "sphere"])
-def test_irradiance_in_a_furnace(device: ComputeDevice, around: Around) -> None:
-    """Whatever lights are aimed at, infinitely far or near, E_R / π is the radiance."""
-    frame = furnace(around)
-    with kernels(device, frame, [ball(*BALL, BLACK)], aim_at=lamps(frame)) as run:
-        found = np.array([run.irradiance(seed, RAYS)[:, 0] for seed in range(RUNS)])
-    assert found.std() > 0.01
-    found = in_eights(found)
-    confirm(found, np.ones(found.shape[1]))
-
-
-@pytest.mark.parametrize("estimator", WAYS)
-def test_irradiance_below_a_distant_sphere(device: ComputeDevice, estimator: Estimator) -> None:
-    """π L sin²α cos β of a ball that looks α large, seen through the panorama's texels."""
-    plain = landscape_frame(256, 128)
-    towards, alpha = np.array([0.36, 0.8, -0.48]), np.deg2rad(12.0)
-
-    def light(d: Float) -> Float:
-        return np.where(d @ towards > np.cos(alpha), 10.0, 0.0)[..., None] * np.ones(3)
-
-    d = View(256, 128, projection="equirect").directions()
-    frame = replace(plain, color=light(d).astype(np.float32))
-    fine = View(2048, 1024, projection="equirect").directions()[:512]
-    area = np.sin((np.arange(512)[:, None] + 0.5) / 1024 * np.pi) * (np.pi / 1024) ** 2
-    wanted = (panorama_at(frame.color, fine)[..., 0] * fine[..., 1] * area).sum() / np.pi
-    assert wanted == pytest.approx(10.0 * np.sin(alpha) ** 2 * towards[1], rel=0.02)
-    with kernels(device, frame, [ball(*BALL, BLACK)], estimator) as run:
-        found = in_eights(np.array([run.irradiance(seed, RAYS)[:, 0] for seed in range(RUNS)]))
-    confirm(found, np.full(found.shape[1], wanted))
 
 
 # Virtual surfaces ----------------------------------------------------------------------------

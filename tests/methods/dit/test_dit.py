@@ -16,7 +16,6 @@ from iprt.geometry.material import Material
 from iprt.methods.dit.method import middle_of, radius_of
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
-from tests.kernels.wrap import evaluate
 from tests.oracles.worlds import Box, World
 from tests.rendering import render
 from tests.trace.environments import CLAY, windowed
@@ -88,26 +87,6 @@ def test_nothing_changes_behind_what_hides_the_objects(
     on_top = np.abs(points[..., 1] + 0.52) < 0.01
     assert on_top.sum() > 20
     assert (change[on_top] > 0.0).mean() > 0.9
-
-
-def test_boxes_are_met_as_slabs_say(device: ComputeDevice) -> None:
-    rng = np.random.default_rng(0)
-    corners = np.sort(rng.uniform(-1.0, 1.0, (2, 2, 3)), axis=1)
-    boxes = np.zeros((4, 4), np.float32)
-    boxes[:, :3] = corners.reshape(4, 3)
-    o, d = rng.uniform(-1.5, 1.5, (1000, 3)), rng.normal(size=(1000, 3))
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    rays = {"o": o.astype(np.float32), "d": d.astype(np.float32)}
-    body = "met = meets_boxes(boxes, 2, o, d);"
-    header = ["world/boxes.h"]
-    found = evaluate(device, header, body, rays, {"met": "int"}, tables={"boxes": boxes})["met"]
-    t = np.linspace(0.0, 6.0, 2001)[:, None, None]
-    points = o + t * d
-    met = np.zeros(len(o), bool)
-    for low, high in corners:
-        met |= ((points > low) & (points < high)).all(-1).any(0)
-    assert 0.1 < met.mean() < 0.9
-    assert (found != met).mean() < 5e-3
 
 
 # Objects -------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
-from iprt.raster.layers import SAMPLES
+from iprt.raster.layers import SAMPLES, ObjectLayers
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.objects.object_layers import VisibleLayer
 from iprt.world.objects.visibility import Visibility
@@ -22,7 +22,6 @@ from tests.kernels.tracing import panorama_of
 from tests.oracles.worlds import Box, World
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
 from tests.view.layers import no_edges
-from tests.world.objects.test_object_layers import image
 from tests.worlds import Float, bright_walls, room_frame
 
 pytestmark = pytest.mark.gl
@@ -35,6 +34,44 @@ views = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.projection)
 ROOM = World(solids=(Box((0.3, -0.1, -1.0), (0.12, 0.3, 0.05)),))
 """A post stands in front of the first ball."""
 PLANES = ("normal", "depth", "id", "roughness", "albedo", "coverage", "motion")
+
+
+def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
+    """Return a plane of a layer, (H, W) or (H, W, C)."""
+    _, height, width, _ = layer.display.shape
+    planes = PlaneLayout(width, height).interior(device.read(getattr(layer, name)))
+    channels = np.moveaxis(planes.astype(np.float64), 0, -1)
+    return channels[..., 0] if channels.shape[-1] == 1 else channels
+
+
+def layer_of(device: ComputeDevice, view: View) -> VisibleLayer:
+    equirect = view.projection == "equirect"
+    return VisibleLayer(device, PlaneLayout.of(view), no_edges(device, view), equirect=equirect)
+
+
+class Drawn:
+    """An object that rays draw in a room, wherever it is."""
+
+    def __init__(self, device: ComputeDevice, view: View, instance: Instance) -> None:
+        self._device, self._view = device, view
+        self._bvh = ObjectBvh(device, [instance])
+        self._panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
+        self._constants = device.upload("view", view.kernel_constants())
+        self._table = device.upload("materials", material_table(instance.mesh.materials))
+        self._instance = instance
+
+    def visibility(self) -> Visibility:
+        made = Visibility(self._device, self._view, self._bvh, [self._instance], SAMPLES)
+        made.follow([self._instance])
+        return made
+
+    def run(self, instance: Instance, *shown: tuple[Visibility, VisibleLayer]) -> None:
+        self._bvh.load([instance])
+        bounds = object_bounds([instance], margin=1e-3)
+        boxes, now = self._device.upload("boxes", bounds), self._constants
+        for visibility, layer in shown:
+            world = self._panorama, bounds, boxes, self._table
+            visibility.run(layer, self._view, now, now, *world)
 
 
 def pattern() -> Material:
@@ -78,10 +115,7 @@ class Both:
         now, then = (device.upload("view", v.kernel_constants()) for v in (view, turned))
         materials = [m for i in instances for m in i.mesh.materials]
         table = device.upload("materials", material_table(materials))
-        layout = PlaneLayout.of(view)
-        equirect = view.projection == "equirect"
-        self.drawn = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
-        self.traced = VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
+        self.drawn, self.traced = layer_of(device, view), layer_of(device, view)
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
             opened.move(instances)
@@ -96,7 +130,7 @@ class Both:
         bounds = object_bounds(instances, margin=1e-3)
         boxes = device.upload("boxes", bounds)
         visibility.run(self.traced, view, now, then, panorama, bounds, boxes, table)
-        self._device = device
+        self._device, self.view, self.loading = device, view, (now, table)
 
     def images(self, name: str) -> tuple[Float, Float]:
         return image(self._device, self.drawn, name), image(self._device, self.traced, name)
@@ -134,6 +168,24 @@ def test_depth_normals_and_roughness(both: Both) -> None:
         # Next to an edge between two triangles either may be seen.
         assert np.percentile(error, 99) < tolerance
         assert error.max() < 0.2
+
+
+def test_normals_that_face_away_are_mirrored_about_the_silhouette(
+    device: ComputeDevice, both: Both
+) -> None:
+    assert both.layers.display is not None
+    layers = ObjectLayers.displayed(both.layers.display.copy(), both.layers.back)
+    d = both.view.directions()
+    front = layers.front.geometry
+    tilted = front[..., :3] + 0.8 * d
+    tilted /= np.maximum(np.linalg.norm(tilted, axis=-1, keepdims=True), 1e-9)
+    front[..., :3] = np.where(front[..., 3:] > 0.0, tilted, 0.0)
+    layer = layer_of(device, both.view)
+    layer.load(layers, *both.loading)
+    normal, covered = image(device, layer, "normal"), image(device, layer, "coverage") > 0.0
+    off = np.maximum((tilted * d).sum(-1, keepdims=True), 0.0)
+    assert (covered & (off[..., 0] > 0.0)).sum() > 60
+    np.testing.assert_allclose(normal[covered], (tilted - 2.0 * off * d)[covered], atol=1e-5)
 
 
 def test_albedo_with_textures(both: Both) -> None:
@@ -197,18 +249,8 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     azimuth = side * (np.pi + 0.25 * 2.0 * np.pi / view.width - radius)
     centre = 1.5 * np.array([np.sin(azimuth), 0.0, -np.cos(azimuth)])
     ball = placed(sphere(4), tuple(centre), 1.5 * np.sin(radius))
-    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table(ball.mesh.materials))
-    layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view), equirect=True)
-    bvh = ObjectBvh(device, [ball])
-    bvh.load([ball])
-    bounds = object_bounds([ball], margin=1e-3)
-    boxes = device.upload("boxes", bounds)
-    visibility = Visibility(device, view, bvh, [ball], SAMPLES)
-    visibility.follow([ball])
-    visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
+    drawn, layer = Drawn(device, view, ball), layer_of(device, view)
+    drawn.run(ball, (drawn.visibility(), layer))
     coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
     beyond, before = (0, -1) if side > 0 else (-1, 0)
     assert (coverage[39:41, before] > 0.9).all()
@@ -222,31 +264,19 @@ def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
 ) -> None:
     """Objects that jump, vanish and come back, beside one that each time starts from nothing."""
     ball = placed(sphere(2), (0.0, 0.0, -2.0), 0.3)
-    frame = room_frame(World(), 64, 32, bright_walls)
-    panorama = panorama_of(device, frame)
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table(ball.mesh.materials))
-    layout = PlaneLayout.of(view)
-    bvh = ObjectBvh(device, [ball])
-
-    def pair() -> tuple[Visibility, VisibleLayer]:
-        equirect = view.projection == "equirect"
-        visibility = Visibility(device, view, bvh, [ball], SAMPLES)
-        visibility.follow([ball])
-        return visibility, VisibleLayer(device, layout, no_edges(device, view), equirect=equirect)
-
-    kept = pair()
+    drawn = Drawn(device, view, ball)
+    kept = drawn.visibility(), layer_of(device, view)
     for x, z in ((0.0, -2.0), (0.7, -1.5), (0.0, 2.0), (-0.4, -1.2), (0.0, -500.0), (0.3, -2.0)):
-        there = [replace(ball, to_world=placed(sphere(2), (x, 0.1, z), 0.3).to_world)]
-        bvh.load(there)
-        bounds = object_bounds(there, margin=1e-3)
-        boxes = device.upload("boxes", bounds)
-        for visibility, layer in (kept, fresh := pair()):
-            visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
+        there = replace(ball, to_world=placed(sphere(2), (x, 0.1, z), 0.3).to_world)
+        fresh = drawn.visibility(), layer_of(device, view)
+        drawn.run(there, kept, fresh)
         for name in PLANES:
             np.testing.assert_array_equal(
                 *(image(device, layer, name) for _, layer in (kept, fresh)), err_msg=name
             )
+        assert image(device, kept[1], "coverage").any() == (
+            z > -100.0 and (z < 0.0 or view is VIEWS[1])
+        )
         for name in ("front", "material"):
             np.testing.assert_array_equal(
                 *(device.read(getattr(visibility, name)) for visibility, _ in (kept, fresh))

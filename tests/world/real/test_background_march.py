@@ -23,19 +23,15 @@ from tests.kernels.tracing import (
     random_directions,
 )
 from tests.oracles.worlds import Box, Sphere, World, frame_of
+from tests.world.real.test_march import FURNISHED
 from tests.worlds import landscape_frame
 
 Float = NDArray[np.float64]
 WIDTH, HEIGHT = 256, 128
-FURNITURE = (
-    Box((0.3, -1.0, -1.5), (0.4, 0.4, 0.3), 0.5),
-    Box((-1.2, -0.9, 0.5), (0.3, 0.5, 0.3)),
-    Sphere((1.0, 0.3, 1.2), 0.3),
-)
 BEFORE, NOW = Sphere((-0.3, -1.1, 1.6), 0.3), Sphere((0.6, -1.1, -0.4), 0.3)
 """The same ball in two frames; in each it stands on the floor."""
-TRUE = World(solids=(*FURNITURE, NOW))
-EMPTY = World(solids=FURNITURE)
+TRUE = World(solids=(*FURNISHED.solids, NOW))
+EMPTY = FURNISHED
 DIRECTIONS = View(WIDTH, HEIGHT, projection="equirect").directions()
 
 
@@ -87,7 +83,7 @@ def one(device: ComputeDevice) -> Panorama:
 
 @pytest.fixture(scope="module")
 def two(device: ComputeDevice) -> Panorama:
-    before = World(solids=(*FURNITURE, BEFORE)).frame(WIDTH, HEIGHT)
+    before = World(solids=(*FURNISHED.solids, BEFORE)).frame(WIDTH, HEIGHT)
     return panorama_of(device, TRUE.frame(WIDTH, HEIGHT), before)
 
 

@@ -160,16 +160,6 @@ def test_a_sphere_faces_its_centre(device: ComputeDevice, scale: float) -> None:
     assert angle_deg(normals(device, frame), -directions(frame)).max() < 1.0
 
 
-def test_a_texel_by_itself_faces_the_centre(device: ComputeDevice) -> None:
-    depth = np.full((64, 128), np.inf)
-    depth[8::16, ::16] = 2.0
-    frame = frame_with(depth)
-    found = normals(device, frame)
-    there = np.isfinite(depth)
-    np.testing.assert_allclose(found[there], -directions(frame)[there], atol=1e-6)
-    assert not found[~there].any()
-
-
 def test_given_normals_hold_where_they_are_any(device: ComputeDevice) -> None:
     """Of any length, for either side; elsewhere they are fitted."""
     depth, normal = box_room(96, 48)
