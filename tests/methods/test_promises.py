@@ -15,11 +15,11 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame
 from iprt.settings.methods import methods
-from iprt.settings.model import Settings
 from tests.rendering import render
+from tests.trace.closed_forms import BALL, box_of
 from tests.trace.environments import CLAY, windowed
 from tests.trace.estimators import furnace
-from tests.trace.test_estimators import BALL, box_of
+from tests.variants import as_traced
 from tests.worlds import ball
 
 LOOK = View(48, 36, pitch_deg=-35.0)
@@ -35,10 +35,8 @@ def shown(
     device: ComputeDevice, method: str, frame: Frame, objects: list[Instance]
 ) -> RenderedFrame:
     """Return a picture as traced."""
-    raw: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    own = {method: FEW[method]} if method in FEW else {}
-    settings = Settings.model_validate({"method": method, **own, **raw})
-    return render(device, frame, objects, LOOK, settings, 3)
+    own: dict[str, Any] = {method: FEW[method]} if method in FEW else {}
+    return render(device, frame, objects, LOOK, as_traced(method, **own), 3)
 
 
 @pytest.mark.thorough

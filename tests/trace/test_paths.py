@@ -14,17 +14,15 @@ from iprt.settings.model import Settings
 from iprt.trace.paths import Environment, support_plane
 from iprt.world.real.lights import light_table
 from tests.rendering import render
-from tests.trace.environments import UP, windowed
-from tests.trace.estimators import PLAIN, Estimator, confirm, furnace, kernels, lamps
-from tests.trace.test_estimators import (
+from tests.trace.closed_forms import (
     BALL,
     BLACK,
     LAMP,
-    RUNS,
-    as_large,
-    ball_factor,
     box_of,
+    confirm_ball,
 )
+from tests.trace.environments import UP, windowed
+from tests.trace.estimators import PLAIN, Estimator, furnace, kernels, lamps
 from tests.worlds import ball, panorama_at
 
 WAYS: tuple[Estimator, ...] = ("dpt, aimed", "dpt, even", "pt-diff, aimed")
@@ -48,15 +46,7 @@ def test_a_ball_hides_light_and_shines(
     own = {"surfaces": surfaces}
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame), own=own) as run:
         run.renderer.method.environment.plane = np.array([*UP, PLAIN], np.float32)
-        factor = ball_factor(*run.receivers(), BALL[0], as_large(objects[0], BALL[1]))
-        parts = np.array([run.parts(seed, RAYS) for seed in range(RUNS)])
-    confirm(parts[..., 0, 0].reshape(RUNS, -1), factor.ravel(), rounding=1e-3)
-    for channel in range(3):
-        sent = parts[..., 1, channel].reshape(RUNS, -1)
-        if LAMP.albedo[channel] > 0.0:
-            confirm(sent, LAMP.albedo[channel] * factor.ravel(), rounding=1e-3)
-        else:
-            np.testing.assert_array_equal(sent, 0.0)
+        confirm_ball(run, objects[0], RAYS, rounding=1e-3)
 
 
 @pytest.mark.thorough

@@ -13,9 +13,9 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.trace.voxels import Grid, Voxels, fitted_grid, room_box
 from tests.kernels.wrap import evaluate
+from tests.trace.closed_forms import BALL, BLACK, DISC
 from tests.trace.environments import CLAY
 from tests.trace.estimators import Kernels, furnace, kernels
-from tests.trace.test_estimators import BALL, BLACK, DISC
 from tests.worlds import Float, ball, cuboid, disc, sphere_frame
 
 COARSE: dict[str, Any] = {"voxels": 32, "object_voxels": 32}

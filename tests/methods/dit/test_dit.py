@@ -15,21 +15,15 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.methods.dit.method import middle_of, radius_of
 from iprt.renderer import Renderer
-from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, World
 from tests.rendering import render
+from tests.trace.closed_forms import BALL, LAMP, box_of, confirm_ball
 from tests.trace.environments import CLAY, windowed
-from tests.trace.estimators import Around, Estimator, confirm, furnace, kernels, lamps
-from tests.trace.test_estimators import BALL, LAMP, RUNS, as_large, ball_factor, box_of
+from tests.trace.estimators import Around, Estimator, furnace, kernels, lamps
+from tests.variants import as_traced
 from tests.worlds import ball, bright_walls, room_frame, sphere_frame
 
 LOOK = View(48, 36, pitch_deg=-35.0)
-
-
-def dit(**others: Any) -> Settings:
-    """As traced: what remains is noise, which averages out."""
-    raw: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    return Settings.model_validate({"method": "dit", **raw, **others})
 
 
 # Real surfaces -------------------------------------------------------------------------------
@@ -55,12 +49,7 @@ def test_a_ball_takes_its_form_factor(
         if lights is not None:
             lights.load(run.device.upload("lamps", lamps(frame).astype(np.float32)))
             assert lights.count > 0
-        factor = ball_factor(*run.receivers(), BALL[0], as_large(objects[0], BALL[1]))
-        parts = np.array([run.parts(seed, 256) for seed in range(RUNS)])
-    confirm(parts[..., 0, 0].reshape(RUNS, -1), factor.ravel(), rounding=3e-3)
-    for channel in np.flatnonzero(LAMP.albedo):
-        sent = parts[..., 1, channel].reshape(RUNS, -1)
-        confirm(sent, LAMP.albedo[channel] * factor.ravel(), rounding=3e-3)
+        confirm_ball(run, objects[0], 256, rounding=3e-3)
 
 
 @pytest.mark.parametrize("directions", ["cached", "boxes"])
@@ -106,14 +95,10 @@ def test_a_convex_room_is_that_of_iprt(device: ComputeDevice) -> None:
     trace = {"object_rays": 16, "bounces": 1, "jitter": False, "background": False}
     own: dict[str, Any] = {"dit": {"iterations": 12, "cache": 32}}
     ours, theirs = (
-        render(device, windowed(256, 128), objects, LOOK, dit(**raw), 24).color
-        for raw in (
-            {"trace": {**trace, "rays": 64}, **own},
-            {
-                "method": "iprt",
-                "iprt": {"relight_reflections": False},
-                "trace": {**trace, "rays": 16},
-            },
+        render(device, windowed(256, 128), objects, LOOK, settings, 24).color
+        for settings in (
+            as_traced("dit", trace={**trace, "rays": 64}, **own),
+            as_traced("iprt", trace={**trace, "rays": 16}, iprt={"relight_reflections": False}),
         )
     )
     assert abs(ours.mean() - theirs.mean()) < 5e-3 * theirs.mean()
@@ -127,7 +112,7 @@ def test_a_convex_room_is_that_of_iprt(device: ComputeDevice) -> None:
 def test_the_map_follows_objects_and_video(device: ComputeDevice) -> None:
     objects = [ball((0.3, -0.5, -1.0), 0.3, CLAY)]
     frame = patterned(128, 64)
-    settings = dit(dit={"resolution": 16})
+    settings = as_traced("dit", dit={"resolution": 16})
     with Renderer(device, frame, objects, LOOK, settings) as renderer:
         renderer.step()
         impostor = renderer.method.impostor

@@ -13,15 +13,15 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.settings.model import Settings
 from tests.kernels.wrap import evaluate
-from tests.trace.environments import CLAY
-from tests.trace.estimators import PLAIN, furnace, kernels
-from tests.trace.test_estimators import (
+from tests.trace.closed_forms import (
     BALL,
     BLACK,
     LAMP,
     as_large,
     ball_factor,
 )
+from tests.trace.environments import CLAY
+from tests.trace.estimators import PLAIN, furnace, kernels
 from tests.trace.test_voxels import planes_of
 from tests.worlds import Float, ball
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,30 +10,25 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere
 from tests.rendering import render
-from tests.trace.environments import CLAY, UP, hidden_and_bounced, windowed
-from tests.trace.estimators import VIEW, Around, Estimator, confirm, furnace, kernels, lamps
-from tests.trace.test_estimators import (
+from tests.trace.closed_forms import (
     BALL,
     BLACK,
     LAMP,
-    RAYS,
     RUNS,
     as_large,
     ball_factor,
     box_of,
+    confirm_ball,
 )
+from tests.trace.environments import CLAY, UP, hidden_and_bounced, windowed
+from tests.trace.estimators import VIEW, Around, Estimator, confirm, furnace, kernels, lamps
+from tests.variants import as_traced
 from tests.worlds import ball
 
+RAYS = 32
 WAYS: tuple[Estimator, ...] = ("em, aimed", "em, even")
-
-
-def em(**others: Any) -> Settings:
-    """As traced: what remains is noise, which averages out."""
-    raw: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    return Settings.model_validate({"method": "em", **raw, **others})
 
 
 # Real surfaces -------------------------------------------------------------------------------
@@ -47,14 +41,10 @@ def em(**others: Any) -> Settings:
 def test_a_ball_takes_its_form_factor(
     device: ComputeDevice, estimator: Estimator, around: Around
 ) -> None:
-    """Under an even environment: ratio 1 - (1 - albedo) (r / d)² cos β, whatever is aimed at."""
+    """Under an even environment, whatever is aimed at."""
     frame, objects = furnace(around), [ball(*BALL, LAMP)]
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame)) as run:
-        factor = ball_factor(*run.receivers(), BALL[0], as_large(objects[0], BALL[1]))
-        change = np.array([run.change(seed, RAYS) for seed in range(RUNS)])
-    for channel in (0, 1):
-        wanted = (LAMP.albedo[channel] - 1.0) * factor
-        confirm(change[..., channel].reshape(RUNS, -1), wanted.ravel())
+        confirm_ball(run, objects[0], RAYS)
 
 
 @pytest.mark.thorough
@@ -108,7 +98,7 @@ def test_without_visibility_it_is_image_based_lighting(device: ComputeDevice) ->
     objects = [ball(*BALL, CLAY), ball((-0.4, -0.9, -1.0), 0.3, Material("plastic", alpha=0.2))]
     view = View(48, 36, pitch_deg=-35.0)
     of = {"trace": {"object_rays": 4}}
-    without = em(em={"visibility": False}, **of)
+    without = as_traced("em", em={"visibility": False}, **of)
     off = render(device, windowed(), objects, view, without, 2)
     ibl = without.model_copy(update={"method": "ibl"})
     np.testing.assert_array_equal(
@@ -121,7 +111,7 @@ def test_without_visibility_it_is_image_based_lighting(device: ComputeDevice) ->
 
 def test_a_convex_object_is_lit_as_by_image_based_lighting(device: ComputeDevice) -> None:
     view = View(48, 36, pitch_deg=-35.0)
-    rays = em(trace={"object_rays": 64, "jitter": False})
+    rays = as_traced("em", trace={"object_rays": 64, "jitter": False})
     without = rays.model_copy(update={"method": "ibl"})
     tested, untested = (
         render(device, windowed(), [ball(*BALL, CLAY)], view, chosen, 16)

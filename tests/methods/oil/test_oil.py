@@ -19,9 +19,9 @@ from iprt.world.real.panorama import Panorama
 from tests.oracles.learned import predicted
 from tests.oracles.worlds import World
 from tests.rendering import render
+from tests.trace.closed_forms import BALL, LAMP, box_of
 from tests.trace.environments import windowed
 from tests.trace.estimators import kernels
-from tests.trace.test_estimators import BALL, LAMP, box_of
 from tests.worlds import ball, bright_walls, ceiling_lamp, filmed, pose_at, room_frame
 
 pytestmark = pytest.mark.gl

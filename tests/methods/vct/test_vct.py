@@ -15,9 +15,7 @@ from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.rendering import render
-from tests.trace.environments import CLAY, windowed
-from tests.trace.estimators import PLAIN, furnace, kernels
-from tests.trace.test_estimators import (
+from tests.trace.closed_forms import (
     BALL,
     BLACK,
     BOX_VIEW,
@@ -29,6 +27,8 @@ from tests.trace.test_estimators import (
     box_truth,
     disc_factor,
 )
+from tests.trace.environments import CLAY, windowed
+from tests.trace.estimators import PLAIN, furnace, kernels
 from tests.worlds import Float, ball, disc, scaled, sphere_frame
 
 COARSE: dict[str, Any] = {"voxels": 32, "object_voxels": 32, "cones": 128}
