@@ -14,7 +14,8 @@ from iprt.bvh.wide import wide_count, widen
 from iprt.errors import SceneError
 from iprt.files.untrusted import MAX_OBJECTS
 from iprt.geometry.mesh import Mesh
-from tests.bvh.meshes import fan, growing, instance_of, placed, same_centres
+from tests.bvh.meshes import fan, growing, instance_of, same_centres
+from tests.meshes import transform
 
 Floats = NDArray[np.float32]
 
@@ -130,7 +131,7 @@ def test_wide_nodes_are_as_many_as_planned(count: int) -> None:
 
 def test_more_objects_than_the_tree_has_room_for_are_refused() -> None:
     mesh = same_centres(1)
-    places = [placed(position=(3.0 * i, 0.0, 0.0)) for i in range(MAX_OBJECTS + 1)]
+    places = [transform(position=(3.0 * i, 0.0, 0.0)) for i in range(MAX_OBJECTS + 1)]
     instances = [instance_of(mesh, place) for place in places]
     assert len(SceneBuilder().build(instances[:-1]).instances) == MAX_OBJECTS
     with pytest.raises(SceneError) as refusal:

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from tests.bvh.meshes import bumpy, instance_of, mesh_of
+from tests.bvh.meshes import bumpy, instance_of
 from tests.bvh.rays import Float, transforms, world_triangles
 from tests.bvh.tracing import BvhTracer
+from tests.meshes import mesh_of
 
 
 @transforms

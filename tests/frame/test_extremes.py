@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
@@ -17,7 +17,7 @@ from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.stages import Preparation
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from tests.frame.whole_frame import (
     CLAY,
@@ -35,6 +35,7 @@ from tests.frame.whole_frame import (
     still_life,
     two_frames,
 )
+from tests.meshes import mesh_of
 from tests.rendering import render
 from tests.worlds import (
     Float,
@@ -166,7 +167,7 @@ def test_an_object_at_the_centre_has_a_picture(
 ) -> None:
     """Triangles with a corner, an edge or their face in the capture centre, seen edge-on or not."""
     corners = np.array([[0, 0, 0], [0, 0, -1], [0, -1, -1], [0.5, -1, 0], [-0.5, -1, 0.1]], float)
-    touching = mesh_of(corners, [[0, 1, 2], [0, 3, 4], [1, 2, 3]])
+    touching = odd(corners, [[0, 1, 2], [0, 3, 4], [1, 2, 3]])
     box = cuboid((0.3, -0.4, 0.0), (0.3, 0.4, 0.3), CLAY)  # an edge through the centre
     corner = cuboid((0.25, -0.5, -0.25), (0.25, 0.5, 0.25), CLAY)
     for objects in ([touching], [box, corner], [corner]):
@@ -179,19 +180,9 @@ def test_an_object_at_the_centre_has_a_picture(
     np.testing.assert_array_equal(picture.aovs["coverage"][filled], 1.0)
 
 
-def mesh_of(corners: Float, triangles: Any, material: Material = CLAY) -> Instance:
+def odd(corners: ArrayLike, triangles: ArrayLike) -> Instance:
     """An object of such triangles with normals up."""
-    positions = np.asarray(corners, np.float32).reshape(-1, 3)
-    faces = np.asarray(triangles, np.int32).reshape(-1, 3)
-    mesh = Mesh(
-        positions,
-        np.tile(np.array([0.0, 1.0, 0.0], np.float32), (len(positions), 1)),
-        np.zeros((len(positions), 2), np.float32),
-        faces,
-        np.zeros(len(faces), np.int32),
-        (material,),
-    )
-    return Instance("odd", mesh, np.eye(4))
+    return Instance("odd", mesh_of(corners, triangles, (CLAY,), (0.0, 1.0, 0.0)), np.eye(4))
 
 
 def with_broken_triangles(instance: Instance) -> Instance:
@@ -222,7 +213,7 @@ def test_broken_triangles_change_nothing(
     settings = chosen(method, gbuffer=gbuffer)
     whole = render(device, frame, objects, VIEW, settings, frames=2)
     broken = [with_broken_triangles(instance) for instance in objects]
-    empty = [mesh_of(np.zeros((0, 3)), []), mesh_of(np.full((3, 3), np.nan), [0, 1, 2])]
+    empty = [odd(np.zeros((0, 3)), []), odd(np.full((3, 3), np.nan), [0, 1, 2])]
     with Renderer(device, frame, [*broken, *empty], VIEW, settings) as renderer:
         picture = renderer.render(2, AOVS)
         require_finite(renderer, [picture])

@@ -9,8 +9,9 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.files.resources import CL
-from tests.bvh.meshes import instance_of, sphere
+from tests.bvh.meshes import instance_of
 from tests.bvh.tracing import BvhTracer
+from tests.meshes import sphere
 
 SHRINKING = {
     "high - low > 1": "halves what it searches",
