@@ -19,10 +19,8 @@ from iprt.world.real.panorama import Panorama
 from tests.oracles.learned import predicted
 from tests.oracles.worlds import World
 from tests.rendering import render
-from tests.trace.closed_forms import BALL, LAMP, box_of
-from tests.trace.environments import windowed
-from tests.trace.estimators import kernels
-from tests.worlds import ball, bright_walls, ceiling_lamp, filmed, pose_at, room_frame
+from tests.trace.closed_forms import BALL, LAMP
+from tests.worlds import ball, bright_walls, ceiling_lamp, room_frame
 
 pytestmark = pytest.mark.gl
 
@@ -125,24 +123,6 @@ def test_the_view_of_what_was_learned(device: ComputeDevice) -> None:
     assert np.median(np.abs(shown / background - 1.0)[known]) < 0.03
 
 
-@pytest.mark.thorough
-def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: ComputeDevice) -> None:
-    world, objects = World(), [ball((0.2, -1.0, -1.4), 0.3, LAMP)]
-    poses = [pose_at(), pose_at((0.5, 0.1, -0.4), 40.0)]
-    first, second = (filmed(world, 128, 64, bright_walls, pose) for pose in poses)
-    settings = chosen()
-    with Renderer(device, first, objects, VIEW, settings, footage=Footage.of(first)) as renderer:
-        renderer.render(6)
-        # Nothing is learned from the second frame.
-        renderer.method.learned.learner.learn = lambda samples, how: None
-        renderer.load(second)
-        renderer.step()
-        shown, background = (read_aov(renderer, name) for name in ("learned", "background"))
-    known = shown.min(axis=-1) > 0.0
-    assert known.mean() > 0.5
-    assert np.median(np.abs(shown / background - 1.0)[known]) < 0.05
-
-
 def test_a_cut_forgets(device: ComputeDevice) -> None:
     """Light that is switched is another; a light that dims is followed."""
     bright, dim = (room_frame(World(), 64, 32, light) for light in (bright_walls, ceiling_lamp))
@@ -170,30 +150,3 @@ def test_a_still_is_learned_until_as_many_samples_as_texels_were_drawn(
     with Renderer(device, frame, [ball(*BALL, LAMP)], VIEW, settings) as renderer:
         renderer.render(7)
         assert renderer.method.learned.learner.learned == 64 * 32
-
-
-@pytest.mark.thorough
-def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> None:
-    """Within the boxes enlarged about their middle, and there as everywhere."""
-    frame, thing = windowed(), box_of(Material(albedo=(0.4, 0.3, 0.2)))
-    view = View(48, 36, pitch_deg=-45.0, fov_y_deg=70.0)
-    parts = {}
-    for name, own in (("all", {"surfaces": "all"}), ("region", {"region": 1.5})):
-        with kernels(device, frame, [thing], "oil, aimed", view=view, own=own) as run:
-            parts[name] = run.parts(3, 8)
-            points, _ = run.receivers()
-            low, high = bounds_of(run.renderer)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    reach = np.abs(points - middle) / half
-    inside, outside = (reach < 2.48).all(-1), (reach > 2.52).any(-1)
-    assert inside.sum() > 20
-    assert outside.sum() > 20
-    np.testing.assert_array_equal(parts["region"][outside], 0.0)
-    np.testing.assert_array_equal(parts["region"][inside], parts["all"][inside])
-    assert parts["all"][outside].max() > 0.0
-    assert parts["region"][inside].max() > 0.0
-
-
-def bounds_of(renderer: Renderer) -> Any:
-    """Lower and upper corner (3,) of the one object."""
-    return renderer.world.objects.bounds[0, :, :3].astype(np.float64)

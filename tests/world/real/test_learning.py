@@ -50,10 +50,6 @@ def linear(at: Float) -> Float:
     return np.asarray([1.0, 2.0, 0.5] + at @ np.array([[1.0, -0.5, 0.2], [0.3, 0.7, -0.1]]))
 
 
-def step(at: Float) -> Float:
-    return np.where(at[:, :1] > 0.0, 1.0, 0.2) * np.ones(3)
-
-
 def taught(
     device: ComputeDevice, rounds: list[NDArray[np.float32]], how: Learning = HOW
 ) -> Learner:
@@ -128,25 +124,6 @@ def test_what_is_asked_is_the_weighted_mean_of_all_models_around(device: Compute
         assert 50 < known.sum() < 400
         close = np.isclose(radiance, wanted, rtol=1e-3, atol=1e-3).all(axis=1)
         assert close.mean() > 0.99
-
-
-def test_bandwidths_shrink_beside_an_edge(device: ComputeDevice) -> None:
-    rng = np.random.default_rng(6)
-    learner = taught(device, [patch(rng, 4000, 1.0, step) for _ in range(12)], Learning(0.2))
-    models = learner.models()
-    x = (models[:, 0, :3] - MIDDLE) @ tangents(NORMAL)[0]
-    widest, narrow = WIDEST * 0.2, models[:, 0, 3]
-    beside = (np.abs(x) > 0.03) & (np.abs(x) < 0.12)
-    assert np.median(narrow[beside]) < 0.75 * widest
-    assert np.median(narrow[np.abs(x) > 0.25]) > 0.97 * widest
-    # More models than of the same bandwidth everywhere, and less error.
-    asked = patch(rng, 2000, 0.8, step)
-    fixed = taught(
-        device, [patch(rng, 4000, 1.0, step) for _ in range(12)], Learning(0.2, rate=0.0)
-    )
-    errors = [np.abs(one.ask(asked)[0] - asked[:, 2, :3]).mean() for one in (learner, fixed)]
-    assert learner.count > fixed.count
-    assert errors[0] < 0.7 * errors[1]
 
 
 def test_models_cover_all_samples_once(device: ComputeDevice) -> None:
