@@ -52,6 +52,22 @@ def test_a_ball_takes_its_form_factor(
         confirm_ball(run, objects[0], 256, rounding=3e-3)
 
 
+def test_only_as_many_rays_as_the_cache_holds(device: ComputeDevice) -> None:
+    """One of many that meet the box stands for all: noisier than if all were traced, but right."""
+    frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
+    found = []
+    for cache in (1, 64):
+        own = {"resolution": 32, "cache": cache}
+        with kernels(device, frame, objects, "dit, even", own=own) as run:
+            near = run.receivers()[0]
+            found.append(np.array([run.parts(seed, 64)[..., 0, 0] for seed in range(12)]))
+    one, all_of_them = found
+    close = np.linalg.norm(near - np.array(BALL[0]), axis=-1) < 2.0 * BALL[1]
+    assert close.sum() > 10
+    assert one[:, close].std(0).mean() > 2.0 * all_of_them[:, close].std(0).mean()
+    assert one[:, close].mean() == pytest.approx(all_of_them[:, close].mean(), rel=0.05)
+
+
 @pytest.mark.parametrize("directions", ["cached", "boxes"])
 def test_nothing_changes_behind_what_hides_the_objects(
     device: ComputeDevice, directions: str
