@@ -57,7 +57,7 @@ VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
 DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 2, "map_side": 8}
 LITTLE: dict[str, Any] = {"learning": {"samples": 256, "models": 64}}
 SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
-"""Without the map of what objects do off screen, which takes longer than these pictures."""
+"""Without the map of shadows off screen, which takes longer than these pictures."""
 LAYERS: dict[str, Any] = {
     "method": "iprt2023",
     "iprt2023": {"filter": "fast-slow"},
@@ -236,13 +236,13 @@ def _clipped(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
 
 
 def _carried(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
-    """By a camera that moves."""
+    """Give the frames poses of a moving camera."""
     first, second = video
     return replace(first, pose=pose_at()), replace(second, pose=pose_at((0.1, 0.0, -0.1), 3.0))
 
 
 def _drifting(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
-    """The same, taken to be exposed twice as long as the video's first frame."""
+    """Mark the frames as exposed twice as long as the video's first one."""
     first, second = (replace(frame, color_map=0.5 * np.eye(3)) for frame in video)
     return first, second
 
@@ -253,7 +253,7 @@ def _landscape() -> tuple[Frame, Frame]:
 
 
 def _objects() -> tuple[Instance, ...]:
-    """One of every kind of material."""
+    """Return an object of every kind of material."""
     return (
         ball((0.0, -1.1, -1.7), 0.3, Material(), subdivisions=1),
         cuboid((0.5, -1.2, -1.3), (0.22, 0.2, 0.15), Material("plastic", alpha=0.2)),

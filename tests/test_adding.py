@@ -70,7 +70,7 @@ def change(sources: Path, edits: dict[str, list[tuple[str, str]]]) -> None:
 
 
 def run(sources: Path, code: str) -> dict[str, float]:
-    """What a program that uses these sources prints."""
+    """Run a program with these sources and return its output."""
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=sources,
@@ -158,7 +158,7 @@ print(json.dumps(found))
 
 @pytest.mark.thorough
 def test_a_pass(sources: Path) -> None:
-    """It is in the picture, in the profile, and in the plan of kernels and memory."""
+    """The pass appears in the picture, the profile, and the plan of kernels and memory."""
     for name, text in PASS.items():
         (sources / name).write_text(text.lstrip())
     change(sources, CALL)

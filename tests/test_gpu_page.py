@@ -1,4 +1,4 @@
-"""`docs/gpu.py`: what the model of GPUs makes of counts, and that its page shows our kernels."""
+"""`docs/gpu.py`: the model's times from counts, and the kernels on its page."""
 
 from __future__ import annotations
 

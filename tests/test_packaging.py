@@ -1,4 +1,4 @@
-"""What goes into the wheel, and the two commands that set everything up."""
+"""The wheel's contents, and the two commands that set everything up."""
 
 from __future__ import annotations
 

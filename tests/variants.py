@@ -1,4 +1,4 @@
-"""The two estimators of what objects do to real surfaces, with all else alike."""
+"""The two estimators of objects' influence on real surfaces, with equal settings."""
 
 from __future__ import annotations
 

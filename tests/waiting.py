@@ -1,4 +1,4 @@
-"""How long tests wait for other processes and threads."""
+"""Waiting for other processes and threads."""
 
 from __future__ import annotations
 

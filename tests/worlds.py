@@ -24,7 +24,7 @@ Radiance = Callable[[Float, Float], Float]
 
 
 def bright_walls(points: Float, normals: Float) -> Float:
-    """Another colour on each wall, with gentle waves."""
+    """Return another colour for each wall, with gentle waves."""
     axis = np.abs(normals).argmax(-1)
     side = np.take_along_axis(normals, axis[..., None], -1)[..., 0] > 0.0
     left_right = [[0.9, 0.2, 0.2], [0.2, 0.8, 0.3]]
@@ -172,7 +172,7 @@ def disc(
 def scaled(
     frame: Frame, instances: Sequence[Instance], factor: float
 ) -> tuple[Frame, list[Instance]]:
-    """The same scene with lengths in another unit."""
+    """Return the scene with lengths in another unit."""
     larger = np.diag([factor, factor, factor, 1.0])
     return (
         replace(frame, depth=(frame.depth * np.float32(factor)).astype(np.float32)),

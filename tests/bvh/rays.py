@@ -1,4 +1,4 @@
-"""Rays at meshes under many transforms, and what brute force finds along them."""
+"""Rays at meshes under many transforms, and their intersections by brute force."""
 
 from __future__ import annotations
 

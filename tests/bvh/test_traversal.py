@@ -1,4 +1,4 @@
-"""Which triangle rays meet and how far away, as Embree and brute force find; objects that move."""
+"""Triangles and distances that rays meet, against Embree and brute force; moving objects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.meshes import mesh_of, sphere, transform
 
 
 def test_as_embree_sees_it(device: ComputeDevice) -> None:
-    """The same hits, distances and triangles along 100,000 rays at a mesh that is not convex."""
+    """Hits, distances and triangles agree along 100,000 rays at a mesh that is not convex."""
     pytest.importorskip("embreex", reason="needs embreex")
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -200,7 +200,7 @@ def test_the_end_of_the_ray_counts(device: ComputeDevice) -> None:
 
 
 def test_a_shared_tree_becomes_two(device: ComputeDevice) -> None:
-    """Where one of two objects is flattened: it has no place in the space of their mesh."""
+    """One of two objects is flattened and has no inverse in the space of their mesh."""
     mesh = sphere(3, materials=(Material(),))
     near, far = (instance_of(mesh, transform(1.0, (x, 0.0, 0.0)), f"{x}") for x in (-2.0, 2.0))
     tracer = BvhTracer(device, [near, far])
@@ -222,7 +222,7 @@ def test_buffers_are_planned_large_enough() -> None:
 
 
 def test_boxes_of_objects_hold_them_with_a_margin() -> None:
-    """By a share of the box's diagonal on every side."""
+    """The margin is a share of the box's diagonal."""
     instance = instance_of(sphere(2), transform(0.7 * TURN, (0.3, -0.2, 0.5)))
     points = world_triangles(instance).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)

@@ -1,4 +1,4 @@
-"""Trees hold every primitive once, boxes hold what is below them, and depth is bounded."""
+"""Trees hold every primitive once, boxes hold their subtrees, and depth is bounded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The à-trous filter against its twin, and what it promises."""
+"""The à-trous filter against its twin and its promises."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
 
 @pytest.mark.parametrize("equirect", [False, True])
 def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
-    """Beyond the filter's reach of what objects touch, and where they touched things before."""
+    """Pixels beyond the filter's reach, and pixels that objects touched before."""
     gbuffer = flat_gbuffer(160, 128)
     if equirect:
         view = View(160, 128, projection="equirect")

@@ -1,4 +1,4 @@
-"""The history fix against its twin, and what it promises."""
+"""The history fix against its twin and its promises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interpolation of sparse signals against its twin, and what it promises."""
+"""Interpolation of sparse signals against its twin and its promises."""
 
 from __future__ import annotations
 

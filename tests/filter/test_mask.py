@@ -1,4 +1,4 @@
-"""The sparse tracing mask against its twin, and what it promises."""
+"""The sparse tracing mask against its twin and its promises."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> N
 
 
 def test_each_pixel_gets_a_ray_where_nothing_is_known(device: ComputeDevice) -> None:
-    """In the first picture, after a cut, and of what comes into view; once."""
+    """The first picture, the first after a cut, and surfaces that come into view, once each."""
     wall = flat_gbuffer(32, 24)
     box, uncovered = wall.depth.copy(), np.zeros((24, 32), bool)
     uncovered[:, 20:24] = True

@@ -1,4 +1,4 @@
-"""Temporal accumulation against its twin, and what it promises."""
+"""Temporal accumulation against its twin and its promises."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def test_ghosts_last_eight_frames_at_most(device: ComputeDevice, before: float) 
 
 
 def test_change_elsewhere_costs_little(device: ComputeDevice) -> None:
-    """Where nothing changed, a long history keeps most of its worth while objects move."""
+    """A long history keeps most of its weight while objects move elsewhere."""
     gbuffer = flat_gbuffer(64, 48)
     session = Session(device, gbuffer, "diffuse")
     rng = np.random.default_rng(15)
@@ -297,7 +297,7 @@ def test_samples_that_are_not_finite_are_dropped(device: ComputeDevice, changed:
 
 @pytest.mark.parametrize("changed", [False, True])
 def test_reset_forgets(device: ComputeDevice, changed: bool) -> None:
-    """Both histories: the fast one would bring back what the slow one has lost."""
+    """Both histories are reset: the fast one would restore the slow one."""
     gbuffer = flat_gbuffer(16, 8)
     session = Session(device, gbuffer, "diffuse")
     session.add(gbuffer, np.zeros((3, 8, 16)), changed=changed)

@@ -50,8 +50,9 @@ def shown(device: ComputeDevice, case: str) -> Pictures:
 
 
 def shown_elsewhere(case: str, folder: Path) -> Pictures | None:
-    """What PoCL shows, in another process; None: it is not installed. `folder` takes the file in
-    between.
+    """Return PoCL's pictures, made in another process by way of a file in `folder`.
+
+    None: PoCL is not installed.
     """
     file = folder / f"{case}.npz"
     usual = {name: value for name, value in os.environ.items() if name not in OVERRIDES}

@@ -1,4 +1,4 @@
-"""Auxiliary pictures of what the filter works with, against what they are said to measure."""
+"""Auxiliary pictures against the quantities that they claim to measure."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_history_length_of_objects_is_theirs(device: ComputeDevice) -> None:
 
 
 def variances(device: ComputeDevice, frames: int) -> dict[str, tuple[Any, Any, NDArray[np.bool_]]]:
-    """By kind of pixel: mean of the auxiliary picture, empirical variance, and where."""
+    """Return by kind of pixel the mean auxiliary picture, the empirical variance, and a mask."""
     frame = room_frame(ROOM, 128, 64, ceiling_lamp)
     objects = [ball(BALL.centre, BALL.radius, Material(albedo=(0.6, 0.6, 0.6)), subdivisions=3)]
     told, shown, relit = [], [], []
@@ -113,7 +113,7 @@ def variances(device: ComputeDevice, frames: int) -> dict[str, tuple[Any, Any, N
 
 @pytest.mark.thorough
 def test_variance_is_that_over_seeds(device: ComputeDevice) -> None:
-    """It is told high rather than low: few samples may have missed a rare event (temporal.cl), and
+    """The estimate errs high: few samples may have missed a rare event (temporal.cl), and
     the sequences by which rays are sent err less than random ones.
     """
     for name, (told, empirical, where) in variances(device, frames=16).items():

@@ -1,4 +1,4 @@
-"""What is remembered behind moving things, in the whole frame."""
+"""Memory of surfaces behind moving things, in the whole frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same device, seed and settings make the same bits: in one process, and in two.
+"""Pictures of one device, seed and settings have the same bits, in one process and in two.
 
 Lists of pixels and cells are in the order in which work groups happen to run. No result may depend
 on it.

@@ -1,4 +1,4 @@
-"""Whole frames of a video whose exposure and white balance drift: what is inserted drifts too."""
+"""Whole frames of a video whose exposure and white balance drift: objects drift too."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DRIFTING = Footage.of(FRAME, drifts=True)
 OBJECTS = still_life()
 SETTINGS = Settings.model_validate(FEW)
 CAMERA = np.array([[0.7, 0.05, 0.0], [0.02, 0.6, 0.03], [0.0, 0.1, 0.5]])
-"""Colours of the reference to those of a frame that was exposed and balanced otherwise."""
+"""From colours of the reference to a frame that was exposed and balanced otherwise."""
 
 
 def shown(frame: Frame, camera: NDArray[np.float64]) -> Frame:

@@ -186,7 +186,7 @@ def odd(corners: ArrayLike, triangles: ArrayLike) -> Instance:
 
 
 def with_broken_triangles(instance: Instance) -> Instance:
-    """The same object with lines, points, repeated and infinite triangles among the others."""
+    """Add lines, points, repeated and infinite triangles among the others."""
     mesh = instance.mesh
     bad = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, -np.inf]], np.float32)
     first = len(mesh.positions)
@@ -266,7 +266,7 @@ def test_panoramas_of_any_size_are_furnaces(
 
 
 def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
-    """RMS error of all pixels, those of objects, and of what objects do to real ones."""
+    """Return RMS errors of all pixels, of objects' pixels, and of the relighting ratio."""
     apart, solid = picture.color - truth.color, truth.aovs["coverage"] > 0.0
     ratio = picture.aovs["ratio"] - truth.aovs["ratio"]
     return {"all": rms(apart), "objects": rms(apart[solid]), "ratio": rms(ratio)}

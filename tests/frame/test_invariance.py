@@ -1,4 +1,4 @@
-"""What must not change the picture: units, where the seam is, which hand is the right one."""
+"""Invariances of the picture: units, the seam's place, mirror images."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ Scene = tuple[Frame, Sequence[Instance], View]
 
 @dataclass(frozen=True)
 class Film:
-    """What `film` has made of a scene, and of what."""
+    """Pictures that `film` made of a scene, and the scene."""
 
     method: tuple[str, str]
     view: View

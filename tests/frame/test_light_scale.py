@@ -47,7 +47,7 @@ def test_only_light_is_coarse(device: ComputeDevice) -> None:
 
 @pytest.mark.thorough
 def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
-    """What a light of half the resolution loses is little beside what objects change."""
+    """Light at half the resolution loses little compared with the objects' influence."""
     frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
     fine, half, quarter = (
         render(device, frame, objects, VIEW, settings(scale), 32, ["background"])

@@ -1,4 +1,4 @@
-"""Device memory is known before it is taken, and what a user is told to lower lowers it."""
+"""Device memory is known before it is allocated, and the settings that messages name lower it."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def test_motion_is_where_surfaces_were(
             for index in (1, 2):
                 assert (whole & (number == index)).sum() > 3
             assert np.abs(error[whole]).max() < 0.01
-            # Borrowed surfaces move as those that lend them, which are a pixel away.
+            # Borrowed surfaces move with their lenders, which are a pixel away.
             assert np.abs(error[picture.aovs["coverage"] > 0.5]).max() < 2.0
             if last == step and previous == looked:
                 assert np.abs((motion - own)[whole]).max() < 0.01

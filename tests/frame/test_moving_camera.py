@@ -60,7 +60,7 @@ def settings(**others: Any) -> Settings:
 
 
 def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
-    """RMS errors of what objects do to real pixels, and of pixels of objects."""
+    """Return RMS errors of the relighting ratio and of objects' pixels."""
     real = truth.aovs["coverage"] == 0.0
     solid = (truth.aovs["coverage"] == 1.0) & (picture.aovs["coverage"] == 1.0)
     ratio = picture.aovs["ratio"] - truth.aovs["ratio"]
@@ -140,7 +140,7 @@ def test_walking_leaves_no_trails(device: ComputeDevice, truth: RenderedFrame) -
 
 
 def test_objects_keep_their_place_in_the_world(device: ComputeDevice) -> None:
-    """Their motion, by either way to draw them, is that of their points past the camera."""
+    """Their motion, drawn either way, follows their points past the camera."""
     before, now = walk(6)[0], walk(6)[-1]
     for gbuffer in ("gl", "cl"):
         with Renderer(
@@ -208,7 +208,7 @@ def test_flux_turns_with_the_camera(device: ComputeDevice) -> None:
 
 @pytest.mark.thorough
 def test_random_numbers_go_on(device: ComputeDevice) -> None:
-    """Cells that forget draw other samples: what they say over time is the mean of many."""
+    """Cells that forget draw other samples: over time their values average many."""
     rows = {"rows": 32}
     frame = room_frame(ROOM, 128, 64, bright_walls)
     video = (frame, replace(frame, color=2.0 * frame.color))

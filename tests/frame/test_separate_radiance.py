@@ -74,7 +74,7 @@ KINDS: list[dict[str, bool]] = [{}, {"window": True, "gloss": True}]
 
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[str, bool]) -> None:
-    """Over one and the same background, the picture is that of the unclipped frame, bit for bit."""
+    """Over the same background, the picture equals the unclipped frame's bit for bit."""
     frame = lit(**kind)
     background = np.full((LOOK.height, LOOK.width, 3), 0.2, np.float32)
     truth = pictures(device, frame, LOOK, background)
@@ -87,7 +87,7 @@ def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[s
 
 
 def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
-    """What objects do to it is a factor, that of the light."""
+    """Objects multiply it by the light's ratio."""
     frame = clipped(lit())
     with Renderer(device, frame, [BALL], AROUND, SETTINGS) as renderer:
         shown = renderer.render(2, ["ratio", "coverage"])
@@ -98,7 +98,7 @@ def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
 
 
 def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDevice) -> None:
-    """Histories end, and E_R is found anew."""
+    """Histories end, and E_R starts again."""
     before = clipped(room_frame(World(), 64, 32, bright_walls))
     seen = replace(before, color=before.picture, clipped=None)
     dark = replace(before, color=before.color * np.float32(0.1), clipped=all_texels(seen))

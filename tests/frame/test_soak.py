@@ -74,7 +74,7 @@ class Look(NamedTuple):
 
 
 class Mallinfo(ctypes.Structure):
-    """What glibc tells of its allocator (`man mallinfo2`)."""
+    """State of glibc's allocator (`man mallinfo2`)."""
 
     _fields_ = tuple(
         (name, ctypes.c_size_t)
@@ -97,7 +97,7 @@ def in_use() -> int:
 
 
 def at_rest(stream: Ahead[Any]) -> bool:
-    """Whether as many frames lie ready as may, or all are made."""
+    """Return whether the stream has decoded as far ahead as it may."""
     return all(made.done() for made in stream._made)
 
 
@@ -131,7 +131,7 @@ def play(scene: Scene, compute: ComputeDevice, frames: int) -> list[Look]:
 def test_a_long_film_stays_as_it_began(
     device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No memory grows, on the device nothing is made anew, and again it is the same to the bit."""
+    """Memory does not grow, buffers and kernels are made once, a second run has the same bits."""
     # The profile's sample of frames, 4 kB each, is to be full when the warm-up is over.
     monkeypatch.setattr(profile, "MOST_FRAMES", WARM_UP // 2)
     scene = write_moving(tmp_path / "clip")

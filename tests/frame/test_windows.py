@@ -1,4 +1,4 @@
-"""Windows in the whole frame: what is far behind them lights the room with parallax."""
+"""Windows in the whole frame: distant light behind them enters the room with parallax."""
 
 from __future__ import annotations
 

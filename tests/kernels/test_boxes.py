@@ -166,7 +166,7 @@ def test_where_boxes_are_is_what_plain_code_says(device: ComputeDevice) -> None:
 
 
 def test_the_weight_is_about_the_solid_angle(device: ComputeDevice) -> None:
-    """By which boxes that look small are left out: within a fifth, of what is not too close."""
+    """The weight that leaves out small boxes is within a fifth, except very near."""
     boxes, x, n = [FAR], (0.0, 0.0, 0.0), UP
     body = "total = at.total;"
     total = run(device, body, boxes, repeated(x, n, 1), {"total": "float"})["total"][0]

@@ -45,7 +45,7 @@ print(json.dumps(told))
 
 
 def test_each_method_has_its_folder() -> None:
-    """Of its own name, but for the hyphen, which no module may have."""
+    """The folder has the method's name, without the hyphen, which no module may have."""
     assert sorted(name.replace("-", "_") for name in methods()) == FOLDERS
     for kernels in (ROOT / "cl" / "methods").iterdir():
         assert kernels.name in FOLDERS
@@ -55,7 +55,7 @@ def test_each_method_has_its_folder() -> None:
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_nothing_else_names_a_method_s_folder(folder: str) -> None:
-    """Neither modules nor kernels, nor tests of what others hold."""
+    """Modules, kernels and tests of other folders do not name it."""
     named = re.compile(rf"\bmethods[./]{folder}[./\"]|\bmethods\.{folder} import")
     knows = []
     for top, suffixes in (("iprt", (".py",)), ("cl", (".cl", ".h")), ("tests", (".py",))):

@@ -178,7 +178,7 @@ def test_normals_follow_nonuniform_scale() -> None:
 @pytest.mark.parametrize("shade", [False, True])
 @pytest.mark.parametrize("projection", ["perspective", "equirect"])
 def test_nothing_to_see(projection: str, shade: bool) -> None:
-    """No instances, no triangles, zero-area and NaN triangles, objects out of view."""
+    """Empty scenes, zero-area and NaN triangles, and objects out of view leave no trace."""
     view = View(40, 20, fov_y_deg=40.0, projection=projection)
     empty = mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
     point = mesh(np.tile([[0.0, 0.0, -2.0]], (3, 1)), np.array([[0, 1, 2], [0, 0, 1]]))

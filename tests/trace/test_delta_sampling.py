@@ -90,7 +90,7 @@ def blocked_and_bounced(device: ComputeDevice) -> Float:
 
 @pytest.fixture(scope="module")
 def mixed(device: ComputeDevice) -> Float:
-    """What the kernels find as they are."""
+    """Return the estimates of the unmodified kernels."""
     return blocked_and_bounced(device)
 
 

@@ -110,7 +110,7 @@ def test_no_light_leaks_into_a_box_that_stands_on_the_plain(device: ComputeDevic
 def test_virtual_surfaces_reflect_their_albedo(
     device: ComputeDevice, name: str, estimator: Estimator
 ) -> None:
-    """In a furnace, whatever lights are aimed at; each lobe apart."""
+    """Each lobe in a furnace, whatever lights are aimed at."""
     material = MATERIALS[name]
     frame, objects = furnace("sphere"), [box_of(material)]
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame), view=BOX_VIEW) as run:

@@ -1,4 +1,4 @@
-"""Objects in the reflections of glossy real surfaces: mirrors, furnaces, and what stays."""
+"""Objects in the reflections of glossy real surfaces: mirrors, furnaces, unchanged pixels."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def with_floor(frame: Frame, material: Material) -> Frame:
 
 
 def mirror_room(width: int = 512, height: int = 256) -> Frame:
-    """Bright walls over a floor that is a mirror: its texels hold what it reflects."""
+    """Bright walls over a floor that is a mirror: its texels hold the reflected light."""
     frame = with_floor(room_frame(ROOM, width, height, bright_walls), MIRROR)
     d = View(width, height, projection="equirect").directions()
     floor = frame.gloss == 1
@@ -79,7 +79,7 @@ def wall_light(points: Float, d: Float) -> Float:
 
 
 def floor_rays(view: View) -> tuple[NDArray[np.bool_], Float, Float]:
-    """Which pixels look at the floor past the ball; (H, W, 3) where, and the mirrored direction."""
+    """Return the pixels that see the floor past the ball; (H, W, 3) points, mirrored directions."""
     d = view.directions()
     t, normal, _ = ROOM.first_hit(np.zeros(3), d)
     enter, leave, _, _ = BALL.interval(np.zeros(3), d)
@@ -144,7 +144,7 @@ def distance_to_ball(points: Float, d: Float) -> Float:
 
 
 def test_furnace(device: ComputeDevice) -> None:
-    """Where all shines alike, a white object changes nothing, reflected or not."""
+    """A white object changes nothing in even light, reflected or not."""
     frame = sphere_frame(2.0, 128, 64, 0.7)
     below = View(128, 64, projection="equirect").directions()[..., 1] < -0.5
     frame = replace(frame, gloss=below.astype(np.uint8), real_materials=(COAT,))
@@ -199,7 +199,7 @@ def test_without_influence_pixels_keep_their_bits(device: ComputeDevice) -> None
 
 
 def test_highlights_take_no_shadow(device: ComputeDevice) -> None:
-    """Nothing of a conductor is diffuse: the ratio, whatever it is, does not darken it."""
+    """A conductor is not diffuse: no ratio darkens it."""
     frame = mirror_room(256, 128)
     picture = render_with_specks(device, frame, [ball(BALL.centre, BALL.radius, BLACK)], frames=4)
     seen, _, _ = floor_rays(DOWN)

@@ -51,7 +51,7 @@ def test_a_ball_hides_light_and_shines(
 
 @pytest.mark.thorough
 def test_both_methods_have_one_mean(device: ComputeDevice) -> None:
-    """Pixel by pixel the same paths: what is not gathered is what cancels."""
+    """Both trace the same paths in each pixel; the terms that one omits cancel in the other."""
     frame, objects = windowed(), [ball(*BALL, LAMP), box_of(Material(albedo=(0.3, 0.6, 0.9)))]
     found = []
     for estimator in ("dpt, aimed", "pt-diff, aimed"):

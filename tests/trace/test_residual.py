@@ -1,4 +1,4 @@
-"""Noise that the spatial filter leaves is drawn to what is around, as far as its variance says."""
+"""Noise left by the spatial filter is drawn to its surroundings, as far as its variance says."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_what_is_sure_keeps_its_bits(device: ComputeDevice) -> None:
 
 @pytest.mark.parametrize("noise", [0.05, 0.3, 2.0])
 def test_noise_of_thin_edges_falls(device: ComputeDevice, noise: float) -> None:
-    """To no more than what the surroundings differ by, and it never grows."""
+    """It falls to the differences in its surroundings, and never grows."""
     width, height = 32, 200
     gbuffer, middle = ridged(width, height), width // 2
     rng = np.random.default_rng(4)

@@ -163,7 +163,7 @@ def test_reflections_change_apart_and_all_is_mapped_back(
 
 @pytest.mark.parametrize("gloss", [False, True])
 def test_diffuse_part(device: ComputeDevice, gloss: bool) -> None:
-    """Mapped first, and without what is reflected, of which there may be infinitely much."""
+    """Colours are mapped first; reflections, which may be infinite, are removed."""
     rng = np.random.default_rng(6)
     layout = PlaneLayout(31, 17)
     colour, shine = rng.random((2, 3, 17, 31))

@@ -45,7 +45,7 @@ def shown(device: ComputeDevice, panorama: Panorama, view: View, *, sharp: bool 
 
 
 def color_of(d: Float) -> Float:
-    """(..., 3) what is seen in directions from the capture centre: each thing has one colour."""
+    """Return the colours (..., 3) in directions from the capture centre; each thing has one."""
     return COLORS[ROOM.first_hit(np.zeros(3), d)[2]]
 
 
@@ -132,7 +132,7 @@ def test_the_twin_shows_the_same(
 @pytest.mark.thorough
 @views
 def test_edges_are_sharp(device: ComputeDevice, view: View) -> None:
-    """Nearer to the room than what is only resampled, the more the finer the view is."""
+    """They are nearer to the room than the resampled panorama, more so in finer views."""
     panorama = loaded(device, painted())
     sharp, blurred = shown(device, panorama, view), shown(device, panorama, view, sharp=False)
     truth = averaged(view)
@@ -181,7 +181,7 @@ def test_views_that_are_not_finer_keep_their_bits(device: ComputeDevice, view: V
 
 
 def test_a_horizon_is_an_edge(device: ComputeDevice) -> None:
-    """Of a plain that ends at the open sky: a pixel is one or the other."""
+    """A plain ends at the open sky: a pixel is one or the other."""
     frame, view = landscape_frame(WIDTH, HEIGHT), View(64, 48, fov_y_deg=10.0)
     layer = shown(device, loaded(device, frame), view)
     sky = layer.depth == 0.0

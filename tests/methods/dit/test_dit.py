@@ -41,7 +41,7 @@ LOOK = View(48, 36, pitch_deg=-35.0)
 def test_a_ball_takes_its_form_factor(
     device: ComputeDevice, estimator: Estimator, around: Around, own: dict[str, Any]
 ) -> None:
-    """In an even environment: it hides (r / d)² cos β, and sends its albedo's part of that."""
+    """An even environment: the ball hides (r / d)² cos β, and sends its albedo's part."""
     frame, objects = furnace(around), [ball(*BALL, LAMP)]
     own = {"resolution": 32, "iterations": 8, **own}
     with kernels(device, frame, objects, estimator, own=own) as run:
@@ -53,7 +53,7 @@ def test_a_ball_takes_its_form_factor(
 
 
 def test_only_as_many_rays_as_the_cache_holds(device: ComputeDevice) -> None:
-    """One of many that meet the box stands for all: noisier than if all were traced, but right."""
+    """A ray that stands for many makes noise, and no bias."""
     frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
     found = []
     for cache in (1, 64):

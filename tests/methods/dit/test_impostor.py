@@ -1,4 +1,4 @@
-"""The distance impostor: what is splatted, how holes are filled, and where rays meet it."""
+"""The distance impostor: splatting, filling of holes, intersection with rays."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def met_by_brute_force(surface: Float, centre: Float, d: Float) -> tuple[Float, 
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
 def test_the_nearest_surface_wins(device: ComputeDevice, up: float) -> None:
-    """Above what it hides in the panorama, or below."""
+    """Seen from above the hidden surfaces, or from below."""
     centre = (CENTRE[0], up * CENTRE[1], CENTRE[2])
     world = World(solids=(Box((-0.8, -0.4 * up, -1.5), (0.25, 1.0, 0.2)),))
     side, frame = 14, world.frame(64, 32)
@@ -120,7 +120,7 @@ def test_the_nearest_surface_wins(device: ComputeDevice, up: float) -> None:
 def test_a_room_has_its_distances_and_colours(
     device: ComputeDevice, centre: tuple[float, float, float]
 ) -> None:
-    """In a convex room all is seen from everywhere."""
+    """A convex room is visible from everywhere."""
     side = 32
     panorama = panorama_of(device, room_frame(ROOM, 256, 128, bright_walls))
     found = faces(device, placed(device, panorama, centre, side=side), side)

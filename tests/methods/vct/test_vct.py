@@ -69,7 +69,7 @@ def test_errors_of_shadows_shrink_with_voxels(device: ComputeDevice, shape: str)
 
 
 def test_what_shines_as_bright_as_what_it_hides(device: ComputeDevice) -> None:
-    """A white ball in a furnace sends next to what it hides; a half as bright one half of it."""
+    """A white ball in a furnace sends almost as much as it hides; a grey one half of it."""
     with kernels(device, furnace("sphere"), [ball(*BALL, LAMP)], "vct, even", own=COARSE) as run:
         hidden, sent = np.moveaxis(np.mean([run.parts(i, 64) for i in range(4)], axis=0), -2, 0)
     np.testing.assert_array_equal(sent[..., 0], 0.0)
@@ -113,7 +113,7 @@ def test_light_varies_with_the_place_in_the_room(device: ComputeDevice) -> None:
 
 
 def test_moved_objects_take_their_voxels_along(device: ComputeDevice) -> None:
-    """A picture after a move is that of a renderer that knew no other place."""
+    """After a move the voxels equal those of a renderer that started there."""
     before, after = [ball((-0.3, -1.0, -0.9), 0.3, CLAY)], [ball(*BALL, CLAY)]
     after = [replace(before[0], to_world=after[0].to_world)]
     with Renderer(device, windowed(), before, LOOK, vct()) as renderer:

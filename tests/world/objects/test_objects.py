@@ -79,7 +79,7 @@ def test_what_touches_is_dark(device: ComputeDevice) -> None:
 def test_rays_draw_without_opengl(
     device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
-    """What OpenGL draws, but for samples of outlines."""
+    """The picture is OpenGL's, except for samples of outlines."""
     frame = room_frame(ROOM, 256, 128, bright_walls)
     objects = [ball((0.2, -1.0, -1.4), 0.3, CLAY)]
     drawn = render(device, frame, objects, DOWN, settings(method=method, gbuffer="gl"), 2)

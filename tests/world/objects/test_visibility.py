@@ -1,4 +1,4 @@
-"""What rays show of objects in the view is what OpenGL draws."""
+"""Objects drawn by rays look as drawn by OpenGL."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def test_coverage(both: Both) -> None:
 
 
 def test_silhouettes(device: ComputeDevice, both: Both) -> None:
-    """What is behind the post is in them, where coverage lacks it."""
+    """They include objects behind the post, which coverage lacks."""
     drawn, traced = (device.read(layer.display)[2] for layer in (both.drawn, both.traced))
     assert np.abs(drawn - traced)[..., 3].max() <= 2.01 / 16.0
     assert ((drawn != traced)[..., 3]).sum() < 0.05 * (drawn[..., 3] > 0.0).sum()

@@ -1,4 +1,4 @@
-"""Rays behind the first layer, where the video has shown what is there: against the true world."""
+"""Rays behind the first layer, in surfaces that the video has shown, against the true world."""
 
 from __future__ import annotations
 
@@ -98,14 +98,14 @@ def plain(device: ComputeDevice) -> RealTracer:
 
 
 def shown_by(hits: Hits) -> NDArray[np.int64]:
-    """What the panorama, or what is remembered behind it, shows at the hits' texels."""
+    """Return the thing that the panorama or its memory shows at the hits' texels."""
     centre = np.zeros(3)
     seen, hidden = (w.first_hit(centre, DIRECTIONS)[2].ravel() for w in (TRUE, EMPTY))
     return np.where(hits.behind, hidden[hits.texel], seen[hits.texel])
 
 
 def at_point(hits: Hits, rays: Rays) -> NDArray[np.bool_]:
-    """Which rays end within two centimetres of where they truly do, or half a texel's width."""
+    """Return the rays that end within two centimetres, or half a texel, of their true end."""
     ends = np.linalg.norm(rays.o + rays.t[:, None] * rays.d, axis=1)
     met = np.where(np.isfinite(hits.t), hits.t, 1e9)
     return np.asarray(np.abs(met - rays.t) < np.maximum(0.02, 0.5 * np.pi / HEIGHT * ends))
@@ -136,7 +136,7 @@ def test_more_rays_find_what_is_true(
 
 
 def test_hidden_walls_are_met_to_rounding(two: Panorama, trace: RealTracer, rays: Rays) -> None:
-    """Where the ball hides the plain floor or a wall, well within its outline."""
+    """The ball hides the plain floor or a wall, well within its outline."""
     point = rays.o + rays.t[:, None] * rays.d
     margin = np.sort(np.minimum(point - TRUE.low, TRUE.high - point), axis=1)[:, 1]
     inner = behind(Sphere(NOW.centre, 0.24), point) & (rays.which == 0) & (margin > 0.2)
@@ -154,7 +154,7 @@ def test_hidden_walls_are_met_to_rounding(two: Panorama, trace: RealTracer, rays
 def test_pyramid_skips_no_background(
     device: ComputeDevice, two: Panorama, rays: Rays, bassrt: bool
 ) -> None:
-    """The same hits as by visiting each texel on the way."""
+    """Hits equal those of a march through every texel."""
     trace = RealTracer(device, bassrt=bassrt, background=True, step_cap=1 << 20)
     quick = trace(two, rays.o, rays.d)
     shape = two.shape

@@ -1,4 +1,4 @@
-"""What a static camera's video has shown behind moving things: the memory, and rays in it."""
+"""The memory of surfaces that a static camera's video has shown behind moving things."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def shown(*solids: Solid, width: int = WIDTH, height: int = HEIGHT) -> Frame:
 
 
 def read(device: ComputeDevice, panorama: Panorama) -> Memory:
-    """What the device remembers."""
+    """Return the device's memory."""
     background = panorama.background
     assert background is not None
     marks = device.read(background.marks)
@@ -93,7 +93,7 @@ def random_film(seed: int, count: int) -> list[Frame]:
 def test_equals_its_twin(device: ComputeDevice, seed: int) -> None:
     frames = random_film(seed, 9)
     panorama = Panorama(device, frames[0].width, frames[0].height, background=TRACE)
-    # The unit of length is that of each frame; here that of all.
+    # The unit of length is each frame's own; here it is the same for all.
     for frame in frames:
         panorama.load(frame)
         panorama.median_depth = 2.0
@@ -244,7 +244,7 @@ def planes_and_ranges(
 
 
 def test_what_is_hidden_is_joined_as_when_it_was_seen(device: ComputeDevice) -> None:
-    """With planes and ranges that it had, but for the rim; beside the seam as elsewhere."""
+    """Planes and ranges stay, except at the rim; beside the seam as elsewhere."""
     empty, now = shown(), shown(NEAR)
     hidden = after(device, [empty, now]).hidden
     last = int(np.flatnonzero(hidden.any(0))[-1])

@@ -1,4 +1,4 @@
-"""What glossy real surfaces reflect towards the capture centre, taken off the panorama."""
+"""Highlights of glossy real surfaces, separated from the panorama."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def cosines(frame: Frame) -> Float:
 def test_even_light_is_reflected_by_the_albedo_of_the_coat(
     device: ComputeDevice, alpha: float
 ) -> None:
-    """The floor adds it to what it reflects diffusely."""
+    """The floor adds it to its diffuse reflection."""
     material = replace(COAT, alpha=alpha)
     frame = glossy(even(), material)
     cosine, floor = cosines(frame), frame.gloss == 1
@@ -113,7 +113,7 @@ def test_no_more_is_taken_than_there_is(device: ComputeDevice) -> None:
 
 
 def test_a_smooth_coat_mirrors_the_room(device: ComputeDevice) -> None:
-    """Fresnel's reflectance times what is seen in the mirror's direction, in every texel."""
+    """Fresnel's reflectance times the light from the mirror's direction, in every texel."""
     frame = mirrored_room(SMOOTH)
     found = split(device, frame, rays=1)
     wanted = mirror_image(frame)
@@ -134,7 +134,7 @@ def test_few_rays_are_filtered_to_what_many_find(device: ComputeDevice) -> None:
 
 
 def test_each_place_is_held_to_the_highlight_that_was_seen_there(device: ComputeDevice) -> None:
-    """In a fifth of the azimuths the camera saw none, although the walls there are as bright."""
+    """The camera saw none in a fifth of the azimuths, although the walls there are as bright."""
     unseen = np.arange(104, 152)
     frame, wanted = partly_seen_floor(unseen)
     found = split(device, frame, rays=1).highlight.mean(-1)

@@ -1,4 +1,4 @@
-"""The irradiance cache: what it holds is true, what it keeps and what it forgets."""
+"""The irradiance cache: its values are true; it keeps and forgets at the right time."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ def test_unknown_cells_do_not_count(device: ComputeDevice) -> None:
 
 
 def test_a_surface_that_no_cell_knows_takes_the_most_of_those_around(device: ComputeDevice) -> None:
-    """Of those that are known."""
+    """Only known cells count."""
     tables = corner_tables(1.0, 1.0)
     rng = np.random.default_rng(6)
     tables["cache_value"][:, :3] = rng.random((32 * 64, 1))
@@ -175,7 +175,7 @@ def lit_from(light: Float) -> tuple[Tables, Float]:
 
 @pytest.mark.parametrize("angle_deg", [12.0, 20.0, 35.0])
 def test_normals_between_receive_what_they_face(device: ComputeDevice, angle_deg: float) -> None:
-    """Of a distant lamp: exact but for what a second derivative would tell."""
+    """From a distant lamp: exact up to the second derivative."""
     light = np.array([-0.3, 0.8, 0.5])
     light /= np.linalg.norm(light)
     tables, flux = lit_from(light)

@@ -65,7 +65,7 @@ def edge(at: Float) -> Float:
 
 
 def ordered(rng: np.random.Generator, count: int, field: Field = waves) -> NDArray[np.float32]:
-    """In one cell, so that they are learned in their order; the first one is the model's centre."""
+    """Draw samples in one cell, which are learned in order; the first is the model's centre."""
     made = patch(rng, count, 0.12, field)
     made[0, 0, :3] = MIDDLE
     return made

@@ -210,7 +210,7 @@ def repeated(place: Sequence[float], count: int) -> NDArray[np.float32]:
 def test_directions_to_lights_have_their_density(
     worlds: Callable[[str], RealWorld], name: str, place: tuple[float, float, float]
 ) -> None:
-    """What reaches its light, and what does not is one bin more: the share of what is hidden."""
+    """Directions that do not reach their light form one more bin, the hidden share."""
     world, count = worlds(name), 1 << 16
     u = numbers(CASES.index((name, place)), count, 2)
     drawn = world.run(DRAW, {"x": repeated(place, count), "u": u}, {"d": "float3", "counts": "int"})

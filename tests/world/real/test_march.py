@@ -328,7 +328,7 @@ def test_slab_is_as_thick_as_assumed(device: ComputeDevice, trace: RealTracer) -
 def test_ray_behind_a_surface_dips_into_its_thickness(
     device: ComputeDevice, trace: RealTracer, yaw_deg: float
 ) -> None:
-    """Where it passes closest, wherever that lies in the coarse cells that it is skipped by."""
+    """The ray's closest point may lie anywhere in the coarse cells that skip it."""
     yaw = np.deg2rad(yaw_deg)
     ahead = np.array([np.sin(yaw), 0.0, -np.cos(yaw)])
     right = np.array([np.cos(yaw), 0.0, np.sin(yaw)])

@@ -1,4 +1,4 @@
-"""What is built per video frame: tangent planes, connectivity, leaf ranges, pyramid."""
+"""The panorama's structures per video frame: tangent planes, connectivity, ranges, pyramid."""
 
 from __future__ import annotations
 

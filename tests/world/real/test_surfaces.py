@@ -161,7 +161,7 @@ def test_a_sphere_faces_its_centre(device: ComputeDevice, scale: float) -> None:
 
 
 def test_given_normals_hold_where_they_are_any(device: ComputeDevice) -> None:
-    """Of any length, for either side; elsewhere they are fitted."""
+    """Given normals may have any length and side; elsewhere normals are fitted."""
     depth, normal = box_room(96, 48)
     depth[:3] = np.inf
     turned = np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
