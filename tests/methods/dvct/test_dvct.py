@@ -11,7 +11,6 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.settings.model import Settings
 from tests.kernels.wrap import evaluate
 from tests.trace.closed_forms import (
     BALL,
@@ -27,11 +26,6 @@ from tests.worlds import Float, ball
 
 COARSE: dict[str, Any] = {"voxels": 32, "room_voxels": 32, "lights": 128}
 MANY: dict[str, Any] = {**COARSE, "voxels": 64, "lights": 256}
-
-
-def dvct(**own: Any) -> Settings:
-    raw: dict[str, Any] = {"atrous": {"levels": 0}, "mask": {"sparse": False}}
-    return Settings.model_validate({"method": "dvct", **raw, "dvct": {**COARSE, **own}})
 
 
 # Voxels --------------------------------------------------------------------------------------

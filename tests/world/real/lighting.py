@@ -16,7 +16,7 @@ from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.settings.features import Features
-from iprt.world.real.lights import Lights, no_lights
+from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.world import World
 from tests.kernels.wrap import evaluate
@@ -40,13 +40,12 @@ def uploaded(device: ComputeDevice, color: NDArray[np.floating]) -> cla.Array:
 
 
 class RealWorld:
-    """A frame without objects, as `cl/lib/world/path.h` sees it, and `materials` that scatter."""
+    """A frame without objects, as `cl/lib/world/path.h` sees it."""
 
     def __init__(
         self,
         device: ComputeDevice,
         frame: Frame,
-        materials: tuple[Material, ...] = (Material(),),
         *,
         before: Frame | None = None,
     ) -> None:
@@ -54,7 +53,7 @@ class RealWorld:
         self._device = device
         settings = variant("ratio", objects="layers")
         self._features = Features.of(
-            materials,
+            [Material()],
             View(1, 1),
             settings,
             Footage.of(frame, static_camera=before is not None),
@@ -75,7 +74,7 @@ class RealWorld:
             bvh=None,
             screen=None,
             equirect=None,
-            materials=device.upload("materials", material_table(materials)),
+            materials=device.upload("materials", material_table([Material()])),
             device_bounds=device.upload("bounds", np.zeros((1, 2, 4), np.float32)),
         )
         real = SimpleNamespace(panorama=self.panorama, lights=self.lights, highlight=None)
@@ -86,13 +85,9 @@ class RealWorld:
         body: str,
         inputs: Mapping[str, NDArray[Any]],
         outputs: Mapping[str, str],
-        *,
-        light_sampling: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """`evaluate` with a variable `world`."""
         arguments = {**NO_LAYERS, **self._world.arguments(self._features)}
-        if not light_sampling:
-            arguments |= no_lights("light")
         return evaluate(
             self._device,
             ["world/path.h"],

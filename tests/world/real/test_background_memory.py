@@ -19,7 +19,7 @@ from tests.oracles.remember import Memory, remembered
 from tests.oracles.worlds import Box, Solid, Sphere, World
 from tests.worlds import bright_walls, room_frame
 
-OPENING, HIDDEN, AIMED = 16, 64, 128
+OPENING, HIDDEN = 16, 64
 WIDTH, HEIGHT = 128, 64
 AWAY, NEAR = Sphere((-1.0, 0.2, 1.4), 0.4), Sphere((0.6, -0.3, -1.3), 0.4)
 TRACE = TraceSettings()
