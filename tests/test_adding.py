@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.waiting import ROOT, run_python
 
 MATERIAL = {
     "iprt/geometry/material.py": [
@@ -71,14 +68,7 @@ def change(sources: Path, edits: dict[str, list[tuple[str, str]]]) -> None:
 
 def run(sources: Path, code: str) -> dict[str, float]:
     """Run a program with these sources and return its output."""
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=sources,
-        env={**os.environ, "PYTHONPATH": str(sources)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run_python("-c", code, cwd=sources, PYTHONPATH=str(sources))
     assert done.returncode == 0, done.stderr
     found: dict[str, float] = json.loads(done.stdout)
     return found

@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -29,12 +27,11 @@ from iprt.scene.scene import Scene
 from tests.frame.whole_frame import METHOD, METHODS, ROOM, VIEW, chosen, still_life
 from tests.scene.files import box_room, write_channels, write_scene
 from tests.trace.estimators import furnace, kernels, lamps
-from tests.waiting import DEADLINE_S
+from tests.waiting import run_python
 from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, room_frame
 
 pytestmark = pytest.mark.gl
 
-ROOT = Path(__file__).resolve().parents[2]
 VARNISH = Material("plastic", (0.4, 0.3, 0.2), alpha=0.1)
 
 
@@ -94,15 +91,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[s
     folder = tmp_path_factory.mktemp("elsewhere") / "scene"
     order = {"PYTHONHASHSEED": "7", "POCL_MAX_PTHREAD_COUNT": "1", "LP_NUM_THREADS": "0"}
     code = f"from tests.frame.test_determinism import report; report({str(folder)!r})"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        env={**os.environ, **order},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=DEADLINE_S,
-    )
+    done = run_python("-c", code, **order)
     assert done.returncode == 0, done.stderr
     found: dict[str, list[dict[str, str]]] = json.loads(done.stdout)
     return found

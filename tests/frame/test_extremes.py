@@ -27,7 +27,6 @@ from tests.frame.whole_frame import (
     ROOM,
     VIEW,
     chosen,
-    film,
     likeness,
     remembered,
     require_finite,
@@ -110,14 +109,6 @@ def test_extreme_light_stays_finite(device: ComputeDevice, method: tuple[str, st
                     assert image.max() < 4.0 * frame.color.max(), name
                 for image in (p.aovs[kind] for p in pictures for kind in ("diffuse", "specular")):
                     assert image.max() < 10.0 * frame.color.max(), name
-
-
-@METHOD
-def test_in_the_dark_there_is_no_light(device: ComputeDevice, method: tuple[str, str]) -> None:
-    dark = of_everything(np.zeros((1, 1, 3)))
-    for picture in film(device, (dark, dark), still_life(), SMALL, chosen(method)):
-        np.testing.assert_array_equal(picture.color, 0.0)
-        np.testing.assert_array_equal(picture.aovs["ratio"], 1.0)
 
 
 @METHOD

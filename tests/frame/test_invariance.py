@@ -15,7 +15,6 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame
 from tests.frame.whole_frame import (
-    CLAY,
     METHOD,
     METHODS,
     PANORAMA,
@@ -28,14 +27,10 @@ from tests.frame.whole_frame import (
     still_life,
     two_frames,
 )
-from tests.oracles.worlds import World
 from tests.rendering import render
 from tests.worlds import (
     Float,
-    ball,
-    bright_walls,
     mirrored,
-    room_frame,
     scaled,
     turned,
 )
@@ -181,18 +176,3 @@ def test_a_mirrored_world_looks_mirrored(
     flipped, moved = mirrored(frame, objects, meshes=meshes)
     view = replace(VIEW, yaw_deg=7.0)
     agrees(device, method, (frame, objects, view), (flipped, moved, replace(view, yaw_deg=-7.0)))
-
-
-# Straight up and down -------------------------------------------------------------------------
-
-
-@METHOD
-def test_nothing_in_sight_keeps_every_bit(device: ComputeDevice, method: tuple[str, str]) -> None:
-    """Objects behind the walls of the room, of which nothing is seen, cast or reflected."""
-    frame = room_frame(World(), 256, 128, bright_walls)
-    hidden = [ball((0.0, -4.0, -1.0), 0.5, CLAY), ball((9.0, 0.0, 0.0), 2.0, CLAY)]
-    for view in (VIEW, PANORAMA):
-        plain = render(device, frame, [], view, chosen(method))
-        picture: RenderedFrame = render(device, frame, hidden, view, chosen(method), frames=3)
-        np.testing.assert_array_equal(picture.color, plain.color)
-        np.testing.assert_array_equal(picture.aovs["ratio"], 1.0)

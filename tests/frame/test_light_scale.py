@@ -12,9 +12,9 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.renderer import RenderedFrame
 from iprt.settings.model import Settings
-from tests.frame.whole_frame import CLAY, ROOM, still_life, two_frames
+from tests.frame.whole_frame import ROOM, still_life, two_frames
 from tests.rendering import render
-from tests.worlds import ball, bright_walls, landscape_frame, room_frame
+from tests.worlds import bright_walls, room_frame
 
 pytestmark = pytest.mark.gl
 
@@ -58,15 +58,6 @@ def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
     assert lost[0] < 0.12 * changed
     assert lost[1] < 0.25 * changed
     assert abs(fine.color.mean() - half.color.mean()) < 0.01 * fine.color.mean()
-
-
-def test_nothing_changes_without_influence(device: ComputeDevice) -> None:
-    """The sky, which no object lights or shades, keeps its bits."""
-    frame = landscape_frame(256, 128)
-    view = View(64, 48, pitch_deg=30.0)
-    thing = ball((0.0, -1.2, -4.0), 0.2, CLAY)
-    picture = render(device, frame, [thing], view, settings(4), 2, ["background"])
-    np.testing.assert_array_equal(picture.color, picture.aovs["background"])
 
 
 def test_coverage_takes_as_many_samples_as_asked_for(device: ComputeDevice) -> None:

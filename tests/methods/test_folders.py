@@ -6,15 +6,13 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from iprt.settings.methods import DEFAULT, methods
+from tests.waiting import ROOT, run_python
 
-ROOT = Path(__file__).parents[2]
 FOLDERS = sorted(file.parent.name for file in (ROOT / "iprt" / "methods").glob("*/__init__.py"))
 KIN = {"dpt": "pt-diff", "pt_diff": "oil", "oil": "dpt", "vct": "dvct", "dvct": "vct", "ibl": "em"}
 """Methods of the same services; the others stand beside `ibl`."""
@@ -75,14 +73,8 @@ def test_deleting_a_folder_deletes_a_method(folder: str, tmp_path: Path) -> None
         shutil.copytree(ROOT / top, tmp_path / top, ignore=skipped)
     shutil.rmtree(tmp_path / "iprt" / "methods" / folder)
     shutil.rmtree(tmp_path / "cl" / "methods" / folder, ignore_errors=True)  # some have no kernels
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, KIN.get(folder, "ibl")],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    code, path = ("-c", CODE, KIN.get(folder, "ibl")), f"{tmp_path}{os.pathsep}{ROOT}"
+    done = run_python(*code, cwd=tmp_path, PYTHONPATH=path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["package"] == str(tmp_path)
