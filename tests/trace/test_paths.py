@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,17 +14,20 @@ from iprt.geometry.material import Material
 from iprt.settings.model import Settings
 from iprt.trace.paths import Environment, support_plane
 from iprt.world.real.lights import light_table
+from tests.oracles.worlds import Sphere
 from tests.rendering import render
 from tests.trace.closed_forms import (
     BALL,
     BLACK,
     LAMP,
+    RUNS,
     box_of,
+    box_truth,
     confirm_ball,
 )
-from tests.trace.environments import UP, windowed
-from tests.trace.estimators import PLAIN, Estimator, furnace, kernels, lamps
-from tests.worlds import ball, panorama_at
+from tests.trace.environments import UP, hidden_and_bounced, windowed
+from tests.trace.estimators import PLAIN, Estimator, confirm, furnace, kernels, lamps
+from tests.worlds import Float, ball, panorama_at
 
 WAYS: tuple[Estimator, ...] = ("dpt, aimed", "dpt, even", "pt-diff, aimed")
 ALL, PLANE = {"surfaces": "all"}, {"surfaces": "plane"}
@@ -47,6 +51,63 @@ def test_a_ball_hides_light_and_shines(
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame), own=own) as run:
         run.renderer.method.environment.plane = np.array([*UP, PLAIN], np.float32)
         confirm_ball(run, objects[0], RAYS, rounding=1e-3)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("estimator", WAYS)
+def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator) -> None:
+    frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
+    own = {**ALL, "bounces": 1}
+    with kernels(device, frame, objects, estimator, aim_at=lamps(frame), own=own) as run:
+        hidden, sent = np.moveaxis(run.parts(0, 4), -2, 0)
+    assert hidden.max() > 0.0
+    np.testing.assert_array_equal(sent, 0.0)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("estimator", WAYS)
+def test_a_window_casts_a_shadow_by_its_direction(
+    device: ComputeDevice, estimator: Estimator
+) -> None:
+    """On a plane, light is infinitely far, but for what the plane itself sends."""
+    frame, albedo = windowed(), np.array([0.9, 0.5, 0.1])
+    objects = [ball(*BALL, Material(albedo=tuple(albedo)), subdivisions=5)]
+    with kernels(device, frame, objects, estimator, own={**PLANE, "bounces": 1}) as run:
+        points, normals = run.receivers()
+        run.renderer.method.environment.plane = nearest_plane(points, normals)
+        parts = np.array([run.parts(seed, 4 * RAYS) for seed in range(RUNS)])
+        plane = run.renderer.method.environment.plane
+    relit = (np.abs(points @ plane[:3] - plane[3]) < 0.018 * np.linalg.norm(points, axis=-1)) & (
+        normals @ plane[:3] > 0.91
+    )
+    beside = np.abs(points @ plane[:3] - plane[3]) > 0.022 * np.linalg.norm(points, axis=-1)
+    assert relit.sum() > 10
+    assert beside.any()
+    np.testing.assert_array_equal(parts[:, beside], 0.0)
+    hidden, _ = hidden_and_bounced(frame, points[relit], normals[relit], Sphere(*BALL), albedo)
+    confirm(parts[:, relit][..., 0, 0].reshape(RUNS, -1), hidden[:, 0], rounding=5e-3)
+
+
+def nearest_plane(points: Float, normals: Float) -> Any:
+    """The tangent plane in the middle of the view."""
+    row, column = points.shape[0] // 2, points.shape[1] // 2
+    normal = normals[row, column]
+    return np.array([*normal, normal @ points[row, column]], np.float32)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", ["conductor", "plastic"])
+@pytest.mark.parametrize("own", [ALL, PLANE], ids=["all", "plane"])
+def test_glossy_objects_reflect_their_albedo(
+    device: ComputeDevice, name: Any, own: dict[str, str]
+) -> None:
+    material = Material(name, (0.9, 0.6, 0.3), alpha=0.3)
+    frame, aim = furnace("sphere"), lamps(furnace("sphere"))
+    with kernels(device, frame, [box_of(material)], WAYS[0], aim_at=aim, view=LOOK, own=own) as run:
+        runs = [run.reflected(seed, 32) for seed in range(RUNS)]
+        inside, wanted = box_truth(run, material)
+    for kind in runs[0]:
+        confirm(np.array([one[kind][inside, 0] for one in runs]), wanted[kind], rounding=1e-3)
 
 
 @pytest.mark.thorough

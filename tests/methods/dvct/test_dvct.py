@@ -21,7 +21,10 @@ from tests.trace.closed_forms import (
 )
 from tests.trace.environments import CLAY
 from tests.trace.estimators import PLAIN, furnace, kernels
+from tests.trace.test_gloss import BALL as HUNG
+from tests.trace.test_gloss import DOWN, floor_rays, mirror_room, render_with_specks
 from tests.trace.test_voxels import planes_of
+from tests.variants import as_traced
 from tests.worlds import Float, ball
 
 COARSE: dict[str, Any] = {"voxels": 32, "room_voxels": 32, "lights": 128}
@@ -148,3 +151,22 @@ def test_a_lobe_is_a_cone_of_its_density(device: ComputeDevice, alpha: float) ->
     wi, weight, wanted = lobes(device, Material("conductor", alpha=alpha), o)
     np.testing.assert_allclose(wi, o * [-1.0, -1.0, 1.0], atol=1e-6)
     np.testing.assert_allclose(weight, wanted, rtol=2e-3)
+
+
+@pytest.mark.thorough
+def test_a_mirror_floor_shows_the_ball_upside_down(device: ComputeDevice) -> None:
+    """A black ball hides what was reflected, as voxels do; far beside its image nothing changes."""
+    chosen = as_traced("dvct", dvct={**COARSE, "voxels": 64})
+    picture = render_with_specks(
+        device, mirror_room(), [ball(HUNG.centre, HUNG.radius, BLACK)], chosen=chosen
+    )
+    seen, points, mirrored = floor_rays(DOWN)
+    enter, leave, _, _ = HUNG.interval(points, mirrored)
+    depth = np.where(leave > enter, leave - enter, 0.0)
+    hidden = seen & (depth > 1.2 * HUNG.radius) & (enter > 0.0)
+    background = picture.aovs["background"]
+    mirror = (picture.aovs["highlight"] == background).all(-1)
+    hidden &= mirror & (picture.aovs["coverage"] == 0.0)
+    assert hidden.sum() > 50
+    shown = (picture.color[hidden] / background[hidden]).mean()
+    assert shown < 0.1

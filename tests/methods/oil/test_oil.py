@@ -19,7 +19,9 @@ from iprt.world.real.panorama import Panorama
 from tests.oracles.learned import predicted
 from tests.oracles.worlds import World
 from tests.rendering import render
-from tests.trace.closed_forms import BALL, LAMP
+from tests.trace.closed_forms import BALL, LAMP, box_of
+from tests.trace.environments import windowed
+from tests.trace.estimators import kernels
 from tests.worlds import ball, bright_walls, ceiling_lamp, room_frame
 
 pytestmark = pytest.mark.gl
@@ -121,6 +123,33 @@ def test_the_view_of_what_was_learned(device: ComputeDevice) -> None:
     assert known.mean() > 0.9
     assert np.isclose(shown, wanted, rtol=2e-3)[known].mean() > 0.98
     assert np.median(np.abs(shown / background - 1.0)[known]) < 0.03
+
+
+@pytest.mark.thorough
+def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> None:
+    """Within the boxes enlarged about their middle, and there as everywhere."""
+    frame, thing = windowed(), box_of(Material(albedo=(0.4, 0.3, 0.2)))
+    view = View(48, 36, pitch_deg=-45.0, fov_y_deg=70.0)
+    parts = {}
+    for name, own in (("all", {"surfaces": "all"}), ("region", {"region": 1.5})):
+        with kernels(device, frame, [thing], "oil, aimed", view=view, own=own) as run:
+            parts[name] = run.parts(3, 8)
+            points, _ = run.receivers()
+            low, high = bounds_of(run.renderer)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    reach = np.abs(points - middle) / half
+    inside, outside = (reach < 2.48).all(-1), (reach > 2.52).any(-1)
+    assert inside.sum() > 20
+    assert outside.sum() > 20
+    np.testing.assert_array_equal(parts["region"][outside], 0.0)
+    np.testing.assert_array_equal(parts["region"][inside], parts["all"][inside])
+    assert parts["all"][outside].max() > 0.0
+    assert parts["region"][inside].max() > 0.0
+
+
+def bounds_of(renderer: Renderer) -> Any:
+    """Lower and upper corner (3,) of the one object."""
+    return renderer.world.objects.bounds[0, :, :3].astype(np.float64)
 
 
 def test_a_cut_forgets(device: ComputeDevice) -> None:
