@@ -22,7 +22,7 @@ from tests.rendering import render
 from tests.trace.closed_forms import BALL, LAMP, box_of
 from tests.trace.environments import windowed
 from tests.trace.estimators import kernels
-from tests.worlds import ball, bright_walls, ceiling_lamp, room_frame
+from tests.worlds import ball, bright_walls, ceiling_lamp, filmed, pose_at, room_frame
 
 pytestmark = pytest.mark.gl
 
@@ -150,6 +150,24 @@ def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> 
 def bounds_of(renderer: Renderer) -> Any:
     """Lower and upper corner (3,) of the one object."""
     return renderer.world.objects.bounds[0, :, :3].astype(np.float64)
+
+
+@pytest.mark.thorough
+def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: ComputeDevice) -> None:
+    world, objects = World(), [ball((0.2, -1.0, -1.4), 0.3, LAMP)]
+    poses = [pose_at(), pose_at((0.5, 0.1, -0.4), 40.0)]
+    first, second = (filmed(world, 128, 64, bright_walls, pose) for pose in poses)
+    settings = chosen()
+    with Renderer(device, first, objects, VIEW, settings, footage=Footage.of(first)) as renderer:
+        renderer.render(6)
+        # Nothing is learned from the second frame.
+        renderer.method.learned.learner.learn = lambda samples, how: None
+        renderer.load(second)
+        renderer.step()
+        shown, background = (read_aov(renderer, name) for name in ("learned", "background"))
+    known = shown.min(axis=-1) > 0.0
+    assert known.mean() > 0.5
+    assert np.median(np.abs(shown / background - 1.0)[known]) < 0.05
 
 
 def test_a_cut_forgets(device: ComputeDevice) -> None:
