@@ -223,6 +223,17 @@ def test_coverage_is_the_same_without_textures(device: ComputeDevice, view: View
     np.testing.assert_array_equal(plain, textured)
 
 
+@views
+def test_few_samples_are_taken_along_outlines_alone(device: ComputeDevice, view: View) -> None:
+    """With textures they are taken everywhere, and show the same."""
+    textured, plain = (
+        Both(device, view, picture, 2).images("coverage")[1] for picture in (pattern(), Material())
+    )
+    assert ((textured > 0.0) & (textured < 1.0)).sum() > 50
+    differ = textured != plain
+    assert differ.sum() <= 0.001 * (textured > 0.0).sum()
+
+
 def test_borrowed_edges(both: Both) -> None:
     ids = both.images("id")
     centre = both.layers.back.geometry[..., 3] > 0.0
