@@ -168,8 +168,9 @@ def test_motion_is_where_surfaces_were(
             last = step
 
 
-@pytest.mark.parametrize("gbuffer", ["gl", "cl"])
-@PATHS
+@pytest.mark.parametrize(
+    ("gbuffer", "path"), [("gl", deforming), ("cl", deforming), ("cl", moving)]
+)
 def test_only_what_deforms_needs_memory_for_it(
     own_accounts: ComputeDevice, frame: Frame, path: Path, gbuffer: str
 ) -> None:

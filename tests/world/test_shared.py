@@ -62,6 +62,22 @@ def test_a_second_view_finds_irradiance_known(
             assert (samples(second.real_world) >= known).all()
 
 
+def test_a_second_view_starts_anew_where_irradiance_is_forgotten(
+    device: ComputeDevice, frames: tuple[Frame, Frame]
+) -> None:
+    worlds = Worlds()
+    with Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as first:
+        alone = [first.render(count).color for count in (1, 7)]
+        with Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as other:
+            assert not np.array_equal(other.render(1).color, alone[0]), "E_R was known"
+        assert first.real_world.irradiance is not None
+        first.real_world.irradiance.forget()
+        assert not samples(first.real_world).any()
+        with Renderer(device, frames[0], OBJECTS, VIEW, settings(), worlds=worlds) as second:
+            for count, expected in zip((1, 7), alone, strict=True):
+                np.testing.assert_array_equal(second.render(count).color, expected)
+
+
 @pytest.mark.parametrize(
     "others",
     [

@@ -50,6 +50,17 @@ def test_regions_share_the_flux(count: int) -> None:
     assert max(parts) < 2.7 * flux.sum() / count
 
 
+def test_a_spot_is_found_to_the_cell() -> None:
+    flux = np.zeros((ROWS, COLUMNS))
+    flux[5, 40] = flux[20, 3] = 1.0
+    found = median_cut(flux, 16)
+    assert len(found) == 2
+    for region in found:
+        assert flux[region.top : region.bottom, region.left : region.right].sum() == 1.0
+        assert (region.bottom - region.top) * (region.right - region.left) == 1
+    assert median_cut(np.zeros((4, 8)), 4) == []
+
+
 def test_lights_send_to_the_centre_what_regions_do() -> None:
     rng = np.random.default_rng(3)
     radiance = rng.uniform(0.1, 3.0, (ROWS, COLUMNS, 3))
