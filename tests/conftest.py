@@ -20,7 +20,7 @@ from tests.like_gpu import LikeGpu
 from tests.scene.files import write_scene
 
 DEVICE = os.environ.get("IPRT_TEST_DEVICE", "pocl")
-"""What the tests run on; PoCL is the baseline."""
+"""Device of the tests; PoCL is the baseline."""
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     compilers.MOST_PROCESSES = 1  # other cores have tests of their own
@@ -74,7 +74,7 @@ def _values(function: Any) -> set[tuple[object, ...]]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _no_settings_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Keep what the user of this machine has set away from the tests."""
+    """Hide the user's own settings from the tests."""
     for name in [*map(variable, all_settings()), VARIABLE]:
         os.environ.pop(name, None)
     os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))
@@ -88,7 +88,7 @@ def device() -> ComputeDevice:
 
 @pytest.fixture(scope="session")
 def gpu() -> LikeGpu:
-    """The same device, with what is done on GPUs: planes in half precision, for one."""
+    """Return the device treated as a GPU: with planes in half precision, for one."""
     return LikeGpu(choose_device(DEVICE))
 
 

@@ -53,10 +53,11 @@ FEW: dict[str, Any] = {
     "atrous": {"levels": 2},
     "gloss": {"rays": 2},
 }
-FEW_VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
-FEW_DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 2, "map_side": 8}
+VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
+DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 2, "map_side": 8}
+LITTLE: dict[str, Any] = {"learning": {"samples": 256, "models": 64}}
 SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
-"""Without the map of what objects do off screen, which takes longer than these pictures."""
+"""Without the map of shadows off screen, which takes longer than these pictures."""
 LAYERS: dict[str, Any] = {
     "method": "iprt2023",
     "iprt2023": {"filter": "fast-slow"},
@@ -77,6 +78,11 @@ class Film:
     static_camera: bool = False
 
 
+def by(method: str, **own: Any) -> dict[str, Any]:
+    """Return settings that choose a method and set its own settings."""
+    return {"method": method, **({method: own} if own else {})}
+
+
 def films(**settings: Any) -> dict[str, Film]:
     """All of them, by name; with `settings` besides their own."""
     room, glossy = _room(32, 16), _glossy(_room(29, 15))
@@ -84,93 +90,50 @@ def films(**settings: Any) -> dict[str, Film]:
     # A grid that reaches there too has few voxels on each object, of which every one takes long.
     far = ball((1.2, -1.0, 1.2), 0.03, Material(), subdivisions=0)
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
+    every, glazed = _objects(), (textured, plastic, mirror)
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
-        "triangles": (room, _bending((textured, plastic, mirror, brass)), LOOK, {"gbuffer": "cl"}),
+        "triangles": (room, _bending((*glazed, brass)), LOOK, {"gbuffer": "cl"}),
         "layers": (room, (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
-        "published": (
-            room,
-            (clay, mirror),
-            LOOK,
-            {"method": "iprt2023", "iprt2023": {"objects": "triangles"}},
-        ),
-        "around": (_drifting(glossy), _objects(), AROUND, {}),
-        "layers around": (
-            _landscape(),
-            (clay,),
-            AROUND,
-            LAYERS,
-        ),
+        "published": (room, (clay, mirror), LOOK, by("iprt2023", objects="triangles")),
+        "around": (_drifting(glossy), every, AROUND, {}),
+        "layers around": (_landscape(), (clay,), AROUND, LAYERS),
         "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
         "blocks": (glossy, (clay, brass), LOOK, {**SEEN_ONLY, "light_scale": 2}),
         "blocks around": (_drifting(room), (plastic,), WIDE_AROUND, {"light_scale": 4}),
         "walk": (_carried(room), (clay, brass), LOOK, {}),
         "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
-        "environment": (room, _objects(), LOOK, {"method": "ibl"}),
-        "shadowing environment": (glossy, (textured, plastic, mirror), LOOK, {"method": "em"}),
-        "delta paths": (room, (textured, plastic, mirror), LOOK, {"method": "dpt"}),
-        "delta paths around": (
-            room,
-            (clay,),
-            AROUND,
-            {"method": "dpt", "dpt": {"surfaces": "all"}},
-        ),
-        "impostor": (
-            room,
-            (textured, plastic, mirror),
-            LOOK,
-            {"method": "dit", "dit": {"resolution": 9}},
-        ),
+        "environment": (room, every, LOOK, by("ibl")),
+        "shadowing environment": (glossy, glazed, LOOK, by("em")),
+        "delta paths": (room, glazed, LOOK, by("dpt")),
+        "delta paths around": (room, (clay,), AROUND, by("dpt", surfaces="all")),
+        "impostor": (room, glazed, LOOK, by("dit", resolution=9)),
         "impostor around": (
             _drifting(_landscape()),
             (clay,),
             AROUND,
-            {"method": "dit", "dit": {"resolution": 8, "directions": "boxes"}},
+            by("dit", resolution=8, directions="boxes"),
         ),
-        "differential paths": (
-            room,
-            (clay, plastic),
-            LOOK,
-            {"method": "pt-diff", "pt-diff": {"surfaces": "all"}},
-        ),
-        "learned": (
-            room,
-            (clay, brass),
-            LOOK,
-            {"method": "oil", "oil": {"region": 1.0}, "learning": {"samples": 256, "models": 64}},
-        ),
+        "differential paths": (room, (clay, plastic), LOOK, by("pt-diff", surfaces="all")),
+        "learned": (room, (clay, brass), LOOK, {**by("oil", region=1.0), **LITTLE}),
         "learned on a walk": (
             _carried(room),
             (plastic, mirror),
             LOOK,
-            {
-                "method": "oil",
-                "oil": {"surfaces": "all"},
-                "learning": {"samples": 256, "models": 64},
-            },
+            {**by("oil", surfaces="all"), **LITTLE},
         ),
-        "cones": (
-            room,
-            (textured, plastic, mirror, far),
-            LOOK,
-            {"method": "vct", "vct": FEW_VOXELS},
-        ),
+        "cones": (room, (*glazed, far), LOOK, by("vct", **VOXELS)),
         "cones around": (
             _landscape(),
             (clay, far),
             AROUND,
-            {"method": "vct", "vct": {**FEW_VOXELS, "anisotropic": False}},
+            by("vct", **VOXELS, anisotropic=False),
         ),
-        "delta cones": (
-            glossy,
-            (textured, plastic, mirror, far),
-            LOOK,
-            {"method": "dvct", "dvct": FEW_DELTA_VOXELS},
-        ),
+        "delta cones": (glossy, (*glazed, far), LOOK, by("dvct", **DELTA_VOXELS)),
         "delta cones around": (
             _landscape(),
             (clay, far),
             AROUND,
-            {"method": "dvct", "dvct": {**FEW_DELTA_VOXELS, "anisotropic": False}},
+            by("dvct", **DELTA_VOXELS, anisotropic=False),
         ),
         "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
     }
@@ -273,13 +236,13 @@ def _clipped(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
 
 
 def _carried(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
-    """By a camera that moves."""
+    """Give the frames poses of a moving camera."""
     first, second = video
     return replace(first, pose=pose_at()), replace(second, pose=pose_at((0.1, 0.0, -0.1), 3.0))
 
 
 def _drifting(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
-    """The same, taken to be exposed twice as long as the video's first frame."""
+    """Mark the frames as exposed twice as long as the video's first one."""
     first, second = (replace(frame, color_map=0.5 * np.eye(3)) for frame in video)
     return first, second
 
@@ -290,7 +253,7 @@ def _landscape() -> tuple[Frame, Frame]:
 
 
 def _objects() -> tuple[Instance, ...]:
-    """One of every kind of material."""
+    """Return an object of every kind of material."""
     return (
         ball((0.0, -1.1, -1.7), 0.3, Material(), subdivisions=1),
         cuboid((0.5, -1.2, -1.3), (0.22, 0.2, 0.15), Material("plastic", alpha=0.2)),

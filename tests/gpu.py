@@ -44,7 +44,7 @@ ALLOCATED = re.compile(
 
 @dataclass(frozen=True)
 class Need:
-    """What a kernel needs of a GPU, or may need at most.
+    """Registers and memory that a kernel needs, or may need at most.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class CompileError(Exception):
 
 
 def installed() -> bool:
-    """All that it takes is there."""
+    """Return whether the compilers are installed."""
     return bool(shutil.which(CLANG)) and LIBCLC.is_dir() and _ptxas() is not None
 
 
@@ -77,7 +77,7 @@ def programs() -> list[Program]:
 
 
 def compiled(program: Program, folder: Path) -> dict[tuple[str, str], Need]:
-    """What the kernels of a program need, by vendor and kernel, on the most demanding GPU.
+    """Return the needs of a program's kernels, by vendor and kernel, on the most demanding GPU.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def compiled(program: Program, folder: Path) -> dict[tuple[str, str], Need]:
 
 
 def nvidia(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
-    """What the kernels of a program need: GPU, kernel and need; `folder` takes what is in between.
+    """Return the needs of a program's kernels: GPU, kernel and need.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def nvidia(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
 
 
 def allocated(told: str) -> dict[str, Need]:
-    """What kernels need, by name, in what ptxas says; NVIDIA's driver says it in its log."""
+    """Return the needs of kernels, by name, that ptxas or NVIDIA's driver reports."""
     kernels = re.split(r"Compiling entry function '(\w+)'", told)
     needs = {}
     for name, report in zip(kernels[1::2], kernels[2::2], strict=True):

@@ -24,7 +24,7 @@ class LikeGpu(ComputeDevice):
 
 @dataclass
 class Traffic:
-    """What the host did.
+    """Actions of the host.
 
     Attributes
     ----------

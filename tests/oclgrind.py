@@ -52,7 +52,7 @@ NO_FINDING = re.compile(
 
 @dataclass(frozen=True)
 class Watched:
-    """What came of a program.
+    """Results of a program.
 
     Attributes
     ----------

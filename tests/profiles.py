@@ -11,7 +11,7 @@ MS = 1_000_000
 
 
 class FakeEvent:
-    """What a device tells of something that it ran, in nanoseconds of its own clock."""
+    """Times of a launch, in nanoseconds of the device's own clock."""
 
     def __init__(self, start: int, end: int, queued: int = 0) -> None:
         self._times = {QUEUED: queued, START: start, END: end}

@@ -26,7 +26,7 @@ TESTS = ("tests/kernels", "tests/frame/test_devices_agree.py")
 
 
 class MissingError(Exception):
-    """It cannot be had here; the message says why, in one line."""
+    """The driver is not available; the message says why, in one line."""
 
 
 def unpacked() -> Path:
@@ -95,7 +95,7 @@ def _run(*command: str, folder: Path = ROOT) -> str:
 
 
 def environment(library: Path) -> dict[str, str]:
-    """That in which rusticl is the only driver, of processes whose current folder is `ROOT`."""
+    """Return the environment with rusticl as the only driver, for processes that run in `ROOT`."""
     vendors = FOLDER / "vendors"
     vendors.mkdir(exist_ok=True)
     (vendors / "rusticl.icd").write_text(f"{library}\n")

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.waiting import ROOT, run_python
 
 MATERIAL = {
     "iprt/geometry/material.py": [
@@ -70,15 +67,8 @@ def change(sources: Path, edits: dict[str, list[tuple[str, str]]]) -> None:
 
 
 def run(sources: Path, code: str) -> dict[str, float]:
-    """What a program that uses these sources prints."""
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=sources,
-        env={**os.environ, "PYTHONPATH": str(sources)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    """Run a program with these sources and return its output."""
+    done = run_python("-c", code, cwd=sources, PYTHONPATH=str(sources))
     assert done.returncode == 0, done.stderr
     found: dict[str, float] = json.loads(done.stdout)
     return found
@@ -158,7 +148,7 @@ print(json.dumps(found))
 
 @pytest.mark.thorough
 def test_a_pass(sources: Path) -> None:
-    """It is in the picture, in the profile, and in the plan of kernels and memory."""
+    """The pass appears in the picture, the profile, and the plan of kernels and memory."""
     for name, text in PASS.items():
         (sources / name).write_text(text.lstrip())
     change(sources, CALL)

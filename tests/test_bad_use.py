@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,9 +12,7 @@ import numpy as np
 import pytest
 
 from tests.scene.files import CUBE, box_room, snapshot, write_channels, write_rgb
-from tests.waiting import DEADLINE_S, until
-
-ROOT = Path(__file__).parents[1]
+from tests.waiting import DEADLINE_S, ROOT, run_python, until
 
 BAD_RENDERS: dict[str, tuple[list[str], str]] = {
     "view": (["--view", "a"], "--view a: box has no such view; the views are: ahead, equirect"),
@@ -143,13 +140,9 @@ def test_a_full_disk_leaves_nothing_behind(
 def render_without_egl(scene: Path, picture: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """A child whose EGL knows no vendor; a driver without GLVND does not read the variable."""
     words = ("--accumulate", "1", "--size", "32", "32", *words)
-    return subprocess.run(
-        [sys.executable, "-m", "iprt", "render", scene, "-o", picture, *words],
-        cwd=ROOT,
-        env={**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": str(picture.parent / "none")},
-        capture_output=True,
-        text=True,
-        check=False,
+    return run_python(
+        *("-m", "iprt", "render", str(scene), "-o", str(picture), *words),
+        __EGL_VENDOR_LIBRARY_DIRS=str(picture.parent / "none"),
     )
 
 
@@ -210,13 +203,6 @@ def test_a_current_folder_that_was_deleted_is_one_line(tmp_path: Path) -> None:
     )
     folder = tmp_path / "gone"
     folder.mkdir()
-    result = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = run_python("-c", code, cwd=folder, PYTHONPATH=str(ROOT))
     assert result.returncode == 2
     assert result.stderr == "iprt: error: the current folder was deleted; go to another one\n"

@@ -21,7 +21,7 @@ def means(count: int, mean: float = MEAN, sigma: float = SIGMA) -> list[np.ndarr
 
 
 def test_noise_is_the_error_of_the_displayed_mean() -> None:
-    """To what few pixels allow, after doublings and between them."""
+    """Within the accuracy of few pixels, after doublings and between them."""
     convergence = Convergence(EXPOSURE)
     truth = display(np.full((64, 64, 3), MEAN), EXPOSURE)
     for count, picture in enumerate(means(64), start=1):

@@ -1,21 +1,18 @@
-"""`docs/gpu.py`: what the model of GPUs makes of counts, and that its page shows our kernels."""
+"""`docs/gpu.py`: the model's times from counts, and the kernels on its page."""
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from docs import gpu
 from docs.gpu import GPUS, Gpu, estimate, moved, page_part
-from docs.gpu_counts import FILL, FRAME, FULL, GBUFFER, VIDEO, Count, Size, play, resized
-from docs.gpu_instructions import add, cost, widths
+from docs.gpu_counts import FILL, FRAME, GBUFFER, VIDEO, Count, Size, play
+from docs.gpu_instructions import add, widths
 from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import Frame
 from tests import gpu as compilers
 from tests.films import entry_points
 
@@ -35,24 +32,6 @@ Instructions executed for kernel 'planted':
             7 - call _Z6vload2mPU3AS0Ki()
             4 - call own_function()
 """
-
-
-def test_costs_of_instructions() -> None:
-    width = {"fadd": 4.0}
-    assert cost("fadd", width) == (4.0, 4.0)
-    assert cost("fmul", width) == (1.0, 1.0)
-    assert cost("fdiv", width) == (1.0, 8.0)
-    assert cost("call llvm.fmuladd.f32()", width) == (2.0, 1.0)
-    assert cost("call llvm.fmuladd.v3f32()", width) == (6.0, 3.0)
-    assert cost("call _Z3dotDv3_fS_()", width) == (6.0, 3.0)
-    assert cost("call _Z4sqrtf()", width) == (1.0, 8.0)
-    assert cost("call _Z3sinf()", width) == (1.0, 20.0)
-    assert cost("call _Z3maxii()", width) == (1.0, 1.0)
-    assert cost("call own_function()", width) == (0.0, 0.0)
-    assert cost("load global", width) == (0.0, 2.0)
-    assert cost("load private", width) == (0.0, 0.0)
-    assert cost("getelementptr", width) == (0.0, 0.0)
-    assert cost("icmp", width) == (0.0, 1.0)
 
 
 @pytest.mark.skipif(not compilers.installed(), reason=compilers.MISSING)
@@ -100,11 +79,6 @@ def test_the_slowest_limit_counts() -> None:
     assert times.limit == "issue"
 
 
-def test_registers_limit_threads() -> None:
-    assert [GPUS[0].resident(r) for r in (32, 64, 65, 128, 255)] == [1024, 1024, 896, 512, 256]
-    assert [GPUS[1].resident(r) for r in (32, 64, 255)] == [2048, 1024, 256]
-
-
 def test_small_runs_are_scaled_by_steps_or_items() -> None:
     small = Count("p", 1, 10, steps=20, loaded=40, stored=8, flops=100.0, instructions=300.0)
     full = Count("p", 2, 1000, steps=60).scaled(small)
@@ -113,22 +87,6 @@ def test_small_runs_are_scaled_by_steps_or_items() -> None:
     assert (plain.loaded, plain.flops) == (4000, 10_000.0)
     fill = Count("", 1, bound=5, stored=5)
     assert fill.scaled(fill) == fill
-
-
-def test_a_panorama_is_resized() -> None:
-    rows, columns = np.indices((8, 16))
-    frame = Frame(
-        np.repeat((rows / 8.0)[..., None], 3, axis=-1).astype(np.float32),
-        np.full((8, 16), 2.0, np.float32),
-        columns < 8,
-    )
-    for size in (4, 32):
-        found = resized(frame, size)
-        assert found.color.shape == (size, 2 * size, 3)
-        np.testing.assert_allclose(found.depth, 2.0)
-        assert found.opening.mean() == 0.5
-        assert found.color.mean() == pytest.approx(frame.color.mean())
-        assert np.all(np.diff(found.color[:, 0, 0]) >= 0.0)
 
 
 @pytest.mark.thorough
@@ -146,31 +104,6 @@ def test_a_frame_is_counted(device: ComputeDevice) -> None:
     launches = sum(c.launches for of in counts.values() for (_, k), c in of.items() if k != FILL)
     assert launches == sum(bool(names) for names in marked)
     assert marked[-1] == ()
-
-
-def test_measured_times_are_columns_beside_the_model(tmp_path: Path) -> None:
-    kernels = {what: [["composite", "composite", ms]] for what, ms in ((FRAME, 1.25), (VIDEO, 9.0))}
-    played = {what: {"wall_ms": 20.0, "kernels": found} for what, found in kernels.items()}
-    full = {"device": "Card", "view": FULL.view, "rows": FULL.rows, **played}
-    small = {**full, "device": "Other", "view": 8}
-    file = tmp_path / "measured.json"
-    assert gpu.read_measured(file) == []
-    file.write_text(json.dumps({"devices": [full, small]}))
-    counts = {("composite", "composite"): Count("p", 1, 10), ("mask", "other"): Count("p", 1, 10)}
-    part = page_part(counts, counts, {}, gpu.read_measured(file))
-    assert "Measured on Card, by the host's clock: 20.00 ms for a frame, 20.00 ms" in part
-    assert "Other" not in part
-    _, frame, video = part.split("###")
-    for text, ms in ((frame, "1.250"), (video, "9.000")):
-        rows = [row.split("|")[1:-1] for row in text.splitlines() if row.startswith("|")]
-        assert {len(row) for row in rows} == {len(rows[0])}
-        assert [row[-1].strip() for row in rows[2:]] == [ms, "", f"**{ms[:-1]}**"]
-    assert gpu.modelled(part, FRAME)["composite", "composite"] == {
-        f"{one.name} ms": round(
-            estimate(one, "composite", counts["composite", "composite"], {}).ms, 3
-        )
-        for one in GPUS
-    }
 
 
 def test_the_page_names_what_misses_the_goal_and_kernels_that_there_are() -> None:

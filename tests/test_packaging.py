@@ -1,11 +1,10 @@
-"""What goes into the wheel, and the two commands that set everything up."""
+"""The wheel's contents, and the two commands that set everything up."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import subprocess
-import sys
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -13,9 +12,8 @@ from pathlib import Path
 import pytest
 
 import iprt
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, ROOT, run_python
 
-ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 INCLUDED = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
 
@@ -28,9 +26,7 @@ def test_kernels_and_shaders_are_found_as_the_wheel_lays_them_out(tmp_path: Path
     for source, target in INCLUDED.items():
         shutil.copytree(ROOT / source, tmp_path / target)
     code = "from iprt.files.resources import CL, GLSL; print(CL, GLSL, sep='\\n')"
-    found = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
-    ).stdout.splitlines()
+    found = run_python("-c", code, cwd=tmp_path).stdout.splitlines()
     for folder, name in zip(found, ("cl", "glsl"), strict=True):
         assert Path(folder).is_relative_to(tmp_path)
         packed = {path.relative_to(folder) for path in Path(folder).rglob("*.*")}
@@ -71,7 +67,5 @@ def test_public_names_are_there_and_cost_nothing_until_used() -> None:
     with pytest.raises(AttributeError, match="no attribute 'Rendrer'"):
         _ = iprt.Rendrer  # type: ignore[attr-defined]
     code = "import iprt, sys; print(*sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split()
+    loaded = run_python("-c", code).stdout.split()
     assert not {"numpy", "pyopencl", "iprt.renderer"} & set(loaded)

@@ -202,7 +202,7 @@ def test_commands_run_as_they_are_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """In their order, in a folder that holds what a clone holds of scenes."""
+    """They run in order, in a folder with a clone's scenes."""
     shutil.copytree(ROOT / "scenes360", tmp_path / "scenes360")
     if step > 1:
         shrink(tmp_path / "scenes360" / "room", step)
@@ -239,7 +239,7 @@ def shrink(scene: Path, step: int) -> None:
 
 
 def run(words: list[str], output: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """One command of a page, in the current folder; what it prints and writes is checked."""
+    """Run one command of a page in the current folder; check its output and files."""
     command = " ".join(words)
     words, file = redirected(words)
     if words[0] != "iprt":

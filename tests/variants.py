@@ -1,4 +1,4 @@
-"""The two estimators of what objects do to real surfaces, with all else alike."""
+"""The two estimators of objects' influence on real surfaces, with equal settings."""
 
 from __future__ import annotations
 
@@ -22,3 +22,9 @@ def variant(estimator: str, *, objects: str = "triangles", **others: Any) -> Set
     return Settings.model_validate(
         {"method": "iprt2023", "iprt2023": own, "trace": trace, **others}
     )
+
+
+def as_traced(method: str, **others: Any) -> Settings:
+    """Return settings without filters: what remains is noise, which averages out."""
+    raw: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
+    return Settings.model_validate({"method": method, **raw, **others})

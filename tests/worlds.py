@@ -14,7 +14,8 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance
+from tests.meshes import mesh_of, sphere, transform
 from tests.oracles.worlds import World, frame_of
 
 Float = NDArray[np.float64]
@@ -23,7 +24,7 @@ Radiance = Callable[[Float, Float], Float]
 
 
 def bright_walls(points: Float, normals: Float) -> Float:
-    """Another colour on each wall, with gentle waves."""
+    """Return another colour for each wall, with gentle waves."""
     axis = np.abs(normals).argmax(-1)
     side = np.take_along_axis(normals, axis[..., None], -1)[..., 0] > 0.0
     left_right = [[0.9, 0.2, 0.2], [0.2, 0.8, 0.3]]
@@ -142,8 +143,7 @@ def ball(
     centre: Sequence[float], radius: float, material: Material, *, subdivisions: int = 4
 ) -> Instance:
     """A sphere with smooth normals."""
-    shape = trimesh.creation.icosphere(subdivisions=subdivisions)
-    return _instance("ball", shape.vertices, shape.vertices, shape.faces, material, centre, radius)
+    return Instance("ball", sphere(subdivisions, (material,)), transform(radius, centre))
 
 
 def cuboid(centre: Sequence[float], half: Sequence[float], material: Material) -> Instance:
@@ -151,8 +151,8 @@ def cuboid(centre: Sequence[float], half: Sequence[float], material: Material) -
     shape = trimesh.creation.box(extents=2.0 * np.asarray(half, np.float64))
     corners = shape.triangles.reshape(-1, 3)
     normals = shape.face_normals.repeat(3, axis=0)
-    faces = np.arange(len(corners)).reshape(-1, 3)
-    return _instance("box", corners, normals, faces, material, centre, 1.0)
+    mesh = mesh_of(corners, np.arange(len(corners)), (material,), normals)
+    return Instance("box", mesh, transform(1.0, centre))
 
 
 def disc(
@@ -165,36 +165,14 @@ def disc(
     positions = np.concatenate([np.zeros((1, 3)), rim])
     first = np.arange(corners)
     faces = np.stack([np.zeros_like(first), 1 + (first + 1) % corners, 1 + first], -1)
-    normals = np.tile([0.0, 1.0, 0.0], (corners + 1, 1))
-    return _instance("disc", positions, normals, faces, material, centre, radius)
-
-
-def _instance(
-    name: str,
-    positions: Float,
-    normals: Float,
-    faces: NDArray[np.integer],
-    material: Material,
-    centre: Sequence[float],
-    scale: float,
-) -> Instance:
-    mesh = Mesh(
-        np.asarray(positions, np.float32),
-        np.asarray(normals, np.float32),
-        np.zeros((len(positions), 2), np.float32),
-        np.asarray(faces, np.int32),
-        np.zeros(len(faces), np.int32),
-        (material,),
-    )
-    matrix = np.diag([scale, scale, scale, 1.0])
-    matrix[:3, 3] = centre
-    return Instance(name, mesh, matrix)
+    mesh = mesh_of(positions, faces, (material,), (0.0, 1.0, 0.0))
+    return Instance("disc", mesh, transform(radius, centre))
 
 
 def scaled(
     frame: Frame, instances: Sequence[Instance], factor: float
 ) -> tuple[Frame, list[Instance]]:
-    """The same scene with lengths in another unit."""
+    """Return the scene with lengths in another unit."""
     larger = np.diag([factor, factor, factor, 1.0])
     return (
         replace(frame, depth=(frame.depth * np.float32(factor)).astype(np.float32)),

@@ -8,55 +8,19 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
+from tests.meshes import mesh_of
 
 Float = NDArray[np.float64]
-CLAY = (Material(),)
-
-
-def mesh_of(
-    positions: Float,
-    triangles: NDArray[np.integer],
-    materials: tuple[Material, ...] = CLAY,
-    normals: Float | None = None,
-    uvs: Float | None = None,
-) -> Mesh:
-    """Normals default to none at all."""
-    count = len(positions)
-    return Mesh(
-        np.asarray(positions, np.float32),
-        np.zeros((count, 3), np.float32) if normals is None else np.asarray(normals, np.float32),
-        np.zeros((count, 2), np.float32) if uvs is None else np.asarray(uvs, np.float32),
-        np.asarray(triangles, np.int32).reshape(-1, 3),
-        np.zeros(np.asarray(triangles).reshape(-1, 3).shape[0], np.int32),
-        materials,
-    )
 
 
 def instance_of(mesh: Mesh, matrix: Float | None = None, name: str = "object") -> Instance:
     return Instance(name, mesh, np.eye(4) if matrix is None else matrix)
 
 
-def placed(
-    linear: Float | Sequence[float] | float = 1.0, position: Sequence[float] = (0.0, 0.0, 0.0)
-) -> Float:
-    """(4, 4) from a matrix, or scales, and a position."""
-    matrix = np.eye(4)
-    given = np.asarray(linear, np.float64)
-    matrix[:3, :3] = given if given.ndim == 2 else np.diag(np.broadcast_to(given, 3))
-    matrix[:3, 3] = position
-    return matrix
-
-
 def turned(axis: Sequence[float], degrees: float) -> Float:
     """(3, 3) rotation."""
     return np.asarray(trimesh.transformations.rotation_matrix(np.deg2rad(degrees), axis)[:3, :3])
-
-
-def sphere(subdivisions: int = 3, **options: object) -> Mesh:
-    shape = trimesh.creation.icosphere(subdivisions=subdivisions)
-    return mesh_of(shape.vertices, shape.faces, normals=shape.vertices, **options)  # type: ignore[arg-type]
 
 
 def bumpy(rng: np.random.Generator, subdivisions: int = 4) -> Mesh:

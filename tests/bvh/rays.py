@@ -1,4 +1,4 @@
-"""Rays at meshes under many transforms, and what brute force finds along them."""
+"""Rays at meshes under many transforms, and their intersections by brute force."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.geometry.mesh import Instance
-from tests.bvh.meshes import placed, turned
+from tests.bvh.meshes import turned
 from tests.kernels.tracing import random_directions
+from tests.meshes import transform
+from tests.oracles.raster import cast, gather
 
 Float = NDArray[np.float64]
 
 TURN = turned((1.0, 2.0, -0.5), 73.0)
 TRANSFORMS = {
-    "as it is": placed(),
-    "turned and moved": placed(1.3 * TURN, (1.0, -2.0, 0.5)),
-    "mirrored": placed(TURN @ np.diag([-0.7, 0.7, 0.7]), (0.3, 0.2, -2.0)),
-    "stretched": placed(TURN @ np.diag([0.2, 1.0, 5.0]), (0.5, 0.0, 3.0)),
-    "sheared": placed(TURN @ np.array([[1.0, 6.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])),
-    "tiny": placed(1e-3 * TURN, (2e-3, 0.0, 1e-3)),
-    "huge": placed(1e4 * TURN, (1e4, 0.0, 2e4)),
+    "as it is": transform(),
+    "turned and moved": transform(1.3 * TURN, (1.0, -2.0, 0.5)),
+    "mirrored": transform(TURN @ np.diag([-0.7, 0.7, 0.7]), (0.3, 0.2, -2.0)),
+    "stretched": transform(TURN @ np.diag([0.2, 1.0, 5.0]), (0.5, 0.0, 3.0)),
+    "sheared": transform(TURN @ np.array([[1.0, 6.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])),
+    "tiny": transform(1e-3 * TURN, (2e-3, 0.0, 1e-3)),
+    "huge": transform(1e4 * TURN, (1e4, 0.0, 2e4)),
 }
 transforms = pytest.mark.parametrize("matrix", list(TRANSFORMS.values()), ids=list(TRANSFORMS))
 
@@ -44,19 +46,7 @@ def rays_at(instance: Instance, count: int, seed: int = 0) -> tuple[Float, Float
     return origins.astype(np.float64), directions.astype(np.float32).astype(np.float64)
 
 
-def brute_force(triangles: Float, o: Float, d: Float) -> tuple[Float, NDArray[np.int64]]:
-    """Nearest distance, inf for none, and triangle, in float64."""
-    t, index = np.full(len(d), np.inf), np.full(len(d), -1)
-    for number, (a, b, c) in enumerate(triangles):
-        e1, e2 = b - a, c - a
-        p = np.cross(d, e2)
-        det = p @ e1
-        with np.errstate(divide="ignore", invalid="ignore"):
-            s = o - a
-            u = (s * p).sum(-1) / det
-            q = np.cross(s, e1)
-            v = (d * q).sum(-1) / det
-            along = q @ e2 / det
-        hit = (det != 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (along > 0.0) & (along < t)
-        t[hit], index[hit] = along[hit], number
-    return t, index
+def brute_force(instance: Instance, o: Float, d: Float) -> tuple[Float, NDArray[np.int64]]:
+    """Return the nearest distance, inf for none, and triangle, in float64."""
+    hits = cast(gather([instance]), d, o)
+    return hits.distance, hits.triangle

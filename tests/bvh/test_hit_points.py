@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
-from tests.bvh.meshes import instance_of, mesh_of, placed, sphere
+from tests.bvh.meshes import instance_of
 from tests.bvh.rays import TRANSFORMS, Float, rays_at, transforms, world_triangles
 from tests.bvh.tracing import BvhTracer, Met
 from tests.kernels.tracing import random_directions
+from tests.meshes import mesh_of, sphere, transform
 
 
 @transforms
@@ -101,9 +102,9 @@ def test_textures(device: ComputeDevice) -> None:
     rng = np.random.default_rng(16)
     images = [rng.random((4, 7, 3), np.float32), rng.random((5, 3, 3), np.float32)]
     instances = [
-        instance_of(sphere(2), placed(0.1, (0.0, 0.0, 50.0))),
+        instance_of(sphere(2), transform(0.1, (0.0, 0.0, 50.0))),
         *(
-            instance_of(textured(image), placed(1.0, (2.0 * i, 0.0, 0.0)))
+            instance_of(textured(image), transform(1.0, (2.0 * i, 0.0, 0.0)))
             for i, image in enumerate(images)
         ),
     ]

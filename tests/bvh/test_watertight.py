@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from tests.bvh.meshes import bumpy, instance_of, mesh_of
+from tests.bvh.meshes import bumpy, instance_of
 from tests.bvh.rays import Float, transforms, world_triangles
 from tests.bvh.tracing import BvhTracer
+from tests.meshes import mesh_of
 
 
 @transforms
@@ -61,7 +62,7 @@ def test_along_the_edges_of_a_grid(device: ComputeDevice) -> None:
 
 
 def test_flat_boxes_are_hit_from_afar(device: ComputeDevice) -> None:
-    """Where distances to both sides of a box round to the same: every slab is that of a plane."""
+    """Distances to both sides of a box round to the same value: every slab is a plane."""
     rng = np.random.default_rng(17)
     points, triangles = grid(8)
     tracer = BvhTracer(device, [instance_of(mesh_of(points / 4.0 - [1.0, 1.0, 0.0], triangles))])

@@ -48,7 +48,7 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
 
 @dataclass(frozen=True)
 class Met:
-    """What rays found; rows are rays.
+    """Results of rays, one row each.
 
     Attributes
     ----------

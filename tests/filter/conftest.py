@@ -11,5 +11,5 @@ from iprt.device.compute import ComputeDevice
 def device(
     request: pytest.FixtureRequest, device: ComputeDevice, gpu: ComputeDevice
 ) -> ComputeDevice:
-    """A device, and the same with what is done on GPUs."""
+    """Return the device, and the same device treated as a GPU."""
     return device if request.param == "CPU" else gpu

@@ -71,7 +71,7 @@ class GBuffer:
         Guides(device, [guide], [layer]).run(view)
 
     def rolled(self, columns: int) -> GBuffer:
-        """The same surroundings after a turn of the view that shifts the picture's columns."""
+        """Return the surroundings after a turn of the view that shifts the picture's columns."""
         yaw = self.view.yaw_deg - columns * 360.0 / self.view.width
         return replace(
             self,

@@ -28,7 +28,7 @@ Image = NDArray[np.generic]
 
 
 class Frames:
-    """The same frames for every selection of the signals, the fourth with a change."""
+    """Frames for any selection of the signals, the fourth with a change."""
 
     def __init__(self, device: ComputeDevice, *, equirect: bool) -> None:
         self.device = device
@@ -55,7 +55,7 @@ class Frames:
         return made
 
     def run(self, chosen: Sequence[int], published: bool) -> dict[str, Image]:
-        """What becomes of some of the signals, which are filtered together."""
+        """Filter some of the signals together and return their images."""
         device = self.device
         used = sorted({LAYERS[i] for i in chosen})
         layout = self.gbuffers[0].layout

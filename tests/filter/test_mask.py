@@ -1,4 +1,4 @@
-"""The sparse tracing mask against its twin, and what it promises."""
+"""The sparse tracing mask against its twin and its promises."""
 
 from __future__ import annotations
 
@@ -90,20 +90,6 @@ def test_equals_twin(
         assert set(np.unique(level)) == {0, 1, 2, LEVEL_NONE} | ({3} if known else set())
 
 
-def test_influence_is_remembered_for_ten_pictures(device: ComputeDevice) -> None:
-    gbuffer = flat_gbuffer(32, 24)
-    touched = np.zeros((24, 32))
-    touched[10, 16] = TOUCHED_FRAMES
-    mask, level, _ = run(device, gbuffer, (0, 0), touched)
-    dense = []
-    for _ in range(12):
-        dense.append(int((level == 0).sum()))
-        Masks(device, [mask]).run(tracing_grid(device, (0, 0)), [still(device, gbuffer.layout)])
-        level = read(device, gbuffer.layout, mask.level)[0]
-    assert dense == [9] * 10 + [0, 0]
-    assert (read(device, gbuffer.layout, mask.touched) == 0.0).all()
-
-
 def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> None:
     """For as long as it is remembered, and after a strong one has faded."""
     gbuffer = flat_gbuffer(32, 24)
@@ -119,7 +105,7 @@ def test_faint_influence_takes_a_quarter_of_the_rays(device: ComputeDevice) -> N
 
 
 def test_each_pixel_gets_a_ray_where_nothing_is_known(device: ComputeDevice) -> None:
-    """In the first picture, after a cut, and of what comes into view; once."""
+    """The first picture, the first after a cut, and surfaces that come into view, once each."""
     wall = flat_gbuffer(32, 24)
     box, uncovered = wall.depth.copy(), np.zeros((24, 32), bool)
     uncovered[:, 20:24] = True

@@ -1,4 +1,4 @@
-"""Passes work on the columns of each row that a layer's surfaces span, and nobody sees it."""
+"""Passes work on the columns that a layer's surfaces span, with the same result."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Window:
 def room(
     albedo: Albedo, lamps: Sequence[Lamp] = (), window: Window | None = None, rows: int = 128
 ) -> Frame:
-    """What is seen from the capture centre."""
+    """Build the panorama that the capture centre sees."""
     points, normals, area = _squares()
     direct = _direct(points, normals, lamps, window)
     reflectance = albedo(points, normals)

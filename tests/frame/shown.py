@@ -26,8 +26,8 @@ from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.methods import DEFAULT, methods
 from iprt.settings.model import Settings
-from tests.frame.test_determinism import objects, video, walk
-from tests.frame.whole_frame import METHODS
+from tests.frame.test_determinism import video, walk
+from tests.frame.whole_frame import METHODS, still_life
 from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,8 +50,9 @@ def shown(device: ComputeDevice, case: str) -> Pictures:
 
 
 def shown_elsewhere(case: str, folder: Path) -> Pictures | None:
-    """What PoCL shows, in another process; None: it is not installed. `folder` takes the file in
-    between.
+    """Return PoCL's pictures, made in another process by way of a file in `folder`.
+
+    None: PoCL is not installed.
     """
     file = folder / f"{case}.npz"
     usual = {name: value for name, value in os.environ.items() if name not in OVERRIDES}
@@ -84,7 +85,7 @@ def _scene(device: ComputeDevice, name: str) -> Iterator[NDArray[np.float32]]:
 def _method(device: ComputeDevice, name: str) -> Iterator[NDArray[np.float32]]:
     settings = Settings.model_validate({"method": name, **FEW})
     view = View(SIZE, SIZE, pitch_deg=-35.0)
-    with Renderer(device, video()[0], objects(), view, settings) as renderer:
+    with Renderer(device, video()[0], still_life(), view, settings) as renderer:
         yield renderer.render(2).color
 
 

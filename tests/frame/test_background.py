@@ -1,8 +1,6 @@
-"""What is remembered behind moving things, in the whole frame."""
+"""Memory of surfaces behind moving things, in the whole frame."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,25 +92,3 @@ def test_a_mirror_shows_what_a_screen_hides(
     open_ = met & (which == 0) & ~np.isfinite(enter)
     others = [np.abs(p.color - wanted).max(-1)[open_] for p in (with_, without)]
     assert np.mean(others[0]) < np.mean(others[1]) + 1e-3
-
-
-@pytest.mark.thorough
-def test_a_still_video_looks_as_if_nothing_were_remembered(
-    device: ComputeDevice, screened: Frame
-) -> None:
-    """Bit for bit."""
-    video = [screened, replace(screened, color=screened.color.copy())]
-    with_, without = (last_of(device, video, static_camera=on, steps=2) for on in (True, False))
-    assert np.array_equal(with_.color, without.color)
-
-
-@pytest.mark.parametrize("how", ["cut", "light"])
-def test_is_forgotten(device: ComputeDevice, empty: Frame, screened: Frame, how: str) -> None:
-    """At a cut there may be anything behind the screen; where light goes on, it looks otherwise."""
-    hall = World((-5.0, -3.0, -6.0), (4.5, 4.0, 5.0))
-    before = {
-        "cut": room_frame(hall, 512, 256, bright_walls),
-        "light": replace(empty, color=0.1 * empty.color),
-    }[how]
-    with_, without = (last_of(device, [before, screened], static_camera=on) for on in (True, False))
-    assert np.array_equal(with_.color, without.color)

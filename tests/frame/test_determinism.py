@@ -1,4 +1,4 @@
-"""The same device, seed and settings make the same bits: in one process, and in two.
+"""Pictures of one device, seed and settings have the same bits, in one process and in two.
 
 Lists of pixels and cells are in the order in which work groups happen to run. No result may depend
 on it.
@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,22 +22,17 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.scene import Scene
-from tests.frame.whole_frame import METHOD, METHODS, chosen
-from tests.oracles.worlds import Box, World
+from tests.frame.whole_frame import METHOD, METHODS, ROOM, VIEW, chosen, still_life
 from tests.scene.files import box_room, write_channels, write_scene
 from tests.trace.estimators import furnace, kernels, lamps
-from tests.waiting import DEADLINE_S
-from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, cuboid, room_frame
+from tests.waiting import run_python
+from tests.worlds import Radiance, ball, bright_walls, ceiling_lamp, room_frame
 
 pytestmark = pytest.mark.gl
 
-ROOT = Path(__file__).resolve().parents[2]
-ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 VARNISH = Material("plastic", (0.4, 0.3, 0.2), alpha=0.1)
-VIEW = View(48, 36, pitch_deg=-35.0)
 
 
 def video() -> tuple[Frame, Frame]:
@@ -55,26 +48,12 @@ def video() -> tuple[Frame, Frame]:
     return with_all(bright_walls), with_all(ceiling_lamp)
 
 
-def objects() -> list[Instance]:
-    """One of each kind of material; all touch the floor, and the box stands on it, at an angle."""
-    box = cuboid((0.0, 0.0, 0.0), (0.22, 0.2, 0.15), Material("plastic", (0.2, 0.5, 0.8), 0.2))
-    to_world = np.eye(4)
-    to_world[:3, :3] = View(1, 1, yaw_deg=25.0).world_from_view
-    to_world[:3, 3] = (0.5, -1.2, -1.3)
-    return [
-        ball((0.0, -1.1, -1.7), 0.3, Material(albedo=(0.6, 0.3, 0.2))),
-        replace(box, to_world=to_world),
-        ball((-0.15, -1.28, -1.15), 0.12, Material("conductor", (0.9, 0.9, 0.9), alpha=0.0)),
-        ball((-0.45, -1.25, -1.3), 0.15, Material("conductor", (0.9, 0.7, 0.4), alpha=0.2)),
-    ]
-
-
 def walk(
     device: ComputeDevice, method: tuple[str, str], view: View = VIEW
 ) -> Iterator[RenderedFrame]:
     """Pictures of a head that turns, over a video that changes; grids as coarse as the pictures."""
     first, second = video()
-    with Renderer(device, first, objects(), view, chosen(method)) as renderer:
+    with Renderer(device, first, still_life(), view, chosen(method)) as renderer:
         for step in range(5):
             if step == 3:
                 renderer.load(second)
@@ -112,15 +91,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[s
     folder = tmp_path_factory.mktemp("elsewhere") / "scene"
     order = {"PYTHONHASHSEED": "7", "POCL_MAX_PTHREAD_COUNT": "1", "LP_NUM_THREADS": "0"}
     code = f"from tests.frame.test_determinism import report; report({str(folder)!r})"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        env={**os.environ, **order},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=DEADLINE_S,
-    )
+    done = run_python("-c", code, **order)
     assert done.returncode == 0, done.stderr
     found: dict[str, list[dict[str, str]]] = json.loads(done.stdout)
     return found

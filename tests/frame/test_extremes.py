@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
@@ -17,7 +17,7 @@ from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.stages import Preparation
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from tests.frame.whole_frame import (
     CLAY,
@@ -27,7 +27,6 @@ from tests.frame.whole_frame import (
     ROOM,
     VIEW,
     chosen,
-    film,
     likeness,
     remembered,
     require_finite,
@@ -35,6 +34,7 @@ from tests.frame.whole_frame import (
     still_life,
     two_frames,
 )
+from tests.meshes import mesh_of
 from tests.rendering import render
 from tests.worlds import (
     Float,
@@ -112,14 +112,6 @@ def test_extreme_light_stays_finite(device: ComputeDevice, method: tuple[str, st
 
 
 @METHOD
-def test_in_the_dark_there_is_no_light(device: ComputeDevice, method: tuple[str, str]) -> None:
-    dark = of_everything(np.zeros((1, 1, 3)))
-    for picture in film(device, (dark, dark), still_life(), SMALL, chosen(method)):
-        np.testing.assert_array_equal(picture.color, 0.0)
-        np.testing.assert_array_equal(picture.aovs["ratio"], 1.0)
-
-
-@METHOD
 def test_the_faintest_light_is_light(device: ComputeDevice, method: tuple[str, str]) -> None:
     """At 1e-30, whose square is 0 in single precision, the picture has the right brightness."""
     frame = two_frames()[0]
@@ -166,7 +158,7 @@ def test_an_object_at_the_centre_has_a_picture(
 ) -> None:
     """Triangles with a corner, an edge or their face in the capture centre, seen edge-on or not."""
     corners = np.array([[0, 0, 0], [0, 0, -1], [0, -1, -1], [0.5, -1, 0], [-0.5, -1, 0.1]], float)
-    touching = mesh_of(corners, [[0, 1, 2], [0, 3, 4], [1, 2, 3]])
+    touching = odd(corners, [[0, 1, 2], [0, 3, 4], [1, 2, 3]])
     box = cuboid((0.3, -0.4, 0.0), (0.3, 0.4, 0.3), CLAY)  # an edge through the centre
     corner = cuboid((0.25, -0.5, -0.25), (0.25, 0.5, 0.25), CLAY)
     for objects in ([touching], [box, corner], [corner]):
@@ -179,23 +171,13 @@ def test_an_object_at_the_centre_has_a_picture(
     np.testing.assert_array_equal(picture.aovs["coverage"][filled], 1.0)
 
 
-def mesh_of(corners: Float, triangles: Any, material: Material = CLAY) -> Instance:
+def odd(corners: ArrayLike, triangles: ArrayLike) -> Instance:
     """An object of such triangles with normals up."""
-    positions = np.asarray(corners, np.float32).reshape(-1, 3)
-    faces = np.asarray(triangles, np.int32).reshape(-1, 3)
-    mesh = Mesh(
-        positions,
-        np.tile(np.array([0.0, 1.0, 0.0], np.float32), (len(positions), 1)),
-        np.zeros((len(positions), 2), np.float32),
-        faces,
-        np.zeros(len(faces), np.int32),
-        (material,),
-    )
-    return Instance("odd", mesh, np.eye(4))
+    return Instance("odd", mesh_of(corners, triangles, (CLAY,), (0.0, 1.0, 0.0)), np.eye(4))
 
 
 def with_broken_triangles(instance: Instance) -> Instance:
-    """The same object with lines, points, repeated and infinite triangles among the others."""
+    """Add lines, points, repeated and infinite triangles among the others."""
     mesh = instance.mesh
     bad = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [0, 0, -np.inf]], np.float32)
     first = len(mesh.positions)
@@ -222,29 +204,12 @@ def test_broken_triangles_change_nothing(
     settings = chosen(method, gbuffer=gbuffer)
     whole = render(device, frame, objects, VIEW, settings, frames=2)
     broken = [with_broken_triangles(instance) for instance in objects]
-    empty = [mesh_of(np.zeros((0, 3)), []), mesh_of(np.full((3, 3), np.nan), [0, 1, 2])]
+    empty = [odd(np.zeros((0, 3)), []), odd(np.full((3, 3), np.nan), [0, 1, 2])]
     with Renderer(device, frame, [*broken, *empty], VIEW, settings) as renderer:
         picture = renderer.render(2, AOVS)
         require_finite(renderer, [picture])
     np.testing.assert_allclose(picture.aovs["coverage"], whole.aovs["coverage"], atol=1e-6)
     assert likeness(picture.color, whole.color) > 0.995
-
-
-@METHOD
-@pytest.mark.parametrize(("gbuffer", "view"), [("gl", VIEW), ("cl", PANORAMA)], ids=["gl", "cl"])
-def test_objects_without_triangles_are_none(
-    device: ComputeDevice, method: tuple[str, str], gbuffer: str, view: View
-) -> None:
-    frame = two_frames()[0]
-    nothing = [
-        mesh_of(np.zeros((0, 3)), []),
-        mesh_of(np.ones((3, 3)), []),
-        mesh_of(np.full((3, 3), np.nan), [0, 1, 2]),
-        mesh_of(np.array([[0, 0, -1], [0, 0, -2], [0, 0, -1]], float), [0, 1, 2]),
-    ]
-    plain = render(device, frame, [], view, chosen(method))
-    picture = render(device, frame, nothing, view, chosen(method, gbuffer=gbuffer), frames=2)
-    np.testing.assert_array_equal(picture.color, plain.color)
 
 
 # Depth ----------------------------------------------------------------------------------------
@@ -270,25 +235,6 @@ def test_all_holes_is_a_distant_world(device: ComputeDevice, method: tuple[str, 
 
 
 @METHOD
-def test_bad_depth_is_filled(device: ComputeDevice, method: tuple[str, str]) -> None:
-    """5% NaN, infinite, 0 or negative: the same frame in all cases, almost that of true depth."""
-    frame = two_frames()[0]
-    missing = np.random.default_rng(8).random(frame.depth.shape) < 0.05
-    filled = []
-    for value in (np.nan, np.inf, 0.0, -3.0):
-        depth = np.where(missing, np.float32(value), frame.depth)
-        filled.append(Preparation()(RawFrame(frame.color, depth, None)))
-        for part in ("color", "depth", "opening", "normal"):
-            np.testing.assert_array_equal(getattr(filled[-1], part), getattr(filled[0], part))
-    clean = Preparation()(RawFrame(frame.color, frame.depth, None))
-    whole, picture = (
-        render(device, f, still_life(), VIEW, chosen(method), frames=4) for f in (clean, filled[0])
-    )
-    assert np.isfinite(picture.color).all()
-    assert likeness(picture.color, whole.color) > 0.98
-
-
-@METHOD
 @pytest.mark.parametrize(
     "size", [(1, 1), (2, 1), (1, 2), (3, 5), (5, 3), (7, 13), (63, 31)], ids=str
 )
@@ -311,7 +257,7 @@ def test_panoramas_of_any_size_are_furnaces(
 
 
 def errors(picture: RenderedFrame, truth: RenderedFrame) -> dict[str, float]:
-    """RMS error of all pixels, those of objects, and of what objects do to real ones."""
+    """Return RMS errors of all pixels, of objects' pixels, and of the relighting ratio."""
     apart, solid = picture.color - truth.color, truth.aovs["coverage"] > 0.0
     ratio = picture.aovs["ratio"] - truth.aovs["ratio"]
     return {"all": rms(apart), "objects": rms(apart[solid]), "ratio": rms(ratio)}
@@ -340,32 +286,6 @@ def test_a_cut_of_the_video_leaves_nothing_behind(
             assert error < 1.25 * least[name], name
         assert likeness(found.color, truth.color) > likeness(new.color, truth.color) - 0.01
     assert likeness(old.color, truth.color) < 0.5
-
-
-@pytest.mark.thorough
-@METHOD
-def test_a_jump_of_the_head_leaves_nothing_behind(
-    device: ComputeDevice, method: tuple[str, str]
-) -> None:
-    """The first frame after it is about as good as the first one of all."""
-    frame, objects = two_frames()[0], still_life()
-    away = replace(VIEW, yaw_deg=150.0)  # the same floor, in the same pixels
-    sure: dict[str, Any] = {"fading": 0.0, "trace": {"rays": 8}}
-    truth = render(device, frame, objects, VIEW, chosen(method, seed=1, **sure), frames=16)
-    fresh = render(device, frame, objects, VIEW, chosen(method))
-    with Renderer(device, frame, objects, away, chosen(method)) as renderer:
-        renderer.render(12)
-        renderer.look(VIEW)
-        picture = renderer.render(1, AOVS)
-    least = errors(fresh, truth)
-    for name, error in errors(picture, truth).items():
-        # Cells of E_R that the map of shadows has asked for are not smoothed anew.
-        assert error < 1.4 * least[name], name
-    # Shadows are there at once, and not those of the floor that was seen before.
-    dark = (truth.aovs["ratio"].max(-1) < 0.92) & (truth.aovs["coverage"] == 0.0)
-    assert dark.sum() > 20
-    shadow = 1.0 - picture.aovs["ratio"][dark].mean()
-    assert shadow > 0.6 * (1.0 - fresh.aovs["ratio"][dark].mean())
 
 
 @pytest.mark.thorough

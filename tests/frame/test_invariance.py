@@ -1,4 +1,4 @@
-"""What must not change the picture: units, where the seam is, which hand is the right one."""
+"""Invariances of the picture: units, the seam's place, mirror images."""
 
 from __future__ import annotations
 
@@ -15,12 +15,9 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame
 from tests.frame.whole_frame import (
-    CLAY,
     METHOD,
     METHODS,
     PANORAMA,
-    ROOM,
-    SILVER,
     VIEW,
     chosen,
     film,
@@ -30,14 +27,10 @@ from tests.frame.whole_frame import (
     still_life,
     two_frames,
 )
-from tests.oracles.worlds import World
 from tests.rendering import render
 from tests.worlds import (
     Float,
-    ball,
-    bright_walls,
     mirrored,
-    room_frame,
     scaled,
     turned,
 )
@@ -50,7 +43,7 @@ Scene = tuple[Frame, Sequence[Instance], View]
 
 @dataclass(frozen=True)
 class Film:
-    """What `film` has made of a scene, and of what."""
+    """Pictures that `film` made of a scene, and the scene."""
 
     method: tuple[str, str]
     view: View
@@ -183,126 +176,3 @@ def test_a_mirrored_world_looks_mirrored(
     flipped, moved = mirrored(frame, objects, meshes=meshes)
     view = replace(VIEW, yaw_deg=7.0)
     agrees(device, method, (frame, objects, view), (flipped, moved, replace(view, yaw_deg=-7.0)))
-
-
-def striped_walls(points: Float, normals: Float) -> Float:
-    waves = 1.0 + 0.8 * np.sin(
-        points @ np.array([[9.0, 3.0, 1.0], [2.0, 8.0, 5.0], [7.0, 1.0, 9.0]])
-    )
-    return bright_walls(points, normals) * waves
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("method", "columns"),
-    [(METHODS[0], 135), (METHODS[0], None), (METHODS[1], None)],
-    ids=["rolled", "mirrored-triangles", "mirrored-layers"],
-)
-def test_reflections_turn_and_mirror_with_the_world(
-    device: ComputeDevice, method: tuple[str, str], columns: int | None
-) -> None:
-    """A mirror ball shows stripes: hardly any noise hides what is off by a texel or two."""
-    frame = room_frame(ROOM, 256, 128, striped_walls)
-    objects = [ball((0.1, -0.2, -1.0), 0.45, SILVER), *still_life()]
-    view = View(48, 48, yaw_deg=6.0, pitch_deg=-11.0, fov_y_deg=60.0)
-    if columns is None:
-        there = replace(view, yaw_deg=-view.yaw_deg)
-        other, moved = mirrored(frame, objects, meshes=True)
-    else:
-        other, moved, yaw_deg = turned(frame, objects, columns)
-        there = replace(view, yaw_deg=view.yaw_deg + yaw_deg)
-    still, again = (
-        render(device, frame, objects, view, chosen(method, seed=seed, fading=0.0), frames=16)
-        for seed in (0, 1)
-    )
-    picture = render(device, other, moved, there, chosen(method, seed=2, fading=0.0), frames=16)
-    color = picture.color if columns is not None else picture.color[:, ::-1]
-    solid = (still.aovs["coverage"] == 1.0)[..., None]
-    assert solid.sum() > 500
-    require_only_noise(*(np.where(solid, c, 0.0) for c in (color, still.color, again.color)))
-
-
-# Straight up and down -------------------------------------------------------------------------
-
-
-def symmetric(side: int) -> tuple[Frame, list[Instance]]:
-    """A room with a lamp opposite of the floor (-1) or the ceiling (1), and four balls before it.
-
-    The world is the same after a quarter turn about the vertical.
-    """
-
-    def radiance(points: Float, normals: Float) -> Float:
-        beside = np.abs(points[..., [0, 2]]).max(-1)
-        lit = (beside < 0.7) & (normals[..., 1] * side > 0.5)
-        return np.asarray(np.where(lit, 6.0, 0.4)[..., None] * np.ones(3))
-
-    frame = room_frame(World((-2.0, -1.4, -2.0), (2.0, 1.4, 2.0)), 256, 128, radiance)
-    places = ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
-    return frame, [ball((x, 1.1 * side, z), 0.18, CLAY) for x, z in places]
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("side", "method"), [(-1, METHODS[0]), (1, METHODS[1])], ids=["down", "up"]
-)
-def test_straight_up_and_down_there_is_no_seam_and_no_pinch(
-    device: ComputeDevice, side: int, method: tuple[str, str]
-) -> None:
-    frame, objects = symmetric(side)
-    view = View(60, 60, pitch_deg=90.0 * side, fov_y_deg=80.0)
-    many: dict[str, Any] = {"fading": 0.0, "trace": {"rays": 4}}
-    still, again = (
-        render(device, frame, objects, view, chosen(method, seed=seed, **many), frames=6)
-        for seed in (0, 1)
-    )
-    ratio, other = (np.asarray(p.aovs["ratio"], np.float64) for p in (still, again))
-    assert ratio.min() < 0.8
-    for turns in (1, 2, 3):
-        turned_coverage = np.rot90(still.aovs["coverage"], turns)
-        np.testing.assert_allclose(turned_coverage, still.aovs["coverage"], atol=3.01 / 16.0)
-        require_only_noise(np.rot90(ratio, turns), ratio, other)
-        color = np.asarray(still.color, np.float64)
-        require_only_noise(np.rot90(color, turns), color, np.asarray(again.color, np.float64))
-    # Amid the balls the ratio is even: around the pole it is what it is beside it.
-    across, down = np.meshgrid(np.arange(60) - 29.5, np.arange(60) - 29.5)
-    away = np.hypot(across, down)
-    beside = ratio[(away > 3.0) & (away < 6.0)].mean()
-    assert abs(ratio[away < 2.0].mean() - beside) < 0.035
-    assert beside < 0.97
-
-
-@pytest.mark.parametrize("side", [-1, 1], ids=["down", "up"])
-@pytest.mark.parametrize("yaw_deg", [0.0, 33.0, 180.0])
-def test_the_picture_around_a_pole_is_the_room(
-    device: ComputeDevice, side: int, yaw_deg: float
-) -> None:
-    """Within the blur of a texel, as steep as the radiance may be."""
-
-    def radiance(points: Float, normals: Float) -> Float:
-        return 4.0 + points @ np.array([[0.7, 0.1, -0.3], [0.0, 0.2, 0.0], [0.2, -0.6, 0.5]])
-
-    world = World()
-    frame = room_frame(world, 256, 128, radiance)
-    view = View(64, 64, yaw_deg, 90.0 * side, fov_y_deg=16.0)
-    picture = render(device, frame, [], view, chosen(METHODS[0]))
-    d = view.directions()
-    t, normal, _ = world.first_hit(np.zeros(3), d)
-    wanted = radiance(t[..., None] * d, normal)
-    # Up to half a texel from the pole the last row stands for it; its gradient is at most 0.85.
-    texel = np.pi / 128 * 1.4
-    error = np.abs(picture.color - wanted)
-    assert error.max() < 0.5 * 0.85 * texel
-    beside = np.degrees(np.arccos(np.clip(d @ [0.0, side, 0.0], -1, 1))) > 1.5
-    assert error[beside].max() < 0.1 * texel
-
-
-@METHOD
-def test_nothing_in_sight_keeps_every_bit(device: ComputeDevice, method: tuple[str, str]) -> None:
-    """Objects behind the walls of the room, of which nothing is seen, cast or reflected."""
-    frame = room_frame(World(), 256, 128, bright_walls)
-    hidden = [ball((0.0, -4.0, -1.0), 0.5, CLAY), ball((9.0, 0.0, 0.0), 2.0, CLAY)]
-    for view in (VIEW, PANORAMA):
-        plain = render(device, frame, [], view, chosen(method))
-        picture: RenderedFrame = render(device, frame, hidden, view, chosen(method), frames=3)
-        np.testing.assert_array_equal(picture.color, plain.color)
-        np.testing.assert_array_equal(picture.aovs["ratio"], 1.0)

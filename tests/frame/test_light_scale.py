@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,11 @@ import pytest
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
-from iprt.renderer import RenderedFrame, Renderer
+from iprt.renderer import RenderedFrame
 from iprt.settings.model import Settings
-from tests.frame.whole_frame import CLAY, ROOM, still_life, two_frames
+from tests.frame.whole_frame import ROOM, still_life, two_frames
 from tests.rendering import render
-from tests.worlds import ball, bright_walls, landscape_frame, room_frame
+from tests.worlds import bright_walls, room_frame
 
 pytestmark = pytest.mark.gl
 
@@ -47,27 +46,8 @@ def test_only_light_is_coarse(device: ComputeDevice) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("view", "scale"),
-    [
-        (View(50, 37, pitch_deg=-35.0), 4),
-        (View(50, 37, pitch_deg=-35.0), 7),
-        (View(3, 2, pitch_deg=-35.0), 8),
-        (View(64, 32, projection="equirect"), 2),
-        (View(67, 33, projection="equirect"), 4),
-    ],
-)
-def test_any_size(device: ComputeDevice, view: View, scale: int) -> None:
-    (picture,) = pictures(device, view, scale)
-    assert np.isfinite(picture.color).all()
-    for name, image in picture.aovs.items():
-        assert image.shape[:2] == (view.height, view.width), name
-        assert np.isfinite(image).all(), name
-
-
-@pytest.mark.thorough
 def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
-    """What a light of half the resolution loses is little beside what objects change."""
+    """Light at half the resolution loses little compared with the objects' influence."""
     frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
     fine, half, quarter = (
         render(device, frame, objects, VIEW, settings(scale), 32, ["background"])
@@ -78,30 +58,6 @@ def test_light_comes_near_that_of_every_pixel(device: ComputeDevice) -> None:
     assert lost[0] < 0.12 * changed
     assert lost[1] < 0.25 * changed
     assert abs(fine.color.mean() - half.color.mean()) < 0.01 * fine.color.mean()
-
-
-def test_nothing_changes_without_influence(device: ComputeDevice) -> None:
-    """The sky, which no object lights or shades, keeps its bits."""
-    frame = landscape_frame(256, 128)
-    view = View(64, 48, pitch_deg=30.0)
-    thing = ball((0.0, -1.2, -4.0), 0.2, CLAY)
-    picture = render(device, frame, [thing], view, settings(4), 2, ["background"])
-    np.testing.assert_array_equal(picture.color, picture.aovs["background"])
-
-
-@pytest.mark.thorough
-def test_the_head_turns(device: ComputeDevice) -> None:
-    """A picture after a turn is that of a head that was there from the start, but for its noise."""
-    frame, objects = room_frame(ROOM, 256, 128, bright_walls), still_life()
-    with Renderer(device, frame, objects, replace(VIEW, yaw_deg=6.0), settings(4)) as renderer:
-        renderer.render(2)
-        for turn in (4.0, 2.0, 0.0):
-            renderer.look(replace(VIEW, yaw_deg=turn))
-            turned = renderer.render(1)
-        turned = renderer.render(24)
-    still = render(device, frame, objects, VIEW, settings(4), 24, ["background"])
-    changed = np.sqrt(np.mean((still.color - still.aovs["background"]) ** 2))
-    assert np.sqrt(np.mean((turned.color - still.color) ** 2)) < 0.1 * changed
 
 
 def test_coverage_takes_as_many_samples_as_asked_for(device: ComputeDevice) -> None:

@@ -1,4 +1,4 @@
-"""Device memory is known before it is taken, and what a user is told to lower lowers it."""
+"""Device memory is known before it is allocated, and the settings that messages name lower it."""
 
 from __future__ import annotations
 
@@ -98,33 +98,6 @@ def test_what_is_planned_is_what_the_driver_is_asked_for(
         renderer.load(frame)
     assert sum(asked) == pytest.approx(plan.bytes, rel=0.02)
     assert max(asked) == max(plan.buffers.values())
-
-
-@pytest.mark.parametrize(
-    ("footage", "most"),
-    [
-        # Planes 16, distances 11 with their pyramid, inverse depth 4, samples and sums 1.
-        (Footage(), 32),
-        # Colour 12; memory of what is hidden 63.
-        (Footage(video=True), 44),
-        # What drifts has a radiance of its own.
-        (Footage(video=True, drifts=True), 56),
-        (Footage(video=True, static_camera=True), 108),
-        # Colour without highlights, highlights and their variance, and lists of texels.
-        (Footage(real_materials=(Material("plastic", alpha=0.2),)), 73),
-    ],
-)
-def test_a_texel_takes_so_many_bytes(footage: Footage, most: int) -> None:
-    """Buffers that hold a band count as far as they grow with the panorama."""
-
-    def needed(rows: int) -> int:
-        ones = np.ones((rows, 2 * rows), np.float32)
-        still = Frame(np.ones((rows, 2 * rows, 3), np.float32), ones, np.zeros(ones.shape, bool))
-        return RenderPlan.of(still, objects(1), VIEW, footage=footage).bytes
-
-    rows = 1024
-    more = (needed(2 * rows) - needed(rows)) / (3 * 2 * rows**2)
-    assert most - 3 < more <= most
 
 
 def shares(plan: RenderPlan) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""While things move, inserted ones and real ones: what they leave behind, and for how long."""
+"""Trails of moving things, inserted and real: their strength and duration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.gl, pytest.mark.thorough]
 
 VIEW = View(64, 48, yaw_deg=5.0, pitch_deg=-35.0)
 TRAIL = 8
-"""Frames after which nothing of what has gone may be seen."""
+"""Frames after which no trail may be visible."""
 SURE: dict[str, Any] = {"fading": 0.0, "seed": 5, "trace": {"rays": 32, "object_rays": 1}}
 
 
@@ -40,7 +40,7 @@ def shown(renderer: Renderer) -> tuple[Float, Float]:
 def truths(
     device: ComputeDevice, scenes: list[tuple[Frame, Instance]]
 ) -> list[tuple[Float, Float]]:
-    """Nothing moves in these scenes."""
+    """Return the converged pictures of scenes at rest."""
     found = []
     for frame, thing in scenes:
         with Renderer(device, frame, [thing], VIEW, chosen(METHODS[0], **SURE)) as renderer:

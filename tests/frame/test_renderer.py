@@ -14,14 +14,12 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import solid_angles
-from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
-from tests.frame.whole_frame import still_life
+from tests.frame.whole_frame import CLAY, ROOM, rms
 from tests.oracles.worlds import Box, Sphere, World
 from tests.rendering import render
-from tests.variants import variant
 from tests.worlds import (
     Float,
     Radiance,
@@ -32,22 +30,15 @@ from tests.worlds import (
     panorama_at,
     panorama_in,
     room_frame,
-    turned,
 )
 
 pytestmark = pytest.mark.gl
 
-PILLAR = Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2))
-ROOM = World(solids=(PILLAR,))
 BALL = Sphere((0.2, -1.0, -1.4), 0.3)
-CLAY = Material(albedo=(0.6, 0.3, 0.2))
 DOWN = View(96, 72, pitch_deg=-35.0)
-SMALL = DOWN.resized(48, 36)
 PANORAMA = View(256, 128, projection="equirect")
-HALF = View(128, 64, projection="equirect")
 AOVS = ("ratio", "coverage", "background", "normal", "irradiance_real")
 MEAN: dict[str, Any] = {"fading": 0.0}
-RAW: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
 
 
 def lit_room(radiance: Radiance = ceiling_lamp) -> tuple[Frame, list[Instance]]:
@@ -57,10 +48,6 @@ def lit_room(radiance: Radiance = ceiling_lamp) -> tuple[Frame, list[Instance]]:
 
 def settings(**chosen: Any) -> Settings:
     return Settings.model_validate(chosen)
-
-
-def rms(difference: NDArray[np.floating]) -> float:
-    return float(np.sqrt((difference.astype(np.float64) ** 2).mean()))
 
 
 def real(picture: RenderedFrame) -> NDArray[np.bool_]:
@@ -160,90 +147,6 @@ def test_both_projections_agree(device: ComputeDevice, view: View) -> None:
     assert rms(shown / other - 1.0) < 0.1
 
 
-@pytest.mark.thorough
-def test_the_seam_does_not_show(device: ComputeDevice) -> None:
-    """A ball across the seam, one over the nadir: turned to elsewhere, they look the same."""
-    frame, _ = lit_room(bright_walls)
-    objects = [ball((0.1, -1.1, 0.15), 0.2, CLAY), ball((-0.1, -1.0, 1.6), 0.3, CLAY)]
-    sure: dict[str, Any] = {"trace": {"rays": 32}, "irradiance": {"rows": 32}, **MEAN}
-    still = render(device, frame, objects, HALF, settings(**sure), 4)
-    assert (still.aovs["coverage"][:, [0, -1]] == 1.0).sum() > 5
-    rolled, moved, _ = turned(frame, objects, 128)
-    picture = render(device, rolled, moved, HALF, settings(**sure), 4)
-
-    def difference(name: str) -> Float:
-        return np.asarray(np.roll(picture.aovs[name], -64, 1) - still.aovs[name], np.float64)
-
-    np.testing.assert_allclose(difference("coverage"), 0.0, atol=0.07)
-    error = difference("ratio")
-    assert still.aovs["ratio"].min() < 0.95
-    assert rms(error) < 0.01
-    # Noise averages out over 8 x 8 pixels, what is done otherwise at the seam would not.
-    blocks = np.roll(error, 4, 1).reshape(8, 8, 16, 8, 3).mean((1, 3))
-    assert np.abs(blocks).max() < 0.01
-    alike = np.isclose(np.roll(picture.color, -64, 1), still.color, rtol=0.3, atol=0.01)
-    assert alike.mean() > 0.999
-
-
-# Randomness ----------------------------------------------------------------------------------
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("view", [SMALL, HALF], ids=lambda v: v.projection)
-def test_the_seed_makes_the_picture(device: ComputeDevice, view: View) -> None:
-    frame, objects = lit_room(bright_walls)[0], still_life()
-    first, again, other = (
-        render(device, frame, objects, view, settings(seed=seed), 4) for seed in (7, 7, 8)
-    )
-    np.testing.assert_array_equal(first.color, again.color)
-    for name in AOVS:
-        np.testing.assert_array_equal(first.aovs[name], again.aovs[name])
-    for pixels in (real(first), first.aovs["coverage"] == 1.0):
-        assert (first.color != other.color)[pixels].mean() > 0.2
-    np.testing.assert_allclose(first.color.mean((0, 1)), other.color.mean((0, 1)), rtol=0.01)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("estimator", "filtered_to"), [("delta", 1.0), ("ratio", 0.8)])
-def test_frames_average_out_the_noise(
-    device: ComputeDevice, estimator: str, filtered_to: float
-) -> None:
-    """Four times the frames, about half the error, where E_R is known."""
-    frame, objects = lit_room()
-
-    def accumulated(frames: int, **others: Any) -> RenderedFrame:
-        chosen = variant(estimator, **others)
-        with Renderer(device, frame, objects, SMALL, chosen) as renderer:
-            return renderer.render(frames, AOVS)
-
-    coarse = {"iprt": {"ratio_rows": 16}}
-    many = {"rays": 32, "object_rays": 32}
-    sure: dict[str, Any] = {"rows": 16, "rays": 512, "samples": 1024}
-    truth = accumulated(16, seed=1, trace=many, irradiance=sure, **coarse, **RAW)
-    # One ray of objects in every frame: by default there are more in the first ones.
-    few: dict[str, Any] = {"trace": {"object_rays": 1}, "irradiance": sure, **coarse}
-    pictures = {}
-    chosen = variant(estimator, **few, **RAW)
-    with Renderer(device, frame, objects, SMALL, chosen) as renderer:
-        for more, frames in ((1, 1), (3, 4), (12, 16), (48, 64)):
-            pictures[frames] = renderer.render(more, AOVS)
-
-    later = [pictures[frames] for frames in (4, 16, 64)]
-    for errors in (
-        [rms(picture.aovs["ratio"] - truth.aovs["ratio"]) for picture in later],
-        [rms(picture.color - truth.color) for picture in later],
-    ):
-        assert errors[1] < 0.75 * errors[0]
-        assert errors[2] < 0.75 * errors[1]
-    for picture in later:
-        assert picture.color.mean() == pytest.approx(truth.color.mean(), rel=0.02)
-    # The filter pays where there is noise: after a frame, and less where there is less of it.
-    raw = pictures[1].aovs["ratio"]
-    plain = {**MEAN, "mask": {"sparse": False}}
-    filtered = accumulated(1, **few, **plain).aovs["ratio"]
-    assert rms(filtered - truth.aovs["ratio"]) < filtered_to * rms(raw - truth.aovs["ratio"])
-
-
 # A head that turns ---------------------------------------------------------------------------
 
 
@@ -313,30 +216,3 @@ def test_distant_environment_is_the_cosine_convolution(device: ComputeDevice) ->
     np.testing.assert_allclose(picture.color[solid].mean(0), wanted.mean(0), rtol=2e-3)
     ground = real(picture)
     np.testing.assert_array_equal(picture.color[ground], picture.aovs["background"][ground])
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("view", "sigma"), [(View(96, 72, -25.0, fov_y_deg=15.0), 10.0), (HALF, 0.5)]
-)
-def test_rays_are_spared(device: ComputeDevice, view: View, sigma: float) -> None:
-    """Where surfaces are flat and nothing shadows them; all pixels get one when told so."""
-    frame, _ = lit_room()
-    opening = np.zeros(frame.depth.shape, bool)
-    opening[30:40, 40:60] = True
-    objects = [ball((0.4, -1.3, -2.2), 0.05, CLAY)]
-    traced = {}
-    for sparse in (True, False):
-        settings = {
-            "mask": {"sparse": sparse, "sigma_position": sigma},
-            "trace": {"openings": "surface"},
-        }
-        with Renderer(
-            device, replace(frame, opening=opening), objects, view,
-            Settings.model_validate(settings),
-        ) as renderer:  # fmt: skip
-            renderer.render(12)
-            traced[sparse] = int(device.read(renderer.method.real_pixels.mask.count)[0])
-            surfaces = int(renderer.layout.interior(device.read(renderer.real.id)).sum())
-    assert traced[False] == surfaces
-    assert 0 < traced[True] < 0.5 * surfaces

@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 
 from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
-from iprt.device.plan import PlanDevice
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
-from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
-from iprt.memory import RenderPlan
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.films import FEW, LOOK
@@ -78,7 +74,7 @@ KINDS: list[dict[str, bool]] = [{}, {"window": True, "gloss": True}]
 
 @pytest.mark.parametrize("kind", KINDS, ids=str)
 def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[str, bool]) -> None:
-    """Over one and the same background, the picture is that of the unclipped frame, bit for bit."""
+    """Over the same background, the picture equals the unclipped frame's bit for bit."""
     frame = lit(**kind)
     background = np.full((LOOK.height, LOOK.width, 3), 0.2, np.float32)
     truth = pictures(device, frame, LOOK, background)
@@ -91,7 +87,7 @@ def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[s
 
 
 def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
-    """What objects do to it is a factor, that of the light."""
+    """Objects multiply it by the light's ratio."""
     frame = clipped(lit())
     with Renderer(device, frame, [BALL], AROUND, SETTINGS) as renderer:
         shown = renderer.render(2, ["ratio", "coverage"])
@@ -101,21 +97,8 @@ def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
     np.testing.assert_allclose(shown.color[real], expected[real], rtol=1e-5)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", KINDS, ids=str)
-def test_a_buffer_of_its_own_changes_no_bit(device: ComputeDevice, kind: dict[str, bool]) -> None:
-    frame = lit(**kind)
-    plain = pictures(device, frame, LOOK)
-    for others in (
-        pictures(device, frame, LOOK, footage=Footage.of(frame, drifts=True)),
-        pictures(device, replace(frame, clipped=all_texels(frame)), LOOK),
-    ):
-        for a, b in zip(plain, others, strict=True):
-            np.testing.assert_array_equal(a, b)
-
-
 def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDevice) -> None:
-    """Histories end, and E_R is found anew."""
+    """Histories end, and E_R starts again."""
     before = clipped(room_frame(World(), 64, 32, bright_walls))
     seen = replace(before, color=before.picture, clipped=None)
     dark = replace(before, color=before.color * np.float32(0.1), clipped=all_texels(seen))
@@ -128,36 +111,3 @@ def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDev
         renderer.load(dark)
         left = device.read(irradiance.mean)[..., 3].max()
     assert counted > 2.0 * left
-
-
-@pytest.mark.thorough
-def test_mean_radiance_is_that_of_the_light(device: ComputeDevice) -> None:
-    frame = lit()
-    with Renderer(device, clipped(frame), [BALL], LOOK, SETTINGS) as renderer:
-        rows = np.sin((np.arange(frame.height) + 0.5) / frame.height * np.pi)
-        expected = np.average(frame.color.mean(axis=(1, 2)), weights=rows)
-        assert renderer.real_world.panorama.mean_radiance == pytest.approx(expected, rel=1e-5)
-
-
-def planned(frame: Frame, objects: list[Instance], **kwargs: Any) -> PlanDevice:
-    device = PlanDevice()
-    Renderer(device, frame, objects, LOOK, SETTINGS, **kwargs)
-    return device
-
-
-@pytest.mark.parametrize("gloss", [False, True])
-def test_only_what_drifts_has_a_radiance_of_its_own(gloss: bool) -> None:
-    """Clipped lights need no such buffer, and only kernels more that show the panorama."""
-    frame = lit(gloss=gloss)
-    plain, needed = planned(frame, [BALL]), planned(clipped(frame), [BALL])
-    files = [[one.file for one in device.kernels] for device in (plain, needed)]
-    assert sorted([*files[0], *["view/real_layer.cl"] * 2]) == sorted(files[1])
-    assert needed.buffers == plain.buffers
-    still = Footage.of(frame, video=True)
-    plain = planned(frame, [BALL], footage=still)
-    drifts = replace(still, drifts=True)
-    needed = planned(frame, [BALL], footage=drifts)
-    assert "panorama.radiance" not in plain.buffers
-    assert needed.buffers["panorama.radiance"] == 64 * 32 * 12
-    planned_bytes = RenderPlan.of(frame, [BALL], LOOK, SETTINGS, drifts).bytes
-    assert planned_bytes == sum(needed.buffers.values())

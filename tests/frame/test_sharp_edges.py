@@ -16,18 +16,12 @@ from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Box, World
-from tests.worlds import Float, Radiance, ball, cuboid, room_frame
+from tests.worlds import Float, Radiance, cuboid, room_frame
 
 pytestmark = pytest.mark.gl
 
 CLAY = Material(albedo=(0.3, 0.3, 0.3))
 BOARD = World(solids=(Box((0.0, -0.55, -1.0), (0.12, 0.3, 0.02), 0.3),))
-VIEW = View(128, 96, pitch_deg=-30.0, fov_y_deg=40.0)
-
-
-def lamp(points: Float, normals: Float) -> Float:
-    """Light from the ceiling only, on grey."""
-    return np.where(normals[..., 1:2] < -0.5, 3.0, 0.3) * np.ones(3)
 
 
 def dark_before_bright(points: Float, normals: Float) -> Float:
@@ -36,39 +30,11 @@ def dark_before_bright(points: Float, normals: Float) -> Float:
     return np.where(board & (np.abs(points[..., :1]) < 0.2), 0.06, 2.0) * np.ones(3)
 
 
-def dark_board(points: Float, normals: Float) -> Float:
-    """The same, in checks, but for a board in the middle of the room."""
-    board = (points[..., 2:] > -1.3) & (points[..., 1:2] > -1.0) & (points[..., 1:2] < -0.2)
-    checks = np.sign(np.sin(40.0 * points[..., :1]) * np.sin(40.0 * points[..., 2:]))
-    return np.where(board, 0.06, lamp(points, normals) * (2.0 + 0.5 * checks))
-
-
 def averaged_frame(radiance: Radiance) -> Frame:
     """The room with the board, in texels that show means."""
     fine = room_frame(BOARD, 8 * 192, 8 * 96, radiance).color
     mixed = fine.reshape(96, 8, 192, 8, 3).mean(axis=(1, 3))
     return replace(room_frame(BOARD, 192, 96, radiance), color=mixed)
-
-
-@pytest.mark.thorough
-def test_both_sides_of_an_edge_are_relit(device: ComputeDevice) -> None:
-    """A dark board before a shadowed floor: pixels that show both have some of either's ratio."""
-    frame = averaged_frame(dark_board)
-    things = [ball((0.0, -1.12, -2.0), 0.27, CLAY)]
-    with Renderer(device, frame, things, VIEW, Settings()) as renderer:
-        picture = renderer.render(8, ["ratio", "background", "coverage"])
-        shape = (VIEW.height, VIEW.width, 4)
-        other_pixel = device.read(renderer.real.other_pixel).reshape(shape[:2])
-        edge, plain = other_pixel >= 0, other_pixel == -1
-        share = np.where(edge, device.read(renderer.real.other).reshape(shape)[..., 3], 0.0)
-        assert renderer.signals.ratio is not None
-        own = device.read(renderer.signals.ratio).reshape(shape)[..., :3]
-    real = picture.aovs["coverage"] == 0.0
-    ratio = picture.aovs["ratio"]
-    assert (real & (share > 0.05) & (np.abs(ratio - own).max(-1) > 0.02)).sum() > 20
-    np.testing.assert_array_equal(ratio[plain], own[plain])
-    relit = picture.aovs["background"] * ratio
-    np.testing.assert_allclose(picture.color[real], relit[real], rtol=1e-5)
 
 
 def shown_and_hidden(box: Box, view: View, texels: Float | None = None) -> tuple[Float, Float]:

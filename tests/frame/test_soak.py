@@ -1,19 +1,13 @@
-"""Hours of video: memory stays where it is, nothing becomes NaN, and the same seed shows the same.
-
-`python -m tests.frame.test_soak 10000` plays so many frames twice and prints what it finds; the
-tests play as many as there is time for.
-"""
+"""Long videos: memory stays where it is, nothing becomes NaN, the same seed shows the same."""
 
 from __future__ import annotations
 
 import ctypes
 import gc
 import hashlib
-import sys
-import tempfile
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest import mock
 
 import numpy as np
@@ -21,7 +15,6 @@ import pyopencl.array as cla
 import pytest
 
 from iprt.device import profile
-from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.film import Film
@@ -62,40 +55,26 @@ class CountingDevice(ComputeDevice):
         return super().kernel(*args, **kwargs)
 
 
-@dataclass
-class Run:
-    """What a film came to, every `EVERY` frames.
+class Look(NamedTuple):
+    """State of a film after some frames.
 
     Attributes
     ----------
-    digests : list of str
-        Digests of all pictures so far.
-    used : list of int
+    digest : str
+        Digest of all pictures so far.
+    used : int
         Bytes that are allocated and not freed, buffers of PoCL's devices among them.
-    memory : list of int
-        Bytes that the process holds: with what the allocator keeps, and so in large steps.
-    made : list of int
+    made : int
         Buffers and kernels made so far.
     """
 
-    digests: list[str] = field(default_factory=list)
-    used: list[int] = field(default_factory=list)
-    memory: list[int] = field(default_factory=list)
-    made: list[int] = field(default_factory=list)
-
-    @property
-    def slope(self) -> float:
-        """Bytes per frame by which use grew after the warm-up: the median step between two looks.
-
-        What is forgotten in every frame is in every step; what the driver keeps because more was
-        on its way at once than ever before is in a few.
-        """
-        after = self.used[WARM_UP // EVERY :]
-        return float(np.median(np.diff(after))) / EVERY
+    digest: str
+    used: int
+    made: int
 
 
 class Mallinfo(ctypes.Structure):
-    """What glibc tells of its allocator (`man mallinfo2`)."""
+    """State of glibc's allocator (`man mallinfo2`)."""
 
     _fields_ = tuple(
         (name, ctypes.c_size_t)
@@ -117,22 +96,16 @@ def in_use() -> int:
     return int(told.uordblks + told.hblkhd)
 
 
-def resident() -> int:
-    """Bytes of memory that the process holds."""
-    return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
-
-
 def at_rest(stream: Ahead[Any]) -> bool:
-    """Whether as many frames lie ready as may, or all are made."""
+    """Return whether the stream has decoded as far ahead as it may."""
     return all(made.done() for made in stream._made)
 
 
-def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, str]) -> Run:
-    """Loop the clip for so many frames; no picture holds NaN."""
+def play(scene: Scene, compute: ComputeDevice, frames: int) -> list[Look]:
+    """Loop the clip for so many frames and look every `EVERY` frames; no picture holds NaN."""
     device = CountingDevice(compute.device)
-    settings = chosen(method, seed=5, **SETTINGS)
-    ahead = scene.views["ahead"]
-    run, digest = Run(), hashlib.sha256()
+    settings, ahead = chosen(METHODS[0], seed=5, **SETTINGS), scene.views["ahead"]
+    looks, digest = list[Look](), hashlib.sha256()
     streams: list[Ahead[Any]] = []
 
     def stream(*args: Any, **kwargs: Any) -> Ahead[Any]:
@@ -150,40 +123,25 @@ def play(scene: Scene, compute: ComputeDevice, frames: int, method: tuple[str, s
                 until(lambda: at_rest(streams[-1]))
                 device.profile.resolve()  # events that wait to be read are many or few
                 gc.collect()
-                run.digests.append(digest.hexdigest())
-                run.used.append(in_use())
-                run.memory.append(resident())
-                run.made.append(device.made)
-    return run
+                looks.append(Look(digest.hexdigest(), in_use(), device.made))
+    return looks
 
 
 @pytest.mark.thorough
 def test_a_long_film_stays_as_it_began(
     device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No memory grows, on the device nothing is made anew, and again it is the same to the bit."""
+    """Memory does not grow, buffers and kernels are made once, a second run has the same bits."""
     # The profile's sample of frames, 4 kB each, is to be full when the warm-up is over.
     monkeypatch.setattr(profile, "MOST_FRAMES", WARM_UP // 2)
     scene = write_moving(tmp_path / "clip")
-    run = play(scene, device, FRAMES, METHODS[0])
-    assert run.slope < SLOPE
-    assert set(run.made) == {run.made[0]}
-    again = play(scene, device, AGAIN, METHODS[0])
-    assert again.digests == run.digests[: AGAIN // EVERY]
-    assert len(set(run.digests)) == FRAMES // EVERY
-
-
-def main(frames: int) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        scene = write_moving(Path(folder))
-        compute = ComputeDevice(choose_device("pocl"))
-        runs = [play(scene, compute, frames, METHODS[0]) for _ in range(2)]
-    for run in runs:
-        print(f"{frames} frames: {run.slope:.1f} bytes per frame, {run.used[0]} at first")
-        print(f"  resident: {run.memory[0]} bytes, at the end {run.memory[-1]}")
-        print(f"  buffers and kernels: {run.made[0]}, at the end {run.made[-1]}")
-    print("the same to the bit" if runs[0].digests == runs[1].digests else "they differ")
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    looks = play(scene, device, FRAMES)
+    digests = [look.digest for look in looks]
+    # What is forgotten in every frame is in every step; what the driver keeps because more was on
+    # its way at once than ever before is in a few.
+    steps = np.diff([look.used for look in looks[WARM_UP // EVERY :]])
+    assert np.median(steps) / EVERY < SLOPE
+    assert {look.made for look in looks} == {looks[0].made}
+    again = play(scene, device, AGAIN)
+    assert [look.digest for look in again] == digests[: AGAIN // EVERY]
+    assert len(set(digests)) == FRAMES // EVERY

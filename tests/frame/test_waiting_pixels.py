@@ -50,13 +50,6 @@ def test_settled_pixels_wait_until_something_moves(device: ComputeDevice, frame:
 
 
 @pytest.mark.thorough
-def test_all_rays_go_into_the_mean_of_all_frames(device: ComputeDevice, frame: Frame) -> None:
-    with Renderer(device, frame, still_life(), VIEW, Settings(fading=0.0)) as renderer:
-        counts = rays_while_turning(renderer, range(20))
-    assert min(counts[12:]) > 0.9 * min(counts[2:7])
-
-
-@pytest.mark.thorough
 def test_waiting_costs_noise_alone(
     device: ComputeDevice, frame: Frame, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""Windows in the whole frame: what is far behind them lights the room with parallax."""
+"""Windows in the whole frame: distant light behind them enters the room with parallax."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from iprt.footage.window_environment import outside_radiance
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
-from iprt.renderer import RenderedFrame, Renderer
+from iprt.renderer import RenderedFrame
 from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere, World
 from tests.rendering import render
@@ -136,31 +135,3 @@ def test_the_sun_falls_through_the_window(device: ComputeDevice, openings: str) 
     shown = np.array([irradiance[r - 1 : r + 2, c - 1 : c + 2].mean()
                       for r, c in zip(row, column, strict=True)])  # fmt: skip
     np.testing.assert_allclose(shown, wanted, rtol=0.15)
-
-
-def of_every_kind(albedo: float) -> list[Instance]:
-    """Balls on the floor, in a row."""
-    color = (albedo,) * 3
-    kinds = [
-        Material(albedo=color),
-        Material("conductor", color, alpha=0.2),
-        Material("conductor", color, alpha=0.0),
-        Material("plastic", color),
-    ]
-    return [ball((i - 1.0, FLOOR + 0.3, -1.5), 0.3, kind) for i, kind in enumerate(kinds)]
-
-
-@pytest.mark.thorough
-def test_light_from_outside_knows_of_no_objects(device: ComputeDevice) -> None:
-    """E_R is what it is for black ones."""
-
-    def irradiance(objects: list[Instance]) -> NDArray[np.float32]:
-        raw = {"atrous": {"levels": 0}, "mask": {"sparse": False}, "fading": 0.0}
-        view = View(96, 72, pitch_deg=-30.0)
-        chosen = Settings.model_validate(raw)
-        with Renderer(device, windowed(sky), objects, view, chosen) as renderer:
-            return renderer.render(1, ("irradiance_real",)).aovs["irradiance_real"]
-
-    found, plain = (irradiance(of_every_kind(albedo)) for albedo in (0.8, 0.0))
-    assert found.max() > 0.1
-    np.testing.assert_allclose(found, plain, rtol=1e-4)

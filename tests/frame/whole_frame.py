@@ -1,4 +1,4 @@
-"""What tests of whole frames share: a scene with one of everything, and ways to judge pictures."""
+"""Shared by tests of whole frames: a scene with one of everything, and measures of pictures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SILVER = Material("conductor", (0.9, 0.9, 0.9), alpha=0.0)
 VIEW = View(48, 36, pitch_deg=-35.0)
 PANORAMA = View(64, 32, projection="equirect")
 METHODS = [("delta", "triangles"), ("ratio", "layers")]
-"""Estimators of real surfaces, and what rays meet of objects: every value of both."""
+"""Estimators of real surfaces, and representations of objects: every value of both."""
 METHOD = pytest.mark.parametrize(
     "method",
     [METHODS[0], pytest.param(METHODS[1], marks=pytest.mark.thorough)],
@@ -76,7 +76,7 @@ def film(
     view: View,
     settings: Settings,
 ) -> list[RenderedFrame]:
-    """What is seen at rest, after the head has turned, and after the video has changed."""
+    """Return pictures at rest, after the head has turned, and after the video has changed."""
     with Renderer(device, frames[0], objects, view, settings) as renderer:
         pictures = [renderer.render(2, AOVS)]
         if view.projection == "perspective":
@@ -89,7 +89,7 @@ def film(
 
 
 def require_finite(renderer: Renderer, pictures: Sequence[RenderedFrame], after: str = "") -> None:
-    """No NaN and no infinity in pictures, auxiliary pictures, histories and the cache of E_R."""
+    """Require finite pictures, auxiliary pictures, histories and cache of E_R."""
     for picture in pictures:
         assert np.isfinite(picture.color).all(), after
         assert (picture.color >= 0.0).all(), after

@@ -21,7 +21,7 @@ LOCAL = 4
 
 
 def visited(device, groups, count, offset=0):
-    """How often each place was visited, and by which group last."""
+    """Return each place's number of visits, and its last group."""
     program = build(device.context, Program.of_text(SOURCE, "mark"))
     size = groups * LOCAL
     visits = cla.zeros(device.queue, offset + size, np.int32)

@@ -1,4 +1,4 @@
-"""No kernel can run for ever: every loop has a bound, whatever the buffers hold."""
+"""Every loop of a kernel has a bound, whatever the buffers hold."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.files.resources import CL
-from tests.bvh.meshes import instance_of, sphere
+from tests.bvh.meshes import instance_of
 from tests.bvh.tracing import BvhTracer
+from tests.meshes import sphere
 
 SHRINKING = {
     "high - low > 1": "halves what it searches",
@@ -21,7 +22,7 @@ FILES = sorted(path.relative_to(CL).as_posix() for path in CL.rglob("*") if path
 
 
 def heads(file: str, word: str) -> list[str]:
-    """What stands in the parentheses of all loops of one kind."""
+    """Return the texts in the parentheses of all loops of one kind."""
     code = re.sub(r"//[^\n]*|/\*.*?\*/", "", (CL / file).read_text(), flags=re.S)
     found = []
     for match in re.finditer(rf"\b{word}\s*\(", code):

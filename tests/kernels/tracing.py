@@ -65,7 +65,7 @@ def four(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class Hits:
-    """What `trace_real_layer` returned: t (N,), kind (N,), texel (N,), direction (N, 3).
+    """Results of `trace_real_layer`: t (N,), kind (N,), texel (N,), direction (N, 3).
 
     `behind` (N,) tells that it is background which the first layer hides.
     """
@@ -154,7 +154,7 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
 
 @dataclass(frozen=True)
 class ObjectHits:
-    """What `trace_objects` returned: t (N,), inf for a miss; index (N,); on_screen (N,)."""
+    """Results of `trace_objects`: t (N,), inf for a miss; index (N,); on_screen (N,)."""
 
     t: NDArray[np.float32]
     index: NDArray[np.int32]

@@ -6,15 +6,13 @@ import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from iprt.settings.methods import DEFAULT, methods
+from tests.waiting import ROOT, run_python
 
-ROOT = Path(__file__).parents[2]
 FOLDERS = sorted(file.parent.name for file in (ROOT / "iprt" / "methods").glob("*/__init__.py"))
 KIN = {"dpt": "pt-diff", "pt_diff": "oil", "oil": "dpt", "vct": "dvct", "dvct": "vct", "ibl": "em"}
 """Methods of the same services; the others stand beside `ibl`."""
@@ -45,7 +43,7 @@ print(json.dumps(told))
 
 
 def test_each_method_has_its_folder() -> None:
-    """Of its own name, but for the hyphen, which no module may have."""
+    """The folder has the method's name, without the hyphen, which no module may have."""
     assert sorted(name.replace("-", "_") for name in methods()) == FOLDERS
     for kernels in (ROOT / "cl" / "methods").iterdir():
         assert kernels.name in FOLDERS
@@ -55,7 +53,7 @@ def test_each_method_has_its_folder() -> None:
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_nothing_else_names_a_method_s_folder(folder: str) -> None:
-    """Neither modules nor kernels, nor tests of what others hold."""
+    """Modules, kernels and tests of other folders do not name it."""
     named = re.compile(rf"\bmethods[./]{folder}[./\"]|\bmethods\.{folder} import")
     knows = []
     for top, suffixes in (("iprt", (".py",)), ("cl", (".cl", ".h")), ("tests", (".py",))):
@@ -75,14 +73,8 @@ def test_deleting_a_folder_deletes_a_method(folder: str, tmp_path: Path) -> None
         shutil.copytree(ROOT / top, tmp_path / top, ignore=skipped)
     shutil.rmtree(tmp_path / "iprt" / "methods" / folder)
     shutil.rmtree(tmp_path / "cl" / "methods" / folder, ignore_errors=True)  # some have no kernels
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, KIN.get(folder, "ibl")],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    code, path = ("-c", CODE, KIN.get(folder, "ibl")), f"{tmp_path}{os.pathsep}{ROOT}"
+    done = run_python(*code, cwd=tmp_path, PYTHONPATH=path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["package"] == str(tmp_path)

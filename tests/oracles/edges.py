@@ -41,7 +41,7 @@ class Panorama:
         self._height, self._width = flags.shape
 
     def pixel(self, view: View, x: int, y: int) -> Pixel:
-        """What a pixel shows."""
+        """Return the pixel's contents."""
         middle = np.array([x + 0.5, y + 0.5])
         d = view.unproject(middle)
         blurred = panorama_cubic(self._color, d)

@@ -1,4 +1,4 @@
-"""NumPy twins of what the device sums up of a panorama's light (`cl/world/real/radiance.cl`)."""
+"""NumPy twins of the device's sums of a panorama's light (`cl/world/real/radiance.cl`)."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def gather(instances: Sequence[Instance]) -> Soup:
         mesh, matrix = instance.mesh, instance.to_world
         linear = matrix[:3, :3]
         normals = mesh.normals @ np.linalg.inv(linear)
-        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
         count = len(mesh.triangles)
         parts = (
             (mesh.positions @ linear.T + matrix[:3, 3])[mesh.triangles],
@@ -71,8 +71,10 @@ def gather(instances: Sequence[Instance]) -> Soup:
     return Soup(*(np.concatenate(column) for column in columns))
 
 
-def cast(soup: Soup, directions: Float, *, away_only: bool = False) -> Hits:
-    """Nearest hits of rays from the origin (Möller and Trumbore 1997); (..., 3) unit directions."""
+def cast(
+    soup: Soup, directions: Float, origins: Float | float = 0.0, *, away_only: bool = False
+) -> Hits:
+    """Return the nearest hits of rays (Möller and Trumbore 1997); (..., 3) unit directions."""
     rays = directions.reshape(-1, 3)
     v0 = soup.corners[:, 0]
     e1, e2 = soup.corners[:, 1] - v0, soup.corners[:, 2] - v0
@@ -87,11 +89,19 @@ def cast(soup: Soup, directions: Float, *, away_only: bool = False) -> Hits:
         p = np.cross(rays, e2[index])
         det = p @ e1[index]
         with np.errstate(divide="ignore", invalid="ignore"):
-            u = (p @ -v0[index]) / det
-            q = np.cross(-v0[index], e1[index])
-            v = (rays @ q) / det
-            t = (e2[index] @ q) / det
-        hit = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 0.0) & (t < best.distance)
+            start = origins - v0[index]
+            u = np.einsum("...i,...i", start, p) / det
+            q = np.cross(start, e1[index])
+            v = np.einsum("...i,...i", rays, q) / det
+            t = q @ e2[index] / det
+        hit = (
+            (det != 0.0)
+            & (u >= 0.0)
+            & (v >= 0.0)
+            & (u + v <= 1.0)
+            & (t > 0.0)
+            & (t < best.distance)
+        )
         along = rays @ normal[index]
         if away_only:
             hit &= (along < 0.0) if soup.flipped[index] else (along > 0.0)

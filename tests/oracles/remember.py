@@ -15,7 +15,7 @@ FOLLOW, SAME_NORMAL, RIM, LEAST_MARGIN = 1.0 / 64.0, 0.7, 2, 0.02
 
 @dataclass
 class Memory:
-    """What is remembered, per texel; `around` is what depth may differ from."""
+    """Memory per texel; `around` is the depth that others are compared with."""
 
     depth: Float
     normal: Float

@@ -27,7 +27,7 @@ EAST, WEST, NORTH, SOUTH, OPENING, NONE = (1 << i for i in range(6))
 
 @dataclass(frozen=True)
 class FlatLayer:
-    """What a panorama's level 0 holds, as float64.
+    """Level 0 of a panorama, as float64.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class _Walk:
         self.texel = np.full(n, -1)
 
     def _behind(self, rays: Int, row: Int, column: Int, t: Float) -> tuple[Float, Float]:
-        """How far the rays' points lie behind the surface, and its thickness there."""
+        """Return the depth of the rays' points behind the surface, and its thickness there."""
         layer = self.layer
         p = self.o[rays] + t[:, None] * self.d[rays]
         r = np.linalg.norm(p, axis=1)

@@ -1,4 +1,4 @@
-"""What shaded rendering adds: coverage against the real scene, borrowed edges, motion."""
+"""Outputs of shaded rendering: coverage against the real scene, borrowed edges, motion."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_coverage_tolerance(view: View) -> None:
 
 
 def test_coverage_in_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where tiles meet, nothing shows."""
+    """Tiles leave no seams."""
     shell = [placed(sphere(1), 3.0 * direction(30.0, -20.0)), placed(quad(), (0, 0, 3), name="b")]
     whole = [shade(shell, view) for view in (PERSPECTIVE, EQUIRECT)]
     monkeypatch.setattr("iprt.raster.rasterizer._TILE", 10)

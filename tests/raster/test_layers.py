@@ -13,6 +13,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.raster.layers import ObjectLayers
+from tests.meshes import mesh_of
 from tests.oracles.raster import Hits, Soup, cast_view, gather
 from tests.raster.shapes import direction, mesh, placed, quad, rasterizer, sphere
 
@@ -92,12 +93,9 @@ def soup_mesh(seed: int, count: int = 60) -> Mesh:
     centre = rng.normal(size=(count, 1, 3)) * 2.0
     corners = centre + rng.normal(size=(count, 3, 3)) * rng.choice([0.05, 0.4, 2.0], (count, 1, 1))
     normals = rng.normal(size=(3 * count, 3))
-    return mesh(
-        corners.reshape(-1, 3),
-        np.arange(3 * count).reshape(-1, 3),
-        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        materials=tuple(Material(albedo=tuple(rng.random(3))) for _ in range(3)),
-    )
+    materials = tuple(Material(albedo=tuple(rng.random(3))) for _ in range(3))
+    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return mesh_of(corners, np.arange(3 * count), materials, unit)
 
 
 def test_random_triangles() -> None:
@@ -105,19 +103,6 @@ def test_random_triangles() -> None:
     shear = np.array([[-1.0, 0.3, 0.0], [0.0, 0.8, 0.1], [0.2, 0.0, 1.3]])
     instances = [placed(soup_mesh(1)), placed(soup_mesh(2), (0.1, -0.2, 0.3), rotation=shear)]
     check(instances, *EQUIRECT, *PERSPECTIVE, min_compared=1000)
-
-
-@pytest.mark.thorough
-def test_sphere_in_equirect() -> None:
-    """In front, across the seam, over and beside each pole."""
-    places = [(10, -5), (180, 10), (-179, -30), (60, 85), (0, 90), (-30, -80), (0, -90)]
-    with rasterizer([placed(sphere(1))]) as opened:
-        for yaw, pitch in places:
-            for view, distance in zip(EQUIRECT, (1.5, 4.0), strict=True):
-                ball = placed(sphere(1), distance * direction(yaw, pitch))
-                opened.move([ball])
-                layers = opened.render(view, shade=False)
-                check_layers(layers, gather([ball]), view, opened.materials, min_compared=15)
 
 
 @pytest.mark.parametrize("view", PERSPECTIVE)
@@ -131,7 +116,7 @@ def test_sphere_in_perspective(view: View, distance: float) -> None:
 
 def test_around_the_camera() -> None:
     """A closed mesh around the capture centre leaves no hole, and its front is its back."""
-    shell = placed(sphere(2), (0.3, -0.2, 0.1))
+    shell = placed(sphere(1), (0.3, -0.2, 0.1))
     for layers in check([shell], *EQUIRECT, *PERSPECTIVE, min_compared=1000):
         assert (layers.front.geometry[..., 3] > 0.0).all()
         np.testing.assert_array_equal(layers.front.geometry, layers.back.geometry)
@@ -193,7 +178,7 @@ def test_normals_follow_nonuniform_scale() -> None:
 @pytest.mark.parametrize("shade", [False, True])
 @pytest.mark.parametrize("projection", ["perspective", "equirect"])
 def test_nothing_to_see(projection: str, shade: bool) -> None:
-    """No instances, no triangles, zero-area and NaN triangles, objects out of view."""
+    """Empty scenes, zero-area and NaN triangles, and objects out of view leave no trace."""
     view = View(40, 20, fov_y_deg=40.0, projection=projection)
     empty = mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
     point = mesh(np.tile([[0.0, 0.0, -2.0]], (3, 1)), np.array([[0, 1, 2], [0, 0, 1]]))
@@ -220,25 +205,6 @@ def test_broken_triangles_do_not_hide_the_others() -> None:
     expected = render([placed(shape, (0, 0, -3))], view)
     found = render([placed(mesh(positions, triangles), (0, 0, -3))], view)
     np.testing.assert_array_equal(found.front.geometry, expected.front.geometry)
-
-
-def test_two_rasterizers_and_repeated_calls_agree() -> None:
-    """Contexts do not disturb each other, and nothing of an earlier call remains."""
-    view, other = View(41, 33), View(50, 25, projection="equirect")
-    with (
-        rasterizer([placed(sphere(1), (0, 0, -3))]) as one,
-        rasterizer([placed(quad(), (0.5, 0, -2))]) as two,
-    ):
-        first = one.render(view, shade=True)
-        two.render(view, shade=True)
-        one.render(other, shade=False)
-        one.move([placed(sphere(1), (1.5, 1, -3))])
-        one.render(view, shade=True)
-        one.move([placed(sphere(1), (0, 0, -3))])
-        again = one.render(view, shade=True)
-    np.testing.assert_array_equal(first.front.geometry, again.front.geometry)
-    np.testing.assert_array_equal(first.back.material, again.back.material)
-    np.testing.assert_array_equal(first.coverage, again.coverage)
 
 
 def test_memory_is_what_opengl_holds() -> None:

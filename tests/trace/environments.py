@@ -1,4 +1,4 @@
-"""An environment with a window, and what a diffuse ball hides of it and sends, by quadrature."""
+"""An environment with a window, and a diffuse ball's light in it by quadrature."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def lamps(frame: Frame) -> Float:
 
 @dataclass
 class Kernels:
-    """The kernels of one scene and estimator, on what a first frame has prepared."""
+    """Kernels of one scene and estimator, with the buffers that a first frame has prepared."""
 
     device: ComputeDevice
     renderer: Renderer

@@ -5,69 +5,45 @@ Every case draws a million samples or more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
-from tests.oracles.brdf import diffuse_albedo, specular_albedo
+from tests.trace.closed_forms import (
+    BALL,
+    BLACK,
+    BOX_VIEW,
+    DISC,
+    LAMP,
+    MATERIALS,
+    RUNS,
+    as_large,
+    ball_factor,
+    box_of,
+    box_truth,
+    confirm_ball,
+    disc_factor,
+)
 from tests.trace.estimators import (
     ESTIMATORS,
     PLAIN,
     Around,
     Estimator,
-    Kernels,
     confirm,
     furnace,
     kernels,
     lamps,
 )
-from tests.worlds import Float, ball, cuboid, disc, landscape_frame, panorama_at
+from tests.worlds import ball, cuboid, disc
 
 pytestmark = pytest.mark.thorough
 
-RUNS, RAYS = 64, 32
-BALL, DISC = ((0.2, -0.8, -0.9), 0.45), ((0.2, -0.8, -0.9), 0.5)
-LAMP = Material(albedo=(0.0, 0.5, 1.0))
-"""Black in red; in blue, in a furnace, as bright as what it hides."""
-BLACK = Material(albedo=(0.0, 0.0, 0.0))
+RAYS = 32
 WAYS: tuple[Estimator, ...] = ("delta, aimed", "delta, even")
-
-
-def ball_factor(points: Float, normals: Float, centre: Sequence[float], radius: float) -> Float:
-    """Form factor of a ball above the horizon: (r / d)² cos β, with d and β of its centre.
-
-    It is also the irradiance / π of a spherical light of radiance 1.
-    """
-    away = np.asarray(centre) - points
-    distance = np.linalg.norm(away, axis=-1)
-    return np.asarray((radius / distance) ** 2 * (away * normals).sum(-1) / distance)
-
-
-def disc_factor(points: Float, centre: Sequence[float], radius: float) -> Float:
-    """Form factor of a disc parallel to the surface (J. Howell, *A Catalog of Radiation Heat
-    Transfer Configuration Factors*, B-13).
-    """
-    away = np.asarray(centre) - points
-    a = np.hypot(away[..., 0], away[..., 2])
-    h, r = away[..., 1] / a, radius / a
-    z = 1.0 + h * h + r * r
-    return np.asarray(0.5 * (1.0 - (z - 2.0 * r * r) / np.sqrt(z * z - 4.0 * r * r)))
-
-
-def as_large(instance: Instance, radius: float) -> float:
-    """Radius of the ball whose mean shadow is the mesh's: a convex body's is a quarter of its
-    surface (Cauchy).
-    """
-    corners = instance.mesh.positions[instance.mesh.triangles].astype(np.float64)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return radius * float(np.sqrt(0.5 * np.linalg.norm(cross, axis=1).sum() / (4.0 * np.pi)))
 
 
 # Real surfaces -------------------------------------------------------------------------------
@@ -84,20 +60,16 @@ def test_a_ball_hides_light_and_shines(
     frame = furnace(around)
     objects = [ball(*BALL, LAMP)]
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame)) as run:
+        if estimator != "ratio":
+            confirm_ball(run, objects[0], RAYS)
+            return
         factor = ball_factor(*run.receivers(), BALL[0], as_large(objects[0], BALL[1]))
-        if estimator == "ratio":
-            change = np.array([run.change(seed, RAYS) for seed in range(RUNS)])
-        else:
-            parts = np.array([run.parts(seed, RAYS) for seed in range(RUNS)])
-            confirm(parts[..., 0, 0].reshape(RUNS, -1), factor.ravel())
-            change = parts[..., 1, :] - parts[..., 0, :]
+        change = np.array([run.change(seed, RAYS) for seed in range(RUNS)])
     for channel in (0, 1):
         wanted = (LAMP.albedo[channel] - 1.0) * factor
         confirm(change[..., channel].reshape(RUNS, -1), wanted.ravel())
-    if estimator == "ratio":  # the same rays for both: what shines as bright hides nothing
-        np.testing.assert_allclose(change[..., 2], 0.0, atol=1e-5)
-    else:
-        confirm(parts[..., 1, 2].reshape(RUNS, -1), factor.ravel())
+    # The same rays for both: what shines as bright hides nothing.
+    np.testing.assert_allclose(change[..., 2], 0.0, atol=1e-5)
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
@@ -129,82 +101,7 @@ def test_no_light_leaks_into_a_box_that_stands_on_the_plain(device: ComputeDevic
     np.testing.assert_allclose(parts[:, 1], albedo**bounces, rtol=1e-4)
 
 
-# Irradiance without objects ------------------------------------------------------------------
-
-
-def in_eights(cells: Float) -> Float:
-    """(runs, N) means of eight neighbours each: rare bright rays make single cells skewed."""
-    return np.asarray(cells[:, : cells.shape[1] // 8 * 8].reshape(len(cells), -1, 8).mean(-1))
-
-
-@pytest.mark.parametrize("around", ["plain", "sphere"])
-def test_irradiance_in_a_furnace(device: ComputeDevice, around: Around) -> None:
-    """Whatever lights are aimed at, infinitely far or near, E_R / π is the radiance."""
-    frame = furnace(around)
-    with kernels(device, frame, [ball(*BALL, BLACK)], aim_at=lamps(frame)) as run:
-        found = np.array([run.irradiance(seed, RAYS)[:, 0] for seed in range(RUNS)])
-    assert found.std() > 0.01
-    found = in_eights(found)
-    confirm(found, np.ones(found.shape[1]))
-
-
-@pytest.mark.parametrize("estimator", WAYS)
-def test_irradiance_below_a_distant_sphere(device: ComputeDevice, estimator: Estimator) -> None:
-    """π L sin²α cos β of a ball that looks α large, seen through the panorama's texels."""
-    plain = landscape_frame(256, 128)
-    towards, alpha = np.array([0.36, 0.8, -0.48]), np.deg2rad(12.0)
-
-    def light(d: Float) -> Float:
-        return np.where(d @ towards > np.cos(alpha), 10.0, 0.0)[..., None] * np.ones(3)
-
-    d = View(256, 128, projection="equirect").directions()
-    frame = replace(plain, color=light(d).astype(np.float32))
-    fine = View(2048, 1024, projection="equirect").directions()[:512]
-    area = np.sin((np.arange(512)[:, None] + 0.5) / 1024 * np.pi) * (np.pi / 1024) ** 2
-    wanted = (panorama_at(frame.color, fine)[..., 0] * fine[..., 1] * area).sum() / np.pi
-    assert wanted == pytest.approx(10.0 * np.sin(alpha) ** 2 * towards[1], rel=0.02)
-    with kernels(device, frame, [ball(*BALL, BLACK)], estimator) as run:
-        found = in_eights(np.array([run.irradiance(seed, RAYS)[:, 0] for seed in range(RUNS)]))
-    confirm(found, np.full(found.shape[1], wanted))
-
-
 # Virtual surfaces ----------------------------------------------------------------------------
-
-
-BOX_VIEW = View(40, 30, pitch_deg=-38.0, fov_y_deg=60.0)
-MATERIALS = {
-    "diffuse": Material(albedo=(0.8, 0.5, 0.2)),
-    "conductor": Material("conductor", (0.9, 0.6, 0.3), alpha=0.3),
-    "plastic": Material("plastic", (0.8, 0.5, 0.2), alpha=0.2),
-}
-
-
-def box_of(material: Material) -> Instance:
-    """`BOX_VIEW` shows its top and front, which are flat: no ray meets it again."""
-    return cuboid((0.1, -0.75, -1.0), (0.5, 0.2, 0.4), material)
-
-
-def box_truth(run: Kernels, material: Material) -> tuple[NDArray[np.bool_], dict[str, Float]]:
-    """(H, W) pixels of the box, and (N,) what each lobe reflects there in a furnace, in red:
-    its albedo by the viewing angle, by quadrature of the BRDF.
-    """
-    visible = run.renderer.visible
-    normal, inside = (
-        np.moveaxis(run.renderer.layout.interior(run.device.read(planes)), 0, -1)
-        for planes in (visible.normal, visible.id)
-    )
-    inside = inside[..., 0] > 0.0
-    cosine = -(normal.astype(np.float64) * BOX_VIEW.directions()).sum(-1)[inside]
-    nodes = np.linspace(cosine.min(), cosine.max(), 24)
-    outgoing = [np.array([np.sqrt(1.0 - c * c), 0.0, c]) for c in nodes]
-    diffuse = [diffuse_albedo(material, o) for o in outgoing]
-    specular = np.zeros(24)
-    if material.kind != "diffuse":
-        specular = np.array([specular_albedo(material, o, nodes=120)[0] for o in outgoing])
-    return inside, {
-        "diffuse": np.interp(cosine, nodes, diffuse),
-        "specular": np.interp(cosine, nodes, specular),
-    }
 
 
 @pytest.mark.parametrize(
@@ -213,7 +110,7 @@ def box_truth(run: Kernels, material: Material) -> tuple[NDArray[np.bool_], dict
 def test_virtual_surfaces_reflect_their_albedo(
     device: ComputeDevice, name: str, estimator: Estimator
 ) -> None:
-    """In a furnace, whatever lights are aimed at; each lobe apart."""
+    """Each lobe in a furnace, whatever lights are aimed at."""
     material = MATERIALS[name]
     frame, objects = furnace("sphere"), [box_of(material)]
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame), view=BOX_VIEW) as run:

@@ -12,7 +12,6 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.trace.voxels import PrefilteredArgs, PrefilteredPanorama, SurroundingsArgs
-from tests.frame.test_windows import BALL, MIRROR, arriving, render_ball, windowed
 from tests.kernels.wrap import evaluate
 from tests.worlds import Float, panorama_at
 
@@ -95,33 +94,3 @@ def test_windows_show_the_outside_and_gaps_the_panorama(device: ComputeDevice) -
     )["arriving"]
     wanted = room + shares[:, :1] * outside + shares[:, 1:] * panorama
     np.testing.assert_allclose(found, wanted, rtol=1e-5)
-
-
-def soft_sky(d: Float) -> Float:
-    """Radiance from far away that changes over some 20 degrees."""
-    return np.asarray(1.0 + 0.8 * np.sin(d * [9.0, 12.0, 5.0] + [0.0, 1.0, 2.0]))
-
-
-@pytest.mark.thorough
-@pytest.mark.gl
-@pytest.mark.parametrize("openings", ["environment", "surface"])
-def test_a_mirror_shows_what_is_behind_the_window(device: ComputeDevice, openings: str) -> None:
-    """In the cone's own direction; or painted on the pane, whose voxels are seen from the ball."""
-    frame, view = windowed(soft_sky), View(96, 96, yaw_deg=166.0, pitch_deg=4.0, fov_y_deg=40.0)
-    own = {"voxels": 96, "object_voxels": 16}
-    picture = render_ball(device, frame, BALL, view, openings, 1, method="vct", vct=own)
-    d = view.directions()
-    t, _, normal, _ = BALL.interval(np.zeros_like(d), d)
-    met = np.isfinite(t) & (picture.aovs["coverage"] == 1.0)
-    point = np.where(met, t, 0.0)[..., None] * d
-    away = d - 2.0 * (d * normal).sum(-1, keepdims=True) * normal
-    wanted, through = arriving(frame, openings, point, away)
-    other = "surface" if openings == "environment" else "environment"
-    confused, _ = arriving(frame, other, point, away)
-    inner = met & through & (-(normal * d).sum(-1) > 0.5)
-    for step in ((0, 2), (0, -2), (2, 0), (-2, 0)):
-        inner &= np.roll(through & met, step, (0, 1))
-    assert inner.sum() > 100
-    error = np.abs(picture.color - wanted * MIRROR.albedo)[inner].max(-1)
-    assert np.median(error) < 0.05
-    assert np.median(np.abs(wanted - confused)[inner].max(-1)) > 0.2

@@ -46,7 +46,7 @@ def furnace(
 def test_furnace_shows_the_reflectance(
     device: ComputeDevice, material: Material, view: View
 ) -> None:
-    """What is lit evenly from all sides shines with its albedo: no ray meets the object itself."""
+    """In even light an object shows its albedo: no ray meets the object itself."""
     picture, inside = furnace(device, material, view, frames=2)
     np.testing.assert_allclose(
         picture.color[inside], np.tile(RADIANCE * np.array(material.albedo), (inside.sum(), 1)),

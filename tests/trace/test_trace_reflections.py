@@ -26,7 +26,7 @@ MIRROR_BALL = Sphere((0.2, -0.3, -1.4), 0.4)
 
 
 def wall_light(o: Float, d: Float) -> tuple[Float, NDArray[np.bool_]]:
-    """What rays see of the walls, and whether it is clear of the edges between them."""
+    """Return the walls' light along rays, and whether it is clear of the edges between them."""
     t, normal, _ = ROOM.first_hit(o, d)
     point = o + t[..., None] * d
     gaps = np.minimum(point - ROOM.low, np.asarray(ROOM.high) - point)

@@ -14,7 +14,6 @@ from iprt.geometry.material import Material
 from tests.oracles.worlds import Sphere, cosine_about
 from tests.rendering import render
 from tests.trace.traced import (
-    BLACK,
     FLOOR,
     ROOM,
     settings,
@@ -26,12 +25,6 @@ DOWN = View(96, 72, pitch_deg=-35.0)
 
 # As traced, without the spatial filter: what remains is noise, which averages out.
 RAW: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-
-
-def floor_point(view: View, shape: tuple[int, ...]) -> Float:
-    """(H, W, 3) where the pixels see the floor plane; far away above the horizon."""
-    d = np.broadcast_to(view.directions(), shape)
-    return np.asarray(d * (FLOOR / np.minimum(d[..., 1], -1e-3))[..., None])
 
 
 def floor_block(view: View, row: int, column: int, count: int) -> Float:
@@ -116,35 +109,3 @@ def test_floor_below_a_ball_matches_monte_carlo(
     np.testing.assert_allclose(shown("ratio"), mixed / real, atol=tolerance)
     assert (mixed / real)[3].max() < 0.4  # the test has an umbra
     assert abs(shown("ratio")[-1] - 1.0).max() < 0.02
-
-
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_contact_is_dark_and_distance_is_light(device: ComputeDevice, estimator: str) -> None:
-    solid = Sphere((0.2, FLOOR + 0.3, -1.4), 0.3)
-    objects = [ball(solid.centre, solid.radius, BLACK)]
-    frame = room_frame(ROOM, 512, 256, ceiling_lamp)
-    chosen = settings(rays=8, estimator=estimator, **RAW)
-    ratio = render(device, frame, objects, DOWN, chosen, 8).aovs["ratio"]
-    floor = floor_point(DOWN, ratio.shape)
-    away = np.hypot(floor[..., 0] - 0.2, floor[..., 2] + 1.4)
-    assert ratio[away < 0.06].mean() < 0.05
-    on_floor = (floor[..., 1] > FLOOR - 1e-3) & (np.abs(floor[..., 2]) < 2.4)
-    assert ratio[on_floor & (away > 1.1) & (np.abs(floor[..., 0]) < 1.9)].min() > 0.97
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_objects_off_screen_cast_shadows(device: ComputeDevice, estimator: str) -> None:
-    """The view's edge cuts the ball off, not its shadow."""
-    solid = Sphere((0.2, FLOOR + 0.45, -1.4), 0.3)
-    objects = [ball(solid.centre, solid.radius, BLACK)]
-    frame = room_frame(ROOM, 512, 256, ceiling_lamp)
-    view = View(48, 48, yaw_deg=-24.0, pitch_deg=-46.0, fov_y_deg=30.0)
-    chosen = settings(rays=16, estimator=estimator, **RAW)
-    picture = render(device, frame, objects, view, chosen, 16)
-    assert not picture.aovs["coverage"].any()
-    row, column = np.array([(4, 44), (20, 44), (36, 40), (20, 24), (40, 8)]).T
-    real, mixed = floor_truth(view, row, column, solid, (0.0, 0.0, 0.0))
-    assert (mixed / real).min() < 0.75
-    shown = means3(picture.aovs["ratio"])[row - 1, column - 1]
-    np.testing.assert_allclose(shown, mixed / real, atol=0.05)

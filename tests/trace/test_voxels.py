@@ -13,9 +13,9 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.trace.voxels import Grid, Voxels, fitted_grid, room_box
 from tests.kernels.wrap import evaluate
+from tests.trace.closed_forms import BALL, BLACK, DISC
 from tests.trace.environments import CLAY
 from tests.trace.estimators import Kernels, furnace, kernels
-from tests.trace.test_estimators import BALL, BLACK, DISC
 from tests.worlds import Float, ball, cuboid, disc, sphere_frame
 
 COARSE: dict[str, Any] = {"voxels": 32, "object_voxels": 32}
@@ -113,16 +113,6 @@ def test_a_box_fills_the_voxels_that_it_fills(device: ComputeDevice) -> None:
     lit = light[..., 3] > 0.0
     assert (wanted[lit].max(-1) > 0.0).mean() > 0.99
     assert 0 < lit.sum() < (wanted.max(-1) > 0.0).sum()
-
-
-def test_a_box_thinner_than_a_voxel_is_solid(device: ComputeDevice) -> None:
-    half = np.array([0.5, 0.004, 0.3])
-    box = turned_box(half)
-    with kernels(device, furnace("sphere"), [box], "vct, even", own=COARSE) as run:
-        voxels = run.renderer.method.voxels.objects
-        opacity, _ = planes_of(run, voxels)
-    wanted = box_opacity(voxels.grid, box.to_world, half)
-    assert (np.abs(opacity[..., 1] - wanted[..., 1]) > 1e-5).mean() < 2e-3
 
 
 @pytest.mark.parametrize("faces", ["up", "down"])

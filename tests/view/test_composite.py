@@ -59,20 +59,23 @@ def test_equation(
     np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
 
 
-@pytest.mark.parametrize("color_map", [False, True])
-def test_untouched_pixels_keep_their_bits(device: ComputeDevice, color_map: bool) -> None:
+@pytest.mark.parametrize(("color_map", "gloss"), [(False, False), (True, False), (False, True)])
+def test_untouched_pixels_keep_their_bits(
+    device: ComputeDevice, color_map: bool, gloss: bool
+) -> None:
     rng = np.random.default_rng(1)
     layout = PlaneLayout(31, 17)
     colour = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
     colour.ravel()[:3] = 0.0, 1e-30, 65504.0
     unlit = np.full((3, 17, 31), np.nan)
-    mapped = np.einsum("ij,jyx->iyx", COLOR_MAP, colour)
+    base = np.einsum("ij,jyx->iyx", COLOR_MAP, colour) if color_map else 0.3 * colour
     composite = Composite(device, layout)
     composite.run(
         upload(device, layout, colour),
         ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
         **edges(device, layout, rng.random((3, 17, 31)), rng.choice([-1, UNEVEN], (17, 31))),
-        base=upload(device, layout, mapped) if color_map else None,
+        base=upload(device, layout, base) if color_map or gloss else None,
+        change=upload(device, layout, np.zeros_like(colour)) if gloss else None,
         coverage=upload(device, layout, np.zeros((1, 17, 31))),
         albedo=upload(device, layout, unlit),
         diffuse=upload(device, layout, unlit),
@@ -113,45 +116,6 @@ def pixels(ratio: np.ndarray) -> np.ndarray:
     return np.moveaxis(four, 0, -1).reshape(-1, 4).astype(np.float32)
 
 
-def gloss_picture(
-    device: ComputeDevice, colour: np.ndarray, base: np.ndarray, change: np.ndarray, ratio: float
-) -> np.ndarray:
-    """(3, H, W): a real layer that reflects objects, none of which covers it."""
-    _, height, width = colour.shape
-    layout = PlaneLayout(width, height)
-    composite = Composite(device, layout)
-    nothing = np.zeros((3, height, width))
-    composite.run(
-        upload(device, layout, colour),
-        ratio=device.upload("ratio", pixels(np.full(colour.shape, ratio))),
-        **edges(device, layout),
-        base=upload(device, layout, base),
-        change=upload(device, layout, change),
-        coverage=upload(device, layout, nothing[:1]),
-        albedo=upload(device, layout, nothing),
-        diffuse=upload(device, layout, nothing),
-    )
-    return np.moveaxis(device.read(composite.picture)[..., :3], -1, 0)
-
-
-def test_reflections_change_apart_from_the_diffuse_part(device: ComputeDevice) -> None:
-    rng = np.random.default_rng(2)
-    colour = rng.gamma(0.3, 2.0, (3, 17, 31))
-    base, change = colour * rng.random(colour.shape), rng.normal(size=colour.shape)
-    picture = gloss_picture(device, colour, base, change, 0.6)
-    expected = np.maximum(colour - 0.4 * base + change, 0.0)
-    np.testing.assert_allclose(picture, expected, rtol=1e-5, atol=1e-6)
-    assert (expected == 0.0).any()
-
-
-def test_unchanged_reflections_keep_their_bits(device: ComputeDevice) -> None:
-    colour = np.random.default_rng(3).gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
-    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
-    for base in (colour, 0.3 * colour, np.zeros_like(colour)):
-        picture = gloss_picture(device, colour, base, np.zeros_like(colour), 1.0)
-        np.testing.assert_array_equal(picture, colour)
-
-
 COLOR_MAP = np.array([[1.4, 0.2, 0.0], [0.1, 2.0, 0.1], [0.0, 0.3, 1.1]])
 """A frame's colours to the reference's."""
 
@@ -162,10 +126,10 @@ def mapped_rows(device: ComputeDevice) -> ColorMap:
     return color_map
 
 
-@pytest.mark.parametrize("gloss", [False, True])
+@pytest.mark.parametrize(("mapped", "gloss"), [(True, False), (True, True), (False, True)])
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_changes_and_objects_are_mapped_back(
-    device: ComputeDevice, width: int, height: int, gloss: bool
+def test_reflections_change_apart_and_all_is_mapped_back(
+    device: ComputeDevice, width: int, height: int, mapped: bool, gloss: bool
 ) -> None:
     rng = np.random.default_rng(4)
     layout = PlaneLayout(width, height)
@@ -183,12 +147,13 @@ def test_changes_and_objects_are_mapped_back(
         albedo=upload(device, layout, albedo),
         diffuse=upload(device, layout, light),
         specular=upload(device, layout, shine),
-        color_map=mapped_rows(device).rows,
+        color_map=mapped_rows(device).rows if mapped else None,
     )
     picture = np.moveaxis(device.read(composite.picture), -1, 0)
+    inverse = np.linalg.inv(COLOR_MAP) if mapped else np.eye(3)
 
     def back(values: np.ndarray) -> np.ndarray:
-        return np.einsum("ij,jyx->iyx", np.linalg.inv(COLOR_MAP), values)
+        return np.einsum("ij,jyx->iyx", inverse, values)
 
     real = np.maximum(colour + back(base * (ratio - 1.0) + change), 0.0)
     expected = coverage * np.maximum(back(albedo * light + shine), 0.0) + (1.0 - coverage) * real
@@ -198,7 +163,7 @@ def test_changes_and_objects_are_mapped_back(
 
 @pytest.mark.parametrize("gloss", [False, True])
 def test_diffuse_part(device: ComputeDevice, gloss: bool) -> None:
-    """Mapped first, and without what is reflected, of which there may be infinitely much."""
+    """Colours are mapped first; reflections, which may be infinite, are removed."""
     rng = np.random.default_rng(6)
     layout = PlaneLayout(31, 17)
     colour, shine = rng.random((2, 3, 17, 31))

@@ -1,4 +1,4 @@
-"""What draws the objects on devices that are no CPUs, and what the host does in a steady frame."""
+"""The choice between OpenGL and rays, and the host's work in a steady frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rays show of objects in the view is what OpenGL draws."""
+"""Objects drawn by rays look as drawn by OpenGL."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material, material_table
 from iprt.geometry.mesh import Instance
-from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES
+from iprt.raster.layers import SAMPLES, ObjectLayers
 from iprt.view.object_layer import VisibleLayer
 from iprt.view.visibility import Visibility
 from iprt.world.objects.object_bvh import ObjectBvh
@@ -22,7 +22,6 @@ from tests.kernels.tracing import panorama_of
 from tests.oracles.worlds import Box, World
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
 from tests.view.layers import no_edges
-from tests.world.objects.test_object_layers import image
 from tests.worlds import Float, bright_walls, room_frame
 
 pytestmark = pytest.mark.gl
@@ -35,6 +34,43 @@ views = pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.projection)
 ROOM = World(solids=(Box((0.3, -0.1, -1.0), (0.12, 0.3, 0.05)),))
 """A post stands in front of the first ball."""
 PLANES = ("normal", "depth", "id", "roughness", "albedo", "coverage", "motion")
+
+
+def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
+    """Return a plane of a layer, (H, W) or (H, W, C)."""
+    _, height, width, _ = layer.display.shape
+    planes = PlaneLayout(width, height).interior(device.read(getattr(layer, name)))
+    channels = np.moveaxis(planes.astype(np.float64), 0, -1)
+    return channels[..., 0] if channels.shape[-1] == 1 else channels
+
+
+def layer_of(device: ComputeDevice, view: View) -> VisibleLayer:
+    return VisibleLayer(device, PlaneLayout.of(view), no_edges(device, view))
+
+
+class Drawn:
+    """An object that rays draw in a room, wherever it is."""
+
+    def __init__(self, device: ComputeDevice, view: View, instance: Instance) -> None:
+        self._device, self._view = device, view
+        self._bvh = ObjectBvh(device, [instance])
+        self._panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
+        self._constants = device.upload("view", view.kernel_constants())
+        self._table = device.upload("materials", material_table(instance.mesh.materials))
+        self._instance = instance
+
+    def visibility(self) -> Visibility:
+        made = Visibility(self._device, self._view, self._bvh, [self._instance], SAMPLES)
+        made.follow([self._instance])
+        return made
+
+    def run(self, instance: Instance, *shown: tuple[Visibility, VisibleLayer]) -> None:
+        self._bvh.load([instance])
+        bounds = object_bounds([instance], margin=1e-3)
+        boxes, now = self._device.upload("boxes", bounds), self._constants
+        for visibility, layer in shown:
+            world = self._panorama, bounds, boxes, self._table
+            visibility.run(layer, self._view, now, now, *world)
 
 
 def pattern() -> Material:
@@ -78,9 +114,7 @@ class Both:
         now, then = (device.upload("view", v.kernel_constants()) for v in (view, turned))
         materials = [m for i in instances for m in i.mesh.materials]
         table = device.upload("materials", material_table(materials))
-        layout = PlaneLayout.of(view)
-        self.drawn = VisibleLayer(device, layout, no_edges(device, view))
-        self.traced = VisibleLayer(device, layout, no_edges(device, view))
+        self.drawn, self.traced = layer_of(device, view), layer_of(device, view)
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
             opened.move(instances)
@@ -95,7 +129,7 @@ class Both:
         bounds = object_bounds(instances, margin=1e-3)
         boxes = device.upload("boxes", bounds)
         visibility.run(self.traced, view, now, then, panorama, bounds, boxes, table)
-        self._device = device
+        self._device, self.view, self.loading = device, view, (now, table)
 
     def images(self, name: str) -> tuple[Float, Float]:
         return image(self._device, self.drawn, name), image(self._device, self.traced, name)
@@ -135,6 +169,24 @@ def test_depth_normals_and_roughness(both: Both) -> None:
         assert error.max() < 0.2
 
 
+def test_normals_that_face_away_are_mirrored_about_the_silhouette(
+    device: ComputeDevice, both: Both
+) -> None:
+    assert both.layers.display is not None
+    layers = ObjectLayers.displayed(both.layers.display.copy(), both.layers.back)
+    d = both.view.directions()
+    front = layers.front.geometry
+    tilted = front[..., :3] + 0.8 * d
+    tilted /= np.maximum(np.linalg.norm(tilted, axis=-1, keepdims=True), 1e-9)
+    front[..., :3] = np.where(front[..., 3:] > 0.0, tilted, 0.0)
+    layer = layer_of(device, both.view)
+    layer.load(layers, *both.loading)
+    normal, covered = image(device, layer, "normal"), image(device, layer, "coverage") > 0.0
+    off = np.maximum((tilted * d).sum(-1, keepdims=True), 0.0)
+    assert (covered & (off[..., 0] > 0.0)).sum() > 60
+    np.testing.assert_allclose(normal[covered], (tilted - 2.0 * off * d)[covered], atol=1e-5)
+
+
 def test_albedo_with_textures(both: Both) -> None:
     drawn, traced = both.images("albedo")
     same = inner(both.images("id")[0])
@@ -152,7 +204,7 @@ def test_coverage(both: Both) -> None:
 
 
 def test_silhouettes(device: ComputeDevice, both: Both) -> None:
-    """What is behind the post is in them, where coverage lacks it."""
+    """They include objects behind the post, which coverage lacks."""
     drawn, traced = (device.read(layer.display)[2] for layer in (both.drawn, both.traced))
     assert np.abs(drawn - traced)[..., 3].max() <= 2.01 / 16.0
     assert ((drawn != traced)[..., 3]).sum() < 0.05 * (drawn[..., 3] > 0.0).sum()
@@ -207,18 +259,8 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
     azimuth = side * (np.pi + 0.25 * 2.0 * np.pi / view.width - radius)
     centre = 1.5 * np.array([np.sin(azimuth), 0.0, -np.cos(azimuth)])
     ball = placed(sphere(4), tuple(centre), 1.5 * np.sin(radius))
-    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table(ball.mesh.materials))
-    layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view))
-    bvh = ObjectBvh(device, [ball])
-    bvh.load([ball])
-    bounds = object_bounds([ball], margin=1e-3)
-    boxes = device.upload("boxes", bounds)
-    visibility = Visibility(device, view, bvh, [ball], SAMPLES)
-    visibility.follow([ball])
-    visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
+    drawn, layer = Drawn(device, view, ball), layer_of(device, view)
+    drawn.run(ball, (drawn.visibility(), layer))
     coverage, depth = image(device, layer, "coverage"), image(device, layer, "depth")
     beyond, before = (0, -1) if side > 0 else (-1, 0)
     assert (coverage[39:41, before] > 0.9).all()
@@ -227,59 +269,25 @@ def test_an_edge_on_the_seam_borrows_across_it(device: ComputeDevice, side: int)
 
 
 @views
-def test_nothing_in_sight(device: ComputeDevice, view: View) -> None:
-    """What was seen before is gone."""
-    seen = [placed(sphere(2), (0.0, 0.0, -2.0), 0.5)]
-    frame = room_frame(World(), 64, 32, bright_walls)
-    panorama = panorama_of(device, frame)
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table(seen[0].mesh.materials))
-    layout = PlaneLayout.of(view)
-    layer = VisibleLayer(device, layout, no_edges(device, view))
-    bvh = ObjectBvh(device, seen)
-    visibility = Visibility(device, view, bvh, seen, SAMPLES)
-    visibility.follow(seen)
-    for distance, shown in ((2.0, True), (500.0, False)):  # behind the wall
-        there = [replace(seen[0], to_world=placed(sphere(2), (0, 0, -distance), 0.5).to_world)]
-        bvh.load(there)
-        bounds = object_bounds(there, margin=1e-3)
-        boxes = device.upload("boxes", bounds)
-        visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
-        assert (image(device, layer, "coverage") > 0.0).any() == shown
-        assert (image(device, layer, "id") > 0.0).any() == shown
-    assert 0.0 < COVERAGE_TOLERANCE < 0.1
-
-
-@views
 def test_rectangles_that_are_filled_anew_leave_nothing_of_the_last_run(
     device: ComputeDevice, view: View
 ) -> None:
     """Objects that jump, vanish and come back, beside one that each time starts from nothing."""
     ball = placed(sphere(2), (0.0, 0.0, -2.0), 0.3)
-    frame = room_frame(World(), 64, 32, bright_walls)
-    panorama = panorama_of(device, frame)
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table(ball.mesh.materials))
-    layout = PlaneLayout.of(view)
-    bvh = ObjectBvh(device, [ball])
-
-    def pair() -> tuple[Visibility, VisibleLayer]:
-        visibility = Visibility(device, view, bvh, [ball], SAMPLES)
-        visibility.follow([ball])
-        return visibility, VisibleLayer(device, layout, no_edges(device, view))
-
-    kept = pair()
+    drawn = Drawn(device, view, ball)
+    kept = drawn.visibility(), layer_of(device, view)
+    # The room ends before the farthest place.
     for x, z in ((0.0, -2.0), (0.7, -1.5), (0.0, 2.0), (-0.4, -1.2), (0.0, -500.0), (0.3, -2.0)):
-        there = [replace(ball, to_world=placed(sphere(2), (x, 0.1, z), 0.3).to_world)]
-        bvh.load(there)
-        bounds = object_bounds(there, margin=1e-3)
-        boxes = device.upload("boxes", bounds)
-        for visibility, layer in (kept, fresh := pair()):
-            visibility.run(layer, view, constants, constants, panorama, bounds, boxes, table)
+        there = replace(ball, to_world=placed(sphere(2), (x, 0.1, z), 0.3).to_world)
+        fresh = drawn.visibility(), layer_of(device, view)
+        drawn.run(there, kept, fresh)
         for name in PLANES:
             np.testing.assert_array_equal(
                 *(image(device, layer, name) for _, layer in (kept, fresh)), err_msg=name
             )
+        in_sight = z > -100.0 and (z < 0.0 or view.projection == "equirect")
+        for name in ("coverage", "id"):
+            assert image(device, kept[1], name).any() == in_sight
         for name in ("front", "material"):
             np.testing.assert_array_equal(
                 *(device.read(getattr(visibility, name)) for visibility, _ in (kept, fresh))

@@ -173,7 +173,7 @@ def test_a_world_that_no_view_uses_is_released(
 def test_an_abandoned_update_is_made_up_by_the_next_view(
     device: ComputeDevice, frames: tuple[Frame, Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It starts anew: what was accumulated in a half of two frames is worth nothing."""
+    """It starts again, because an accumulation over halves of two frames has no value."""
 
     class AbandonedError(Exception):
         pass

@@ -11,8 +11,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.methods.dvct.area_lights import aimed, area_lights, median_cut
 from tests.kernels.wrap import evaluate
+from tests.trace.closed_forms import BALL, BLACK, as_large
 from tests.trace.estimators import Kernels, furnace, kernels
-from tests.trace.test_estimators import BALL, BLACK, as_large
 from tests.worlds import Float, ball
 
 ROWS, COLUMNS = 32, 64

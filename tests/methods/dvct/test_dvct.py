@@ -11,33 +11,24 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.settings.model import Settings
 from tests.kernels.wrap import evaluate
-from tests.rendering import render
-from tests.trace.environments import CLAY
-from tests.trace.estimators import PLAIN, furnace, kernels
-from tests.trace.test_estimators import (
+from tests.trace.closed_forms import (
     BALL,
     BLACK,
-    BOX_VIEW,
     LAMP,
     as_large,
     ball_factor,
-    box_of,
-    box_truth,
 )
+from tests.trace.environments import CLAY
+from tests.trace.estimators import PLAIN, furnace, kernels
 from tests.trace.test_gloss import BALL as HUNG
 from tests.trace.test_gloss import DOWN, floor_rays, mirror_room, render_with_specks
 from tests.trace.test_voxels import planes_of
+from tests.variants import as_traced
 from tests.worlds import Float, ball
 
 COARSE: dict[str, Any] = {"voxels": 32, "room_voxels": 32, "lights": 128}
 MANY: dict[str, Any] = {**COARSE, "voxels": 64, "lights": 256}
-
-
-def dvct(**own: Any) -> Settings:
-    raw: dict[str, Any] = {"atrous": {"levels": 0}, "mask": {"sparse": False}}
-    return Settings.model_validate({"method": "dvct", **raw, "dvct": {**COARSE, **own}})
 
 
 # Voxels --------------------------------------------------------------------------------------
@@ -123,20 +114,6 @@ def test_a_ball_sends_by_its_form_factor(device: ComputeDevice) -> None:
     assert wanted.mean() * 0.9 < hidden[..., 0].mean() < wanted.mean() * 1.5
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["diffuse", "plastic"])
-def test_objects_reflect_their_albedo_in_a_furnace(device: ComputeDevice, name: Any) -> None:
-    """Less what their own shadow takes away, which is little on the box's upper sides."""
-    material = Material(name, (0.9, 0.6, 0.3), alpha=0.3)
-    frame = furnace("sphere")
-    with kernels(device, frame, [box_of(material)], "dvct, even", view=BOX_VIEW, own=MANY) as run:
-        runs = [run.reflected(seed, 32) for seed in range(4)]
-        inside, wanted = box_truth(run, material)
-    for kind in runs[0]:
-        found = np.mean([one[kind][inside, 0] for one in runs], axis=0)
-        assert 0.85 < found.mean() / wanted[kind].mean() < 1.03
-
-
 # Glossy real surfaces ------------------------------------------------------------------------
 
 
@@ -179,7 +156,7 @@ def test_a_lobe_is_a_cone_of_its_density(device: ComputeDevice, alpha: float) ->
 @pytest.mark.thorough
 def test_a_mirror_floor_shows_the_ball_upside_down(device: ComputeDevice) -> None:
     """A black ball hides what was reflected, as voxels do; far beside its image nothing changes."""
-    chosen = dvct(voxels=64)
+    chosen = as_traced("dvct", dvct={**COARSE, "voxels": 64})
     picture = render_with_specks(
         device, mirror_room(), [ball(HUNG.centre, HUNG.radius, BLACK)], chosen=chosen
     )
@@ -193,36 +170,3 @@ def test_a_mirror_floor_shows_the_ball_upside_down(device: ComputeDevice) -> Non
     assert hidden.sum() > 50
     shown = (picture.color[hidden] / background[hidden]).mean()
     assert shown < 0.1
-
-
-# Pictures ------------------------------------------------------------------------------------
-
-LOOK = View(48, 36, pitch_deg=-35.0)
-
-
-@pytest.mark.thorough
-def test_two_runs_agree_bit_for_bit(device: ComputeDevice) -> None:
-    objects = [ball(*BALL, CLAY), box_of(Material("plastic", alpha=0.2))]
-    first, second = (
-        render(device, furnace("plain"), objects, LOOK, dvct(), 3).color for _ in range(2)
-    )
-    np.testing.assert_array_equal(first, second)
-
-
-def test_what_objects_do_not_reach_stays(device: ComputeDevice) -> None:
-    """Bit for bit, below an object that lies under the plain."""
-    frame = furnace("plain")
-    below = ball((0.2, -3.0, -0.9), 0.45, CLAY)
-    without = render(device, frame, [], LOOK, dvct(), 2).color
-    shown = render(device, frame, [below], LOOK, dvct(), 2)
-    beside = shown.aovs["coverage"] == 0.0
-    assert beside.sum() > 500
-    np.testing.assert_array_equal(shown.color[beside], without[beside])
-
-
-def test_darkness_changes_nothing(device: ComputeDevice) -> None:
-    """Without light there are no lights, and no NaN either."""
-    frame = furnace("plain")
-    frame = replace(frame, color=np.zeros_like(frame.color))
-    shown = render(device, frame, [ball(*BALL, CLAY)], LOOK, dvct(), 2)
-    np.testing.assert_array_equal(shown.color, 0.0)

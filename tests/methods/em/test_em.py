@@ -3,40 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.settings.model import Settings
 from tests.oracles.worlds import Sphere
 from tests.rendering import render
-from tests.trace.environments import CLAY, UP, hidden_and_bounced, windowed
-from tests.trace.estimators import VIEW, Around, Estimator, confirm, furnace, kernels, lamps
-from tests.trace.test_estimators import (
+from tests.trace.closed_forms import (
     BALL,
     BLACK,
     LAMP,
-    RAYS,
     RUNS,
     as_large,
     ball_factor,
     box_of,
-    box_truth,
+    confirm_ball,
 )
-from tests.worlds import Float, ball, scaled, sphere_frame
+from tests.trace.environments import CLAY, UP, hidden_and_bounced, windowed
+from tests.trace.estimators import VIEW, Around, Estimator, confirm, furnace, kernels, lamps
+from tests.variants import as_traced
+from tests.worlds import ball
 
+RAYS = 32
 WAYS: tuple[Estimator, ...] = ("em, aimed", "em, even")
-
-
-def em(**others: Any) -> Settings:
-    """As traced: what remains is noise, which averages out."""
-    raw: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
-    return Settings.model_validate({"method": "em", **raw, **others})
 
 
 # Real surfaces -------------------------------------------------------------------------------
@@ -49,14 +41,10 @@ def em(**others: Any) -> Settings:
 def test_a_ball_takes_its_form_factor(
     device: ComputeDevice, estimator: Estimator, around: Around
 ) -> None:
-    """Under an even environment: ratio 1 - (1 - albedo) (r / d)² cos β, whatever is aimed at."""
+    """Under an even environment, whatever is aimed at."""
     frame, objects = furnace(around), [ball(*BALL, LAMP)]
     with kernels(device, frame, objects, estimator, aim_at=lamps(frame)) as run:
-        factor = ball_factor(*run.receivers(), BALL[0], as_large(objects[0], BALL[1]))
-        change = np.array([run.change(seed, RAYS) for seed in range(RUNS)])
-    for channel in (0, 1):
-        wanted = (LAMP.albedo[channel] - 1.0) * factor
-        confirm(change[..., channel].reshape(RUNS, -1), wanted.ravel())
+        confirm_ball(run, objects[0], RAYS)
 
 
 @pytest.mark.thorough
@@ -81,16 +69,6 @@ def test_a_window_casts_a_shadow_by_its_direction(
 # Objects -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("view", [View(64, 48), View(128, 64, projection="equirect")])
-def test_even_light_shows_the_albedo(device: ComputeDevice, view: View) -> None:
-    frame = sphere_frame(2.0, 128, 64, 0.7)
-    picture = render(device, frame, [ball((0.3, -0.2, -1.0), 0.35, CLAY)], view, em(), 2)
-    inside = picture.aovs["coverage"] == 1.0
-    assert inside.sum() > 80
-    wanted = np.broadcast_to(0.7 * np.array(CLAY.albedo), (inside.sum(), 3))
-    np.testing.assert_allclose(picture.color[inside], wanted, rtol=1e-5)
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("estimator", WAYS)
 def test_objects_shade_each_other(device: ComputeDevice, estimator: Estimator) -> None:
@@ -113,19 +91,6 @@ def test_objects_shade_each_other(device: ComputeDevice, estimator: Estimator) -
     confirm(runs, 1.0 - factor, rounding=1e-3)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["conductor", "plastic"])
-def test_glossy_objects_reflect_their_albedo(device: ComputeDevice, name: Any) -> None:
-    material = Material(name, (0.9, 0.6, 0.3), alpha=0.3)
-    frame, view = furnace("sphere"), View(40, 30, pitch_deg=-38.0, fov_y_deg=60.0)
-    aim = lamps(frame)
-    with kernels(device, frame, [box_of(material)], WAYS[0], aim_at=aim, view=view) as run:
-        runs = [run.reflected(seed, RAYS) for seed in range(RUNS)]
-        inside, wanted = box_truth(run, material)
-    for kind in runs[0]:
-        confirm(np.array([one[kind][inside, 0] for one in runs]), wanted[kind], rounding=5e-4)
-
-
 # What it sees, and what it does not --------------------------------------------------------
 
 
@@ -133,7 +98,7 @@ def test_without_visibility_it_is_image_based_lighting(device: ComputeDevice) ->
     objects = [ball(*BALL, CLAY), ball((-0.4, -0.9, -1.0), 0.3, Material("plastic", alpha=0.2))]
     view = View(48, 36, pitch_deg=-35.0)
     of = {"trace": {"object_rays": 4}}
-    without = em(em={"visibility": False}, **of)
+    without = as_traced("em", em={"visibility": False}, **of)
     off = render(device, windowed(), objects, view, without, 2)
     ibl = without.model_copy(update={"method": "ibl"})
     np.testing.assert_array_equal(
@@ -146,7 +111,7 @@ def test_without_visibility_it_is_image_based_lighting(device: ComputeDevice) ->
 
 def test_a_convex_object_is_lit_as_by_image_based_lighting(device: ComputeDevice) -> None:
     view = View(48, 36, pitch_deg=-35.0)
-    rays = em(trace={"object_rays": 64, "jitter": False})
+    rays = as_traced("em", trace={"object_rays": 64, "jitter": False})
     without = rays.model_copy(update={"method": "ibl"})
     tested, untested = (
         render(device, windowed(), [ball(*BALL, CLAY)], view, chosen, 16)
@@ -159,22 +124,3 @@ def test_a_convex_object_is_lit_as_by_image_based_lighting(device: ComputeDevice
     assert np.abs(apart.mean(0)).max() < 5e-3 * scale
     assert np.abs(apart).mean() < 0.03 * scale
     assert tested.aovs["ratio"].min() < 0.8
-
-
-@pytest.mark.thorough
-def test_how_far_the_room_is_does_not_matter(device: ComputeDevice) -> None:
-    """To objects; with parallax it does."""
-    rng = np.random.default_rng(3)
-    color = rng.random((32, 64, 3)).repeat(4, 0).repeat(4, 1).astype(np.float32)
-    near = replace(sphere_frame(2.5, 256, 128, 1.0), color=color)
-    far, _ = scaled(near, [], 8.0)
-    mirror = Material("conductor", (0.9, 0.8, 0.7), alpha=0.0)
-    objects = [ball((0.4, -0.5, -1.3), 0.4, mirror), ball((-0.5, -0.5, -1.2), 0.3, CLAY)]
-    view = View(64, 48, pitch_deg=-20.0)
-
-    def shown(frame: Frame, method: str) -> Float:
-        picture = render(device, frame, objects, view, em(method=method), 2)
-        return np.asarray(picture.color[picture.aovs["coverage"] == 1.0])
-
-    np.testing.assert_allclose(shown(far, "em"), shown(near, "em"), rtol=1e-5)
-    assert np.abs(shown(far, "iprt") - shown(near, "iprt")).mean() > 0.02

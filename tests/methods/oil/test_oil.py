@@ -19,9 +19,9 @@ from iprt.world.real.panorama import Panorama
 from tests.oracles.learned import predicted
 from tests.oracles.worlds import World
 from tests.rendering import render
+from tests.trace.closed_forms import BALL, LAMP, box_of
 from tests.trace.environments import windowed
 from tests.trace.estimators import kernels
-from tests.trace.test_estimators import BALL, BLACK, LAMP, box_of
 from tests.worlds import ball, bright_walls, ceiling_lamp, filmed, pose_at, room_frame
 
 pytestmark = pytest.mark.gl
@@ -126,6 +126,33 @@ def test_the_view_of_what_was_learned(device: ComputeDevice) -> None:
 
 
 @pytest.mark.thorough
+def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> None:
+    """Within the boxes enlarged about their middle, and there as everywhere."""
+    frame, thing = windowed(), box_of(Material(albedo=(0.4, 0.3, 0.2)))
+    view = View(48, 36, pitch_deg=-45.0, fov_y_deg=70.0)
+    parts = {}
+    for name, own in (("all", {"surfaces": "all"}), ("region", {"region": 1.5})):
+        with kernels(device, frame, [thing], "oil, aimed", view=view, own=own) as run:
+            parts[name] = run.parts(3, 8)
+            points, _ = run.receivers()
+            low, high = bounds_of(run.renderer)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    reach = np.abs(points - middle) / half
+    inside, outside = (reach < 2.48).all(-1), (reach > 2.52).any(-1)
+    assert inside.sum() > 20
+    assert outside.sum() > 20
+    np.testing.assert_array_equal(parts["region"][outside], 0.0)
+    np.testing.assert_array_equal(parts["region"][inside], parts["all"][inside])
+    assert parts["all"][outside].max() > 0.0
+    assert parts["region"][inside].max() > 0.0
+
+
+def bounds_of(renderer: Renderer) -> Any:
+    """Lower and upper corner (3,) of the one object."""
+    return renderer.world.objects.bounds[0, :, :3].astype(np.float64)
+
+
+@pytest.mark.thorough
 def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: ComputeDevice) -> None:
     world, objects = World(), [ball((0.2, -1.0, -1.4), 0.3, LAMP)]
     poses = [pose_at(), pose_at((0.5, 0.1, -0.4), 40.0)]
@@ -170,53 +197,3 @@ def test_a_still_is_learned_until_as_many_samples_as_texels_were_drawn(
     with Renderer(device, frame, [ball(*BALL, LAMP)], VIEW, settings) as renderer:
         renderer.render(7)
         assert renderer.method.learned.learner.learned == 64 * 32
-
-
-@pytest.mark.thorough
-def test_real_surfaces_change_within_the_region_alone(device: ComputeDevice) -> None:
-    """Within the boxes enlarged about their middle, and there as everywhere."""
-    frame, thing = windowed(), box_of(Material(albedo=(0.4, 0.3, 0.2)))
-    view = View(48, 36, pitch_deg=-45.0, fov_y_deg=70.0)
-    parts = {}
-    for name, own in (("all", {"surfaces": "all"}), ("region", {"region": 1.5})):
-        with kernels(device, frame, [thing], "oil, aimed", view=view, own=own) as run:
-            parts[name] = run.parts(3, 8)
-            points, _ = run.receivers()
-            low, high = bounds_of(run.renderer)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    reach = np.abs(points - middle) / half
-    inside, outside = (reach < 2.48).all(-1), (reach > 2.52).any(-1)
-    assert inside.sum() > 20
-    assert outside.sum() > 20
-    np.testing.assert_array_equal(parts["region"][outside], 0.0)
-    np.testing.assert_array_equal(parts["region"][inside], parts["all"][inside])
-    assert parts["all"][outside].max() > 0.0
-    assert parts["region"][inside].max() > 0.0
-
-
-def bounds_of(renderer: Renderer) -> Any:
-    """Lower and upper corner (3,) of the one object."""
-    return renderer.world.objects.bounds[0, :, :3].astype(np.float64)
-
-
-@pytest.mark.thorough
-def test_frames_are_deterministic_and_finite(device: ComputeDevice) -> None:
-    """With holes in the depth, and light that is not a number."""
-    frame = room_frame(World(), 64, 32, ceiling_lamp)
-    color, depth = frame.color.copy(), frame.depth.copy()
-    color[5, 7], depth[20:25, 10:30] = 6e4, np.inf
-    frame = replace(frame, color=color, depth=depth)
-    objects = [ball(*BALL, BLACK), ball((0.5, -1.1, -1.5), 0.25, MIRROR)]
-    first, second = (render(device, frame, objects, VIEW, chosen(samples=1024), 3) for _ in "ab")
-    for name, image in first.aovs.items():
-        np.testing.assert_array_equal(image, second.aovs[name], err_msg=name)
-        assert np.isfinite(image).all(), name
-    np.testing.assert_array_equal(first.color, second.color)
-    assert np.isfinite(first.color).all()
-
-
-def test_more_models_than_may_be_are_harmless(device: ComputeDevice) -> None:
-    frame = room_frame(World(), 64, 32, bright_walls)
-    picture = render(device, frame, [ball(*BALL, LAMP)], VIEW, chosen(models=64), 3)
-    assert np.isfinite(picture.color).all()
-    assert (picture.aovs["learned"].min(axis=-1) == 0.0).any()

@@ -113,19 +113,6 @@ def test_hits_what_is_there(tracers: Tracers, name: str, projection: str, start:
 
 @pytest.mark.parametrize("projection", ["perspective", "equirect"])
 @pytest.mark.parametrize("name", SOLIDS)
-def test_rays_aimed_at_the_middle_meet_it(tracers: Tracers, name: str, projection: str) -> None:
-    tracer, solids = tracers[name, projection], SOLIDS[name]
-    o = origins("around", solids, np.random.default_rng(2))
-    d = unit(solids[0].centre - o)
-    if "plate" in name:  # not along it
-        up = solids[0].interval(np.zeros((1, 3)), unit(np.asarray(solids[0].centre))[None])[2][0]
-        steep = np.abs(d @ up) > 0.3
-        o, d = o[steep], d[steep]
-    assert np.isfinite(tracer(o, d).t).all()
-
-
-@pytest.mark.parametrize("projection", ["perspective", "equirect"])
-@pytest.mark.parametrize("name", SOLIDS)
 @pytest.mark.parametrize("side", ["front", "back"])
 def test_rays_that_leave_a_convex_solid_do_not_meet_it(
     tracers: Tracers, name: str, projection: str, side: str
@@ -172,19 +159,6 @@ def test_around_the_camera(device: ComputeDevice, projection: str, solid: Solid)
     assert np.quantile(error, 0.99) < 3.0 * np.pi / 256 * 2.5 * 2.0
     outside = np.asarray(solid.centre) + 6.0 * random_directions(rng, N)
     assert np.isfinite(tracer(outside, unit(solid.centre - outside)).t).all()
-
-
-def test_first_of_two_solids(device: ComputeDevice) -> None:
-    solids = (Sphere((-0.4, -0.6, -2.0), 0.35), Box((0.5, -0.6, -2.2), (0.3, 0.3, 0.3), 0.2))
-    tracer = ObjectTracer(device, SCREEN, solids, AROUND)
-    rng = np.random.default_rng(5)
-    left = np.array([-1.4, -0.6, -2.0]) + 0.2 * random_directions(rng, N)
-    d = unit(np.asarray(solids[1].centre) + 0.5 * random_directions(rng, N) - left)
-    hits, t = tracer(left, d), truth(solids, left, d)
-    size = footprint(tracer, solids)
-    both = np.isfinite(hits.t) & np.isfinite(t)
-    assert both.mean() > 0.5
-    assert (np.abs(hits.t[both] - t[both]) < 3.0 * size).mean() > 0.97
 
 
 @pytest.mark.parametrize("projection", ["perspective", "equirect"])

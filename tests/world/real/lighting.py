@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,7 +19,7 @@ from iprt.geometry.material import Material, material_table
 from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectsArgs
 from iprt.world.objects.object_layers import EMPTY, ObjectLayerArgs
-from iprt.world.real.lights import Lights, LightsArgs
+from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.pyramid import GridArgs
 from iprt.world.world import World
@@ -43,13 +42,12 @@ def uploaded(device: ComputeDevice, color: NDArray[np.floating]) -> cla.Array:
 
 
 class RealWorld:
-    """A frame without objects, as `cl/lib/world/path.h` sees it, and `materials` that scatter."""
+    """A frame without objects, as `cl/lib/world/path.h` sees it."""
 
     def __init__(
         self,
         device: ComputeDevice,
         frame: Frame,
-        materials: tuple[Material, ...] = (Material(),),
         *,
         before: Frame | None = None,
     ) -> None:
@@ -57,7 +55,7 @@ class RealWorld:
         self._device = device
         settings = variant("ratio", objects="layers")
         self._features = Features.of(
-            materials,
+            [Material()],
             View(1, 1),
             settings,
             Footage.of(frame, static_camera=before is not None),
@@ -83,7 +81,7 @@ class RealWorld:
                 view=view,
                 rectangle=int4(EMPTY),
             ),
-            materials=device.upload("materials", material_table(materials)),
+            materials=device.upload("materials", material_table([Material()])),
         )
         real = SimpleNamespace(panorama=self.panorama, lights=self.lights, highlight=None)
         self._world = World(real, objects)
@@ -93,13 +91,9 @@ class RealWorld:
         body: str,
         inputs: Mapping[str, NDArray[Any]],
         outputs: Mapping[str, str],
-        *,
-        light_sampling: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """`evaluate` with a variable `world`."""
         world = self._world.arguments(self._features, None)
-        if not light_sampling:
-            world = replace(world, lights=LightsArgs())
         return evaluate(
             self._device,
             ["world/path.h"],

@@ -1,4 +1,4 @@
-"""Whether directions are drawn with the density that is stated for them: chi-square tests."""
+"""Chi-square tests of directions against their stated density."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.equirect import equirect_pixel
 from iprt.world.real.panorama import Panorama
-from tests.kernels.tracing import BACK_FACE, SIDE, SURFACE, Hits, RealTracer, panorama_of
+from tests.kernels.tracing import BACK_FACE, SURFACE, RealTracer, panorama_of
 from tests.oracles.worlds import Box, World
 
 WIDTH, HEIGHT = 512, 256
@@ -100,17 +100,6 @@ def test_returns_the_texel_of_the_construction(panorama: Panorama, aware: RealTr
     assert np.abs(hits.t - np.maximum(t, np.linalg.norm(crossing - o, axis=1)))[meant].max() < 1e-4
 
 
-def test_back_side_longer_than_the_face_is_not_substituted(
-    panorama: Panorama, aware: RealTracer
-) -> None:
-    o, d, crossing = rays_into_the_gap(3000, 2)
-    hits = aware(panorama, o, d)
-    substitute, _ = construction(o, d, crossing)
-    beyond = ~on_face(substitute, -0.15)
-    assert beyond.sum() > 300
-    assert (hits.kind[beyond] != BACK_FACE).all()
-
-
 def test_what_something_nearer_hides_is_not_substituted(
     device: ComputeDevice, aware: RealTracer
 ) -> None:
@@ -145,20 +134,3 @@ def test_ray_away_from_the_back_face_goes_on(device: ComputeDevice, aware: RealT
     assert (which == 0).all()
     assert (hits.kind == SURFACE).all()
     assert np.abs(hits.t - t).max() < 1e-3
-
-
-def test_off_is_plain(device: ComputeDevice, panorama: Panorama, aware: RealTracer) -> None:
-    """Without -D BASSRT there are no back faces, and all other rays are the same."""
-    o, d, crossing = rays_into_the_gap(3000, 3)
-    plain = RealTracer(device)
-    without: Hits = plain(panorama, o, d)
-    with_: Hits = aware(panorama, o, d)
-    substituted = with_.kind == BACK_FACE
-    assert (without.kind != BACK_FACE).all()
-    assert np.array_equal(without.t[~substituted], with_.t[~substituted])
-    assert np.array_equal(without.kind[~substituted], with_.kind[~substituted])
-    # Next to the edge the plain ray stops at the assumed side, farther back it goes on.
-    behind = np.linalg.norm(crossing, axis=1) * (1.0 - FACE / crossing[:, 2])
-    thick = np.maximum(0.05 * panorama.scale, 0.05 * 2.1)
-    assert (without.kind[behind < 0.8 * thick] == SIDE).all()
-    assert (without.t[behind > 2.5 * thick] > with_.t[behind > 2.5 * thick] - 1e-4).all()

@@ -1,4 +1,4 @@
-"""Rays behind the first layer, where the video has shown what is there: against the true world."""
+"""Rays behind the first layer, in surfaces that the video has shown, against the true world."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from iprt.geometry.equirect import equirect_pixel
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.pyramid import PyramidShape
 from tests.kernels.tracing import (
-    SIDE,
     SKY,
     SURFACE,
     Hits,
@@ -24,19 +23,15 @@ from tests.kernels.tracing import (
     random_directions,
 )
 from tests.oracles.worlds import Box, Sphere, World, frame_of
+from tests.world.real.test_march import FURNISHED
 from tests.worlds import landscape_frame
 
 Float = NDArray[np.float64]
 WIDTH, HEIGHT = 256, 128
-FURNITURE = (
-    Box((0.3, -1.0, -1.5), (0.4, 0.4, 0.3), 0.5),
-    Box((-1.2, -0.9, 0.5), (0.3, 0.5, 0.3)),
-    Sphere((1.0, 0.3, 1.2), 0.3),
-)
 BEFORE, NOW = Sphere((-0.3, -1.1, 1.6), 0.3), Sphere((0.6, -1.1, -0.4), 0.3)
 """The same ball in two frames; in each it stands on the floor."""
-TRUE = World(solids=(*FURNITURE, NOW))
-EMPTY = World(solids=FURNITURE)
+TRUE = World(solids=(*FURNISHED.solids, NOW))
+EMPTY = FURNISHED
 DIRECTIONS = View(WIDTH, HEIGHT, projection="equirect").directions()
 
 
@@ -88,7 +83,7 @@ def one(device: ComputeDevice) -> Panorama:
 
 @pytest.fixture(scope="module")
 def two(device: ComputeDevice) -> Panorama:
-    before = World(solids=(*FURNITURE, BEFORE)).frame(WIDTH, HEIGHT)
+    before = World(solids=(*FURNISHED.solids, BEFORE)).frame(WIDTH, HEIGHT)
     return panorama_of(device, TRUE.frame(WIDTH, HEIGHT), before)
 
 
@@ -103,14 +98,14 @@ def plain(device: ComputeDevice) -> RealTracer:
 
 
 def shown_by(hits: Hits) -> NDArray[np.int64]:
-    """What the panorama, or what is remembered behind it, shows at the hits' texels."""
+    """Return the thing that the panorama or its memory shows at the hits' texels."""
     centre = np.zeros(3)
     seen, hidden = (w.first_hit(centre, DIRECTIONS)[2].ravel() for w in (TRUE, EMPTY))
     return np.where(hits.behind, hidden[hits.texel], seen[hits.texel])
 
 
 def at_point(hits: Hits, rays: Rays) -> NDArray[np.bool_]:
-    """Which rays end within two centimetres of where they truly do, or half a texel's width."""
+    """Return the rays that end within two centimetres, or half a texel, of their true end."""
     ends = np.linalg.norm(rays.o + rays.t[:, None] * rays.d, axis=1)
     met = np.where(np.isfinite(hits.t), hits.t, 1e9)
     return np.asarray(np.abs(met - rays.t) < np.maximum(0.02, 0.5 * np.pi / HEIGHT * ends))
@@ -141,7 +136,7 @@ def test_more_rays_find_what_is_true(
 
 
 def test_hidden_walls_are_met_to_rounding(two: Panorama, trace: RealTracer, rays: Rays) -> None:
-    """Where the ball hides the plain floor or a wall, well within its outline."""
+    """The ball hides the plain floor or a wall, well within its outline."""
     point = rays.o + rays.t[:, None] * rays.d
     margin = np.sort(np.minimum(point - TRUE.low, TRUE.high - point), axis=1)[:, 1]
     inner = behind(Sphere(NOW.centre, 0.24), point) & (rays.which == 0) & (margin > 0.2)
@@ -155,25 +150,11 @@ def test_hidden_walls_are_met_to_rounding(two: Panorama, trace: RealTracer, rays
     assert (hits.texel == row * WIDTH + column)[found].mean() > 0.97
 
 
-def test_rays_behind_the_ball_meet_floor_and_wall(two: Panorama, trace: RealTracer) -> None:
-    """From the free space behind it, rays find what stands there: none is lost."""
-    rng = np.random.default_rng(3)
-    o = rng.uniform((0.75, -1.3, -0.75), (1.3, -0.5, -0.5), (20_000, 3))
-    o = o[behind(Sphere(NOW.centre, 0.28), o) & (np.linalg.norm(o - NOW.centre, axis=1) > 0.4)]
-    assert len(o) > 300
-    o = np.repeat(o, 8, axis=0).astype(np.float32).astype(float)
-    d = random_directions(rng, len(o)).astype(float)
-    t, _, which = TRUE.first_hit(o, d)
-    ball = which == len(TRUE.solids)
-    hits = trace(two, o, d)
-    assert (np.abs(np.where(np.isfinite(hits.t), hits.t, 1e9) - t) < 0.03)[~ball].mean() > 0.95
-
-
 @pytest.mark.parametrize("bassrt", [False, True])
 def test_pyramid_skips_no_background(
     device: ComputeDevice, two: Panorama, rays: Rays, bassrt: bool
 ) -> None:
-    """The same hits as by visiting each texel on the way."""
+    """Hits equal those of a march through every texel."""
     trace = RealTracer(device, bassrt=bassrt, background=True, step_cap=1 << 20)
     quick = trace(two, rays.o, rays.d)
     shape = two.shape
@@ -219,77 +200,6 @@ def test_background_is_joined_to_what_is_beside_it(
     assert np.quantile(np.abs(hits.t - t), 0.99) < 1e-4
 
 
-def test_background_is_joined_where_its_texels_do_not_quite_meet(
-    device: ComputeDevice, trace: RealTracer
-) -> None:
-    """A sphere in noisy depth has steps at texel edges, also where what is hidden begins."""
-    rng = np.random.default_rng(9)
-    inward = -View(64, 32, projection="equirect").directions()
-    sphere = frame_of(rng.uniform(1.99, 2.01, (32, 64)), inward)
-    rows, columns = np.indices(sphere.depth.shape)
-    panel = (np.abs(rows - 16) < 4) & ((columns // 3) % 2 == 0) & (np.abs(columns - 32) < 10)
-    depth = np.where(panel, np.float32(1.0), sphere.depth)
-    panorama = panorama_of(device, frame_of(depth, inward), sphere)
-    n = 100_000
-    yaw, height = rng.uniform(-0.8, 0.8, (2, n)) * [[1.0], [0.3]]
-    end = np.stack([np.sin(yaw), height, -np.cos(yaw)], axis=1)
-    end *= 2.0 / np.linalg.norm(end, axis=1, keepdims=True)
-    yaw, height = rng.uniform(-0.8, 0.8, (2, n)) * [[1.0], [0.3]]
-    o = 1.6 * np.stack([np.sin(yaw), height, -np.cos(yaw)], axis=1)
-    d = (end - o) / np.linalg.norm(end - o, axis=1, keepdims=True)
-    hits = trace(panorama, o, d)
-    assert 0.3 < hits.behind.mean() < 0.7
-    assert (hits.kind == SURFACE).mean() > 0.9999
-
-
-def test_a_thing_that_hides_is_as_thick_as_assumed(
-    device: ComputeDevice, trace: RealTracer
-) -> None:
-    """Rays along the back of a panel meet its assumed thickness, and pass farther back."""
-    panel = Box((0.0, 0.0, -1.2), (0.4, 0.4, 0.01))
-    panorama = panorama_of(
-        device, World(solids=(panel,)).frame(WIDTH, HEIGHT), World().frame(WIDTH, HEIGHT)
-    )
-    n = 60
-    d = np.tile([-1.0, 0.0, 0.0], (n, 1))
-    for back, side in ((0.03, True), (0.3, False)):
-        o = np.stack([np.full(n, 1.6), np.linspace(-0.2, 0.2, n), np.full(n, -1.2 - back)], 1)
-        hits = trace(panorama, o, d)
-        assert (hits.kind == (SIDE if side else SURFACE)).all()
-        if not side:
-            assert np.abs(hits.t - 3.6).max() < 1e-3
-
-
-def test_starts_behind_a_thing_and_on_what_it_hides(
-    device: ComputeDevice, trace: RealTracer
-) -> None:
-    """On the hidden wall, just below it, and on rays through the capture centre."""
-    panel = Box((0.0, 0.0, -1.2), (0.5, 0.5, 0.01))
-    panorama = panorama_of(
-        device, World(solids=(panel,)).frame(WIDTH, HEIGHT), World().frame(WIDTH, HEIGHT)
-    )
-    rng = np.random.default_rng(6)
-    n = 200
-    x, y = rng.uniform(-0.6, 0.6, (2, n))
-    o = np.stack([x, y, np.full(n, -2.5 - 0.4e-3 * panorama.scale)], axis=1)
-    into = np.array([0.1, 0.2, -1.0]) / np.linalg.norm([0.1, 0.2, -1.0])
-    hits = trace(panorama, o, np.tile(into, (n, 1)))
-    assert hits.behind.all()
-    assert hits.t.max() < 1e-3
-    # Out of it, rays meet the panel's back or pass it: in no case the wall that they leave.
-    away = np.stack([x, y, np.full(n, 0.8)], axis=1)
-    hits = trace(panorama, o, away / np.linalg.norm(away, axis=1, keepdims=True))
-    assert (hits.t > 0.5).all()
-    radial = o / np.linalg.norm(o, axis=1, keepdims=True)
-    for at, left in ((1.6, True), (1.1, False)):
-        start = at * radial / -radial[:, 2:]
-        hits = trace(panorama, start, radial)
-        wanted = np.linalg.norm(o * (2.5 / -o[:, 2:]) - start, axis=1)
-        assert (hits.behind == left).all()
-        if left:
-            assert np.abs(hits.t - wanted).max() < 0.02
-
-
 def test_open_sky_behind_a_thing(device: ComputeDevice, trace: RealTracer) -> None:
     empty = landscape_frame(WIDTH, HEIGHT)
     rows, columns = np.indices(empty.depth.shape)
@@ -310,17 +220,3 @@ def test_open_sky_behind_a_thing(device: ComputeDevice, trace: RealTracer) -> No
     column, row = np.floor(equirect_pixel(d, WIDTH, HEIGHT)).astype(int).T
     assert tower[row, column].sum() > 50
     assert np.array_equal(hits.behind, tower[row, column])
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e4])
-def test_scale_changes_no_texel(
-    device: ComputeDevice, two: Panorama, trace: RealTracer, rays: Rays, scale: float
-) -> None:
-    def scaled(world: World) -> Frame:
-        frame = world.frame(WIDTH, HEIGHT)
-        return frame_of(frame.depth * np.float32(scale), frame.normal)
-
-    other = panorama_of(device, scaled(TRUE), scaled(World(solids=(*FURNITURE, BEFORE))))
-    mine, theirs = trace(two, rays.o, rays.d), trace(other, rays.o * scale, rays.d)
-    assert (mine.texel == theirs.texel).mean() > 0.9999
-    assert (mine.behind == theirs.behind).mean() > 0.9999

@@ -157,7 +157,7 @@ def test_histories_are_fetched_in_the_axes_they_were_kept_in(
 
 
 def test_reflections_are_where_their_images_were_seen(device: ComputeDevice) -> None:
-    """What a flat mirror shows stands still behind it, while the camera passes."""
+    """The image in a flat mirror stands still behind it while the camera passes."""
     view, hit = View(64, 48, fov_y_deg=50.0), 1.5
     before, now = pose_at(), pose_at((0.12, 0.05, -0.08), 3.0)
 

@@ -57,19 +57,6 @@ def test_cells_hold_the_flux(device: ComputeDevice) -> None:
     assert np.abs(apart.mean(0)).max() < 0.02
 
 
-def test_flux_is_smoothed_as_irradiance_is(device: ComputeDevice) -> None:
-    """Along the normal it is E_R itself, apart from what arrives at more than 84°."""
-    with renderer(device, lamp_frame(), rays=16, samples=32) as made:
-        made.render(1)
-        plane, _, smooth = cells(made)
-        _, flux = fluxes(made)
-    known = smooth[:, 3] > 0.0
-    along = -(flux[known] * unit(plane[known, :3])).sum(1)
-    light = smooth[known, :3] @ LUMINANCE
-    assert (along < 1.01 * light).all()
-    assert (along > 0.85 * light).all()
-
-
 def test_round_things_narrower_than_cells_receive_what_each_side_faces(
     device: ComputeDevice,
 ) -> None:

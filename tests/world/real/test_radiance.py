@@ -1,4 +1,4 @@
-"""What the device makes of a picture and sums up of its light, against NumPy."""
+"""The device's pictures and sums of light, against NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where rays leave real surfaces: in front of all that the panorama shows."""
+"""Rays start in front of all real surfaces that the panorama shows."""
 
 from __future__ import annotations
 
