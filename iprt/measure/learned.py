@@ -13,8 +13,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.output.display import display
 from iprt.settings.trace import LearningSettings
-from iprt.world.real.learning import Learner, Learning
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.radiance_models import Learner, Learning
 
 Float = NDArray[np.float32]
 

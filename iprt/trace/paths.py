@@ -22,8 +22,8 @@ from iprt.settings.features import Features
 from iprt.settings.paths import PathTracingSettings
 from iprt.trace.sparse import SparseMethod
 from iprt.trace.tracers import RayKernel, RayKernels
-from iprt.world.real.learning import LearnedArgs
 from iprt.world.real.lights import Lights
+from iprt.world.real.radiance_models import LearnedArgs
 from iprt.world.world import World
 
 FOOT_MARGIN, FOOT_HEIGHT = 0.5, 0.1

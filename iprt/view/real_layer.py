@@ -27,7 +27,7 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import CameraArgs
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.view.diffuse_part import DiffusePart
-from iprt.world.real.clipped import ShownArgs
+from iprt.world.real.displayed_colors import ShownArgs
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 

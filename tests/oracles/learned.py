@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE
-from iprt.world.real.learning import BANDWIDTH_PENALTY, PRIOR, Learning
+from iprt.world.real.radiance_models import BANDWIDTH_PENALTY, PRIOR, Learning
 
 Float = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""NumPy twins of the device's sums of a panorama's light (`cl/world/real/radiance.cl`)."""
+"""NumPy twins of the device's sums of a panorama's light (`cl/world/real/pictures.cl`)."""
 
 from __future__ import annotations
 

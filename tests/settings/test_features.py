@@ -117,7 +117,7 @@ def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -
     assert files(device) == {
         "world/real/inverse.cl",
         "world/real/planes.cl",
-        "world/real/radiance.cl",
+        "world/real/pictures.cl",
         "world/real/surface.cl",
         "world/real/pyramid.cl",
         "view/real_layer.cl",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from iprt.device.compute import ComputeDevice
 from iprt.settings.trace import LearningSettings
-from iprt.world.real.learning import LearnedArgs, Learner, Learning
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.radiance_models import LearnedArgs, Learner, Learning
 from iprt.world.real.real_world import RealWorld
 
 

@@ -63,7 +63,7 @@ class Lights:
         self._cell = device.zeros(f"{name} cells", (cells,), np.int32)
         self._density = device.zeros(f"{name} density", (cells,))
         self.luminance = device.empty(f"{name} luminance", (self.rows, self.columns))
-        self._sum = device.kernel("world/real/radiance.cl", "sum_luminance").fixed(
+        self._sum = device.kernel("world/real/pictures.cl", "sum_luminance").fixed(
             columns=self.columns, rows=self.rows, mean=self.luminance
         )
         self.count = 0

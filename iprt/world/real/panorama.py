@@ -15,9 +15,9 @@ from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.passes import Clock, Pass, Schedule
 from iprt.world.real.background import Background, BackgroundArgs
-from iprt.world.real.clipped import ShownTexels
+from iprt.world.real.displayed_colors import ShownTexels
+from iprt.world.real.pictures import Flux, PictureLoader
 from iprt.world.real.pyramid import GridArgs, Pyramid, PyramidShape
-from iprt.world.real.radiance import Flux, PictureLoader
 from iprt.world.real.surfaces import Surfaces
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@
 
 #include "maths/maths.h"
 #include "maths/sampling.h"
-#include <iprt.world.real.learning>
+#include <iprt.world.real.radiance_models>
 
 #define MODEL_PARTS 5
 #define SAMPLE_PARTS 3

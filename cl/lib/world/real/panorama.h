@@ -1,7 +1,7 @@
 // Radiance lookups in the panorama, and its displayed colours where lights were clipped.
 #pragma once
 
-#include <iprt.world.real.clipped>
+#include <iprt.world.real.displayed_colors>
 
 #include "maths/tracing.h"
 

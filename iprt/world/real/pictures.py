@@ -13,7 +13,7 @@ from iprt.device.kernel_source import constant
 from iprt.geometry.equirect import texel_polar_angles
 from iprt.world.real.surfaces import band_rows, bands
 
-STRIP = constant("world/real/radiance.cl", "STRIP")
+STRIP = constant("world/real/pictures.cl", "STRIP")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Picture:
 
 
 class PictureLoader:
-    """Loader of pictures that also computes their flux (`cl/world/real/radiance.cl`).
+    """Loader of pictures that also computes their flux (`cl/world/real/pictures.cl`).
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class PictureLoader:
             self._color = device.empty("panorama.decoded", (self._band, width, 3))
         self._sums = device.empty("panorama.sums", (height, self._strips, 4))
         self._map = device.zeros("panorama.color map", (3, 4))
-        self._load = device.kernel("world/real/radiance.cl", "load_texels").fixed(
+        self._load = device.kernel("world/real/pictures.cl", "load_texels").fixed(
             width=width, rows=self._band, sums=self._sums
         )
 

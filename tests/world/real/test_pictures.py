@@ -14,7 +14,7 @@ from iprt.world.real import surfaces
 from iprt.world.real.cell_light import CellLight
 from iprt.world.real.lights import Lights
 from iprt.world.real.panorama import Panorama
-from iprt.world.real.radiance import PictureLoader
+from iprt.world.real.pictures import PictureLoader
 from tests.oracles.light import cell_luminance, flux_change, frames_light_change
 from tests.oracles.worlds import frame_of
 from tests.world.real.lighting import uploaded

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.world.real.learning import PRIOR, WIDEST, Learner, Learning
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.radiance_models import PRIOR, WIDEST, Learner, Learning
 from tests.oracles.learned import Model, predicted, tangents, weight_of
 from tests.oracles.worlds import World
 from tests.worlds import Float, bright_walls, pose_at, room_frame
