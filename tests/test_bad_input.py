@@ -122,9 +122,9 @@ BAD_SCENES: dict[str, tuple[Change, str]] = {
         "depth.png: cut off",
     ),
     "depth PNG unscaled": (replaced("depth.exr", "depth.png", depth_png), "video.depth_scale: "),
-    "depth in colours": (
+    "depth in colors": (
         replaced('depth = "depth.exr"', SCALED, picture("depth.png", "PNG")),
-        "depth.png: a picture in colours; false colours cannot be read as depth",
+        "depth.png: a picture in colors; false colors cannot be read as depth",
     ),
     "sizes differ": (
         lambda f: write_channels(f / "depth.exr", Z=np.ones((64, 128), np.float32)),

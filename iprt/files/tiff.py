@@ -12,7 +12,7 @@ from PIL import TiffImagePlugin
 from iprt.errors import FormatError
 from iprt.files.orientation import TAG as ORIENTATION
 from iprt.files.orientation import valid_orientation
-from iprt.files.untrusted import decoding, open_file, read_bytes, require_picture_size
+from iprt.files.safe_reading import decoding, open_file, read_bytes, require_picture_size
 
 _WIDTH, _HEIGHT, _BITS, _CHANNELS, _FORMAT = 256, 257, 258, 277, 339
 _PHOTOMETRIC, _GREY, _RGB = 262, 1, 2

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import decoding
+from iprt.files.safe_reading import decoding
 from iprt.geometry.animation import Skin, moved
 from iprt.geometry.creases import face_normals, have_normals, with_normals
 from iprt.geometry.gltf_clip import Clip, read_clip

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
-from iprt.files.untrusted import MAX_BYTES, MAX_VERTICES
+from iprt.files.safe_reading import MAX_BYTES, MAX_VERTICES
 
 MAX_PARTS = 2**17
 """Limit for accessors, buffer views and buffers of a document, each."""
@@ -20,8 +21,7 @@ MAX_NODES = 2**14
 TRIANGLES, TRIANGLE_STRIP = 4, 5
 """Modes of primitives that are read."""
 
-_FLOAT32 = 5126
-_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 Index = Annotated[int, Field(ge=0)]
@@ -70,14 +70,14 @@ class Accessor(Part):
     normalized: bool = False
 
     @property
-    def is_integer(self) -> bool:
-        """True for integer components."""
-        return self.component_type != _FLOAT32
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the components."""
+        return np.dtype(_DTYPES[self.component_type])
 
     @property
     def item_bytes(self) -> int:
         """Size of an element in bytes."""
-        return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
+        return self.dtype.itemsize * _COMPONENTS[self.type]
 
 
 class Image(Part):
@@ -194,7 +194,7 @@ class GltfMaterial(Part):
     extensions: MaterialExtensions = Field(default=MaterialExtensions())
 
     def color_textures(self) -> list[TextureReference]:
-        """Return the colour textures of this material."""
+        """Return the color textures of this material."""
         pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
         given = [
             None if pbr is None else pbr.base_color_texture,
@@ -272,12 +272,12 @@ class Gltf(Part):
         return [uri for uri in named if uri is not None]
 
     def color_images(self) -> list[int]:
-        """Return the indices of the images used as base colour."""
+        """Return the indices of the images used as base color."""
         images = [self.textures[texture.index].image for texture in self.color_textures()]
         return list(dict.fromkeys(image for image in images if image is not None))
 
     def color_textures(self) -> list[TextureReference]:
-        """Return the colour textures of all materials."""
+        """Return the color textures of all materials."""
         return [texture for material in self.materials for texture in material.color_textures()]
 
 

@@ -25,7 +25,7 @@ def numbered(document: dict[str, Any], floats: Mapping[int, NDArray[np.float32]]
     """Return the text of a checked document, rewritten for trimesh.
 
     Nodes are renamed to their indices; trimesh may append a suffix after an underscore. Joints,
-    weights and colours get names that begin with an underscore, because trimesh passes such
+    weights and colors get names that begin with an underscore, because trimesh passes such
     attributes on unchanged. The binary chunk of a .glb file gets the URI `CHUNK`. Compressed forms
     of meshes are removed.
 

@@ -18,7 +18,6 @@ from iprt.geometry.animation import Float, Node, Skeleton, Skin
 from iprt.geometry.gltf_check import accessor_of
 from iprt.geometry.gltf_document import MAX_NODES, Gltf, Index, Part, parsed_part
 from iprt.geometry.gltf_numbers import INFLUENCES, JOINT_KEYS, WEIGHT_KEYS, part_node
-from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_files import MeshFile
 
 MAX_BENT_VERTICES = 2**21
@@ -148,7 +147,7 @@ def _bones(file: MeshFile, number: int, nodes: dict[int, Node]) -> Bones:
     count = len(skin.joints)
     inverse_bind = np.broadcast_to(np.eye(4), (count, 4, 4))
     if skin.inverse_bind_matrices is not None:
-        given = values_of(file, skin.inverse_bind_matrices, ("MAT4",), f"{where}.matrices")
+        given = file.values(skin.inverse_bind_matrices, ("MAT4",), f"{where}.matrices")
         if len(given) < count:
             raise ValueError(f"{where}: {len(given)} inverse bind matrices for {count} joints")
         inverse_bind = given[:count].reshape(count, 4, 4).transpose(0, 2, 1)

@@ -10,7 +10,7 @@ import base64
 import binascii
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -21,14 +21,16 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import open_picture
-from iprt.files.path_safety import require_inside
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
-from iprt.geometry.gltf_check import READ_ATTRIBUTES, check_gltf
-from iprt.geometry.gltf_compressed import require_uncompressed
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import MAX_BYTES, decoding, is_file, read_bytes, require_inside
+from iprt.geometry.gltf_check import (
+    READ_ATTRIBUTES,
+    accessor_of,
+    check_gltf,
+    require_uncompressed,
+)
 from iprt.geometry.gltf_document import Gltf, parsed_gltf
 from iprt.geometry.gltf_numbers import CHUNK, FLOATS, numbered
-from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_unread import unapplied_gltf, unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
@@ -120,7 +122,7 @@ class MeshFile:
 
         OBJ loses its comments and STL the names of its solids, because trimesh takes format
         keywords in them for statements. glTF nodes are named by their indices. Joints, weights and
-        colours of vertices get names that trimesh passes on: `JOINT_KEYS`, `WEIGHT_KEYS`,
+        colors of vertices get names that trimesh passes on: `JOINT_KEYS`, `WEIGHT_KEYS`,
         `COLOR_KEY`. Integer positions, normals and texture coordinates become floats.
 
         Raises
@@ -148,6 +150,51 @@ class MeshFile:
         uri = self.gltf.buffers[number].uri
         return self._gltf_chunk if uri is None else self._uri_bytes(uri)
 
+    def values(self, index: int, types: Collection[str], where: str) -> NDArray[np.float64]:
+        """Return the data of a glTF accessor; normalised integers become fractions.
+
+        See Khronos glTF 2.0, sections 3.6.2 and 3.11.
+
+        Parameters
+        ----------
+        types : collection of str
+            Allowed glTF types.
+        where : str
+            Referring part of the document, for error messages.
+
+        Returns
+        -------
+        (count, columns) float64
+            Finite. Matrices are rows of 16, column-major.
+
+        Raises
+        ------
+        ValueError
+            The accessor has another type, is missing, exceeds its buffer or is not finite.
+        """
+        assert self.gltf is not None
+        accessor = accessor_of(self.gltf, index, types, where)
+        assert accessor.buffer_view is not None
+        # `check_gltf` has checked that accessors lie in views, and views in declared buffers.
+        view = self.gltf.buffer_views[accessor.buffer_view]
+        data = self.buffer(view.buffer)
+        if view.byte_offset + view.byte_length > len(data):
+            raise ValueError(f"{where}: buffer {view.buffer} is cut off")
+        dtype = accessor.dtype
+        stored = np.ndarray(
+            (accessor.count, accessor.item_bytes // dtype.itemsize),
+            dtype,
+            data,
+            view.byte_offset + accessor.byte_offset,
+            (view.byte_stride or accessor.item_bytes, dtype.itemsize),
+        )
+        values = stored.astype(np.float64)
+        if accessor.normalized and dtype.kind in "iu":
+            values = np.maximum(values / np.iinfo(dtype).max, -1.0)
+        if not np.isfinite(values).all():
+            raise ValueError(f"{where}: holds NaN or infinity")
+        return values
+
     def unread_parts(self, *, animated: bool = False) -> list[str]:
         """Return the unread contents of the file, one phrase each, in a fixed order.
 
@@ -158,7 +205,7 @@ class MeshFile:
         if self.suffix == ".obj":
             return unread_obj(_lines(self.data))
         if self.suffix == ".stl":
-            return ["colours of triangles"] if has_colors(self.data) else []
+            return ["colors of triangles"] if has_colors(self.data) else []
         return unread_ply(self._ply_elements)
 
     def warnings(self) -> list[str]:
@@ -182,8 +229,8 @@ class MeshFile:
             for primitive in mesh.primitives:
                 for name, kind in READ_ATTRIBUTES.items():
                     index = primitive.attributes.get(name)
-                    if index is not None and gltf.accessors[index].is_integer:
-                        values = values_of(self, index, (kind,), name)
+                    if index is not None and gltf.accessors[index].dtype.kind != "f":
+                        values = self.values(index, (kind,), name)
                         floats[index] = values.astype("<f4")
         return floats
 
@@ -317,7 +364,7 @@ class MeshFile:
 
 
 def _material_maps(data: bytes) -> Iterator[str]:
-    """Yield the names of the colour textures of an MTL file."""
+    """Yield the names of the color textures of an MTL file."""
     for line in _lines(data):
         key, _, rest = line.partition(" ")
         if key.lower() == "map_kd" and rest.strip():

@@ -14,8 +14,8 @@ from PIL import Image
 
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb, texture_pixels
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import MAX_PIXELS
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import MAX_PIXELS
 from iprt.geometry.material import Material
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
@@ -49,7 +49,7 @@ class Textures:
         if self._texels > MAX_PIXELS:
             raise FormatError(
                 f"{self._path}: its textures have more than the {MAX_PIXELS} pixels that are "
-                "read; make them smaller (colours of vertices take four for each triangle)"
+                "read; make them smaller (colors of vertices take four for each triangle)"
             )
 
     def linear(self, image: Any) -> NDArray[np.float32] | None:
@@ -71,7 +71,7 @@ class Textures:
 
 
 def has_texture(source: Any) -> bool:
-    """Return True if a trimesh material (or None) has a colour texture."""
+    """Return True if a trimesh material (or None) has a color texture."""
     if type(source).__name__ == "PBRMaterial":
         return isinstance(source.baseColorTexture, Image.Image)
     return isinstance(getattr(source, "image", None), Image.Image)
@@ -87,7 +87,7 @@ def convert_material(
     source : trimesh material or None
         PBRMaterial (glTF) or SimpleMaterial (MTL).
     factors : dict of str to list of float
-        Base colours of a glTF file by the material's name: trimesh keeps only 8 bits of them.
+        Base colors of a glTF file by the material's name: trimesh keeps only 8 bits of them.
     """
     if source is None:
         return DEFAULT_MATERIAL
@@ -97,7 +97,7 @@ def convert_material(
 
 
 def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
-    """Return a material multiplied by a colour, or unchanged if the colour is None."""
+    """Return a material multiplied by a color, or unchanged if the color is None."""
     if color is None:
         return material
     own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
@@ -152,7 +152,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
     texture = textures.linear(source.image)
-    # Most files repeat the colour texture as map_Ka.
+    # Most files repeat the color texture as map_Ka.
     read = {"map_ka"} if texture is not None else set()
     dropped.extend(_unread_mtl({key: values[key] for key in values if key not in read}))
     exponent = _first(values.get("ns"), 0.0)
@@ -172,7 +172,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
 def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
     """Yield a phrase for each unsupported property of an MTL material."""
     opaque = _first(values.get("d"), 1.0) >= 1.0 and _first(values.get("tr"), 0.0) <= 0.0
-    if not opaque or "map_d" in values:  # map_d is often the colour texture
+    if not opaque or "map_d" in values:  # map_d is often the color texture
         yield "transparency"
     if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
         yield "emission"
@@ -201,7 +201,7 @@ def _note_unused_maps(source: Any, dropped: list[str]) -> None:
 
 
 def _color(values: Any) -> tuple[float, float, float]:
-    """Return an RGB colour; MTL may give one value for all channels, or no numbers (black)."""
+    """Return an RGB color; MTL may give one value for all channels, or no numbers (black)."""
     try:
         given = np.asarray(values, np.float64)
     except (ValueError, TypeError):

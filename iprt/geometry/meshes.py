@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
+from iprt.files.safe_reading import MAX_TRIANGLES, MAX_VERTICES, decoding
 from iprt.geometry.animation import moved
 from iprt.geometry.creases import same_position, with_normals
 from iprt.geometry.gltf_document import Gltf
@@ -44,9 +44,9 @@ class Part:
         Original vertex in the file of each vertex.
     material : trimesh material or None
     color : (r, g, b) or None
-        Linear colour that multiplies the material; None if the file has none.
+        Linear color that multiplies the material; None if the file has none.
     colors : (V, 3) float32 or None
-        Colours by vertex where they differ; then no two triangles share a vertex.
+        Colors by vertex where they differ; then no two triangles share a vertex.
     """
 
     positions: NDArray[np.float64]
@@ -77,7 +77,7 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     Geometries of different materials are never merged. Missing normals become flat for glTF, and
     smooth up to a crease angle for other formats (`creases.py`). Degenerate and non-finite
     triangles are removed. Skins of glTF files follow their joints at rest, without an animation
-    (Khronos glTF 2.0, section 3.7.3.3). Vertex colours become a texture. A warning is logged for
+    (Khronos glTF 2.0, section 3.7.3.3). Vertex colors become a texture. A warning is logged for
     each missing or unsupported property of the file's materials that would change the look much.
 
     Parameters
@@ -165,7 +165,7 @@ def part_of(
     matrices : (1, 3, 4) or (V, 3, 4) float64
         One for all vertices, or one for each.
     colored : bool
-        Read the colours of vertices and faces.
+        Read the colors of vertices and faces.
     """
     positions = np.asarray(geometry.vertices, np.float64).reshape(-1, 3)
     triangles = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
@@ -199,7 +199,7 @@ def part_of(
 
 
 def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Part:
-    """Return a part with the colours (F, 3, 3) of its triangles' corners."""
+    """Return a part with the colors (F, 3, 3) of its triangles' corners."""
     flat = colors.reshape(-1, 3)
     varied = bool((flat != flat[:1]).any())
     if varied and not has_texture(part.material):
@@ -207,7 +207,7 @@ def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Par
         divided = part.taken(part.triangles.ravel(), np.arange(3 * count).reshape(-1, 3))
         return replace(divided, colors=flat)
     if varied:
-        _note(dropped, "colours of vertices below a texture; their mean is used")
+        _note(dropped, "colors of vertices below a texture; their mean is used")
     red, green, blue = flat.mean(axis=0, dtype=np.float64) if len(flat) else (1.0, 1.0, 1.0)
     return replace(part, color=(float(red), float(green), float(blue)))
 
@@ -252,7 +252,7 @@ def _materials(
 ) -> tuple[list[Material], list[int]]:
     """Return the materials of parts, and the index of each part's material.
 
-    Parts with vertex colours get texture coordinates into a texture that they share with the other
+    Parts with vertex colors get texture coordinates into a texture that they share with the other
     parts of the same material.
     """
     groups: dict[tuple[int, Any, bool], list[int]] = {}
@@ -276,7 +276,7 @@ def _materials(
 
 
 def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
-    """Return a texture with the colours of parts, and set the parts' texture coordinates."""
+    """Return a texture with the colors of parts, and set the parts' texture coordinates."""
     corners = [part.positions[part.triangles] for part in parts]
     colors = [part.colors[part.triangles] for part in parts if part.colors is not None]
     centers = np.concatenate([each.mean(axis=1) for each in corners])
@@ -290,7 +290,7 @@ def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
 
 
 def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
-    """Return the base colours of a glTF file's materials by name, for unique names."""
+    """Return the base colors of a glTF file's materials by name, for unique names."""
     entries = [] if gltf is None else gltf.materials
     names = Counter(entry.name for entry in entries)
     return {

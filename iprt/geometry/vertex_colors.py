@@ -1,8 +1,8 @@
-"""Colours of vertices and faces, stored as a texture with 2 x 2 texels for each triangle.
+"""Colors of vertices and faces, stored as a texture with 2 x 2 texels for each triangle.
 
-The four texels hold the colours a, b, c and b + c - a, for which bilinear interpolation is linear.
+The four texels hold the colors a, b, c and b + c - a, for which bilinear interpolation is linear.
 A triangle whose texture coordinates are the first three texel centres therefore interpolates its
-vertex colours as glTF requires (Khronos glTF 2.0, section 3.7.2.1), up to the half floats of
+vertex colors as glTF requires (Khronos glTF 2.0, section 3.7.2.1), up to the half floats of
 devices, and samples no texel of another triangle. Nearby triangles are nearby in the texture too,
 on all mip levels, so that triangles smaller than a pixel get the mean of their surroundings.
 """
@@ -25,7 +25,7 @@ _CURVE_BITS = 10
 
 
 def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
-    """Return the colours at the corners of a trimesh geometry's triangles.
+    """Return the colors at the corners of a trimesh geometry's triangles.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
     Returns
     -------
     (F, 3, 3) float32 or None
-        Linear RGB from 0 to 1 by triangle and corner; None without colours. glTF stores linear
-        colours, other formats sRGB.
+        Linear RGB from 0 to 1 by triangle and corner; None without colors. glTF stores linear
+        colors, other formats sRGB.
     """
     given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
     if given is not None:
@@ -55,7 +55,7 @@ def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
 
 
 def color_texture(centers: NDArray[np.floating], colors: Float32) -> tuple[Float32, Float32]:
-    """Build a texture of triangles' colours, with texture coordinates of their corners.
+    """Build a texture of triangles' colors, with texture coordinates of their corners.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import read_color
-from iprt.files.untrusted import MAX_PIXELS, MAX_TRIANGLES
+from iprt.files.safe_reading import MAX_PIXELS, MAX_TRIANGLES
 from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from iprt.errors import SceneError
-from iprt.files.path_safety import anywhere, require_inside
-from iprt.files.problems import problems_error
-from iprt.files.untrusted import is_file
+from iprt.files.safe_reading import anywhere, is_file, require_inside
+from iprt.files.toml_tables import problems_error
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
@@ -23,7 +22,6 @@ from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
-from iprt.scene.found_gloss import found_materials
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -31,7 +29,7 @@ from iprt.scene.manifest import (
     read_manifest,
 )
 from iprt.scene.objects import SceneObject, load_objects, objects_at
-from iprt.scene.real_materials import declared_materials
+from iprt.scene.real_materials import declared_materials, found_materials
 from iprt.scene.scene_files import made_of, missing_files
 
 

@@ -65,7 +65,7 @@ def exif(orientation: int) -> Image.Exif:
 
 
 def write_png(path: Path, pixels: NDArray[Any], xmp: str = "", **options: Any) -> None:
-    """Write PNG of 8 bits in colour, or 16 in grey, with XMP."""
+    """Write PNG of 8 bits in color, or 16 in grey, with XMP."""
     texts = PngInfo()
     if xmp:
         texts.add_itxt("XML:com.adobe.xmp", xmp)

@@ -84,7 +84,7 @@ def test_half_metals_of_gltf_are_named(tmp_path: Path, metallic: float, taken: s
 
 @pytest.mark.parametrize("dtype", ["u1", "u2", "f4"])
 @pytest.mark.parametrize("factor", [None, 0.5])
-def test_colours_of_gltf_multiply_that_of_the_material(
+def test_colors_of_gltf_multiply_that_of_the_material(
     dtype: str, factor: float | None, tmp_path: Path
 ) -> None:
     file = GltfFile()
@@ -117,7 +117,7 @@ def test_texture_coordinates_and_borders_that_are_not_read_are_named(tmp_path: P
     )
 
 
-def test_the_picture_of_the_colour_is_not_named_where_it_lights_from_nowhere_too(
+def test_the_picture_of_the_color_is_not_named_where_it_lights_from_nowhere_too(
     tmp_path: Path,
 ) -> None:
     Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "t.png")

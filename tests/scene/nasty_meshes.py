@@ -182,7 +182,7 @@ for _name, _changes, _message in (
     ("glTF of 1000 levels", {"nodes": CHAIN}, "levels of nodes"),
     ("glTF of NaN", {"nodes.0.translation": [float("nan"), 0, 0]}, "nodes[0].translation[0]: "),
     ("glTF of a mesh that is text", {"nodes.0.mesh": "a"}, "nodes[0].mesh: "),
-    ("glTF of a colour that is text", {"materials.0.pbrMetallicRoughness": "a"}, "materials[0]"),
+    ("glTF of a color that is text", {"materials.0.pbrMetallicRoughness": "a"}, "materials[0]"),
     ("glTF of scene 5", {"scene": 5}, "there is no scene 5"),
     ("glTF of a name that is a list", {"materials.0.name": ["a"]}, "materials[0].name: "),
 ):

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.files import untrusted
+from iprt.files import safe_reading
 from iprt.files.images import read_color
 from iprt.footage.video.source import FrameSource
 from iprt.geometry import mesh_files, mesh_materials, meshes
@@ -76,8 +76,8 @@ def test_pictures_up_to_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for suffix in ("png", "jpg"):
         Image.new("RGB", (9, 7)).save(tmp_path / f"c.{suffix}")
         for side, pixels in ((9, 63), (8, 63), (9, 62)):
-            monkeypatch.setattr(untrusted, "MAX_SIDE", side)
-            monkeypatch.setattr(untrusted, "MAX_PIXELS", pixels)
+            monkeypatch.setattr(safe_reading, "MAX_SIDE", side)
+            monkeypatch.setattr(safe_reading, "MAX_PIXELS", pixels)
             if (side, pixels) == (9, 63):
                 read_color(tmp_path / f"c.{suffix}")
                 continue

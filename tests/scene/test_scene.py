@@ -10,7 +10,6 @@ from PIL import Image
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.prepare.turn import turned_color, turned_geometry
-from iprt.footage.video.sequence import frame_path
 from iprt.scene.scene import Scene
 from tests.scene.files import (
     MANIFEST,
@@ -193,12 +192,6 @@ def test_bad_values_are_cleaned(tmp_path: Path) -> None:
     assert np.isfinite(frame.depth).all()
     assert (frame.depth > 0).all()
     assert np.isfinite(frame.fitted_normal).all()
-
-
-def test_patterns() -> None:
-    assert frame_path(Path("a"), "c.%04d.exr", 7) == Path("a/c.0007.exr")
-    assert frame_path(Path("a"), "%d/c.exr", 12) == Path("a/12/c.exr")
-    assert frame_path(Path("a"), "c.exr", 12) == Path("a/c.exr")
 
 
 @pytest.mark.parametrize("name", ["livingroom", "hotel", "livingroom-video"])
