@@ -173,7 +173,7 @@ def require_uncompressed(path: Path, gltf: Gltf) -> None:
         found = [f"Draco ({_DRACO})"]
     numbers = {reference.index for reference in gltf.color_textures()}
     textures = [entry for number, entry in enumerate(gltf.textures) if number in numbers]
-    basis = any(entry.image is None and entry.extensions.basisu is not None for entry in textures)
+    basis = any(entry.image is None and entry.basisu is not None for entry in textures)
     if basis:
         found.append(f"BasisU ({_BASISU})")
     if not found:
@@ -193,7 +193,7 @@ def _has_draco_alone(gltf: Gltf) -> bool:
         primitive.attributes.get("POSITION")
         for mesh in gltf.meshes
         for primitive in mesh.primitives
-        if primitive.extensions.draco is not None
+        if primitive.draco is not None
     ]
     accessors = [gltf.accessors[i] for i in indices if i is not None and i < len(gltf.accessors)]
     return any(accessor.buffer_view is None for accessor in accessors)

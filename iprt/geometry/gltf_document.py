@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AliasPath, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
 from iprt.files.safe_reading import MAX_BYTES, MAX_VERTICES
@@ -40,6 +40,11 @@ class Part(BaseModel):
 
 
 Model = TypeVar("Model", bound=Part)
+
+
+def _extension(*path: str) -> Any:
+    """Return a field with a value in the part's `extensions`, or None."""
+    return Field(default=None, validation_alias=AliasPath("extensions", *path))
 
 
 class Buffer(Part):
@@ -94,31 +99,18 @@ class Sampler(Part):
     wrap_t: int = 10497
 
 
-class TextureSource(Part):
-    """A texture's image in an extension."""
-
-    source: Index | None = None
-
-
-class TextureExtensions(Part):
-    """Extensions of a texture."""
-
-    webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
-    basisu: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
-
-
 class Texture(Part):
     """A texture: an image and a sampler."""
 
     source: Index | None = None
     sampler: Index | None = None
-    extensions: TextureExtensions = Field(default=TextureExtensions())
+    webp: Index | None = _extension("EXT_texture_webp", "source")
+    basisu: Index | None = _extension("KHR_texture_basisu", "source")
 
     @property
     def image(self) -> int | None:
         """Index of the image to read: the WebP image, which Pillow reads, or else the core one."""
-        webp = self.extensions.webp
-        return self.source if webp is None or webp.source is None else webp.source
+        return self.source if self.webp is None else self.webp
 
 
 class TextureTransform(Part):
@@ -135,30 +127,23 @@ class TextureTransform(Part):
         return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
 
 
-class ReferenceExtensions(Part):
-    """Extensions of a texture reference."""
-
-    transform: TextureTransform | None = Field(default=None, alias="KHR_texture_transform")
-
-
 class TextureReference(Part):
     """A material's reference to a texture."""
 
     index: Index
     tex_coord: Index = 0
-    extensions: ReferenceExtensions = Field(default=ReferenceExtensions())
+    transform: TextureTransform | None = _extension("KHR_texture_transform")
 
     @property
     def coordinates(self) -> int:
         """Index of the texture coordinate set."""
-        transform = self.extensions.transform
-        given = None if transform is None else transform.tex_coord
+        given = None if self.transform is None else self.transform.tex_coord
         return self.tex_coord if given is None else given
 
     @property
     def moved(self) -> bool:
         """True if KHR_texture_transform changes the texture coordinates."""
-        return self.extensions.transform is not None and self.extensions.transform.changes
+        return self.transform is not None and self.transform.changes
 
 
 class PbrMetallicRoughness(Part):
@@ -170,20 +155,6 @@ class PbrMetallicRoughness(Part):
     base_color_texture: TextureReference | None = None
 
 
-class SpecularGlossiness(Part):
-    """The specular-glossiness parameters of a material; only the texture is read."""
-
-    diffuse_texture: TextureReference | None = None
-
-
-class MaterialExtensions(Part):
-    """Extensions of a material."""
-
-    glossy: SpecularGlossiness | None = Field(
-        default=None, alias="KHR_materials_pbrSpecularGlossiness"
-    )
-
-
 class GltfMaterial(Part):
     """A material."""
 
@@ -191,29 +162,22 @@ class GltfMaterial(Part):
     alpha_mode: str = "OPAQUE"
     emissive_factor: Triple | None = None
     pbr_metallic_roughness: PbrMetallicRoughness | None = None
-    extensions: MaterialExtensions = Field(default=MaterialExtensions())
+    diffuse_texture: TextureReference | None = _extension(
+        "KHR_materials_pbrSpecularGlossiness", "diffuseTexture"
+    )
 
     def color_textures(self) -> list[TextureReference]:
         """Return the color textures of this material."""
-        pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
-        given = [
-            None if pbr is None else pbr.base_color_texture,
-            None if glossy is None else glossy.diffuse_texture,
-        ]
+        pbr = self.pbr_metallic_roughness
+        given = [None if pbr is None else pbr.base_color_texture, self.diffuse_texture]
         return [texture for texture in given if texture is not None]
-
-
-class PrimitiveExtensions(Part):
-    """Extensions of a primitive."""
-
-    draco: Any = Field(default=None, alias="KHR_draco_mesh_compression")
 
 
 class Primitive(Part):
     """A primitive: vertices and indices with one material."""
 
     attributes: dict[str, Index]
-    extensions: PrimitiveExtensions = Field(default=PrimitiveExtensions())
+    draco: Any = _extension("KHR_draco_mesh_compression")
     indices: Index | None = None
     material: Index | None = None
     mode: Annotated[int, Field(ge=0, le=6)] = TRIANGLES

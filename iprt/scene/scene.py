@@ -145,21 +145,6 @@ class Scene:
         return self.manifest.exposure
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the panorama in pixels."""
-        return self.source.size
-
-    @property
-    def width(self) -> int:
-        """Width of the panorama in pixels."""
-        return self.size[0]
-
-    @property
-    def height(self) -> int:
-        """Height of the panorama in pixels."""
-        return self.size[1]
-
-    @property
     def frame_indices(self) -> range:
         """Numbers of the video's frames."""
         return self.source.indices

@@ -53,7 +53,6 @@ def with_material(material: str) -> str:
             "[video]\ndepth_scale = 1\ndepth_range = [1, 2]",
             ["video.depth_range: depth_scale is given too"],
         ),
-        ("format = 1", "format = ", ["not valid TOML"]),
     ],
 )
 def test_video_and_top_level(old: str, new: str, expected: list[str]) -> None:
@@ -66,8 +65,6 @@ def test_video_and_top_level(old: str, new: str, expected: list[str]) -> None:
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [
-        (IDENTITY.replace("1", "nan", 1), "to_world[0]: expected a finite number, got nan"),
-        (IDENTITY.replace("1", "0", 1), "to_world: the matrix is singular"),
         ("[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,2]", "to_world: the last row must be 0, 0, 0, 1"),
         ("[1, 2]", "to_world: expected 16 values, got 2"),
         (IDENTITY.replace("1", "true", 1), "to_world[0]: expected a valid number, got True"),

@@ -37,7 +37,7 @@ def test_a_scene_opens_by_folder_or_file(tmp_path: Path) -> None:
         scene = Scene.open(path)
         assert scene.name == "box"
         assert scene.root == tmp_path
-        assert (scene.width, scene.height) == (64, 32)
+        assert scene.source.size == (64, 32)
         assert list(scene.frame_indices) == [0]
 
 
@@ -109,15 +109,6 @@ def test_frames_are_read_by_number(tmp_path: Path) -> None:
     assert scene.frame(4).color[0, 0, 0] == 4
     with pytest.raises(SceneError, match="no frame 5; the scene has 3 to 4"):
         scene.frame(5)
-
-
-def test_sizes_must_agree_and_be_two_to_one(tmp_path: Path) -> None:
-    write_scene(tmp_path)
-    write_channels(tmp_path / "depth.exr", Z=np.ones((16, 31), np.float32))
-    message = open_error(tmp_path, FormatError)
-    assert "depth.exr: 31 x 16 pixels, but colour has 64 x 32" in message
-    write_rgb(tmp_path / "color.exr", np.ones((32, 65, 3), np.float32))
-    assert "color.exr: 65 x 32 pixels; an equirect" in open_error(tmp_path, FormatError)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (3, 5), (3, 1), (128, 63)], ids=str)
