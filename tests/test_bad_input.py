@@ -260,7 +260,7 @@ NASTY = {entry.name: entry for entry in CORPUS}
         "glTF accessor of 2^40",
         "glTF node that is its own child",
         "GLB of 4 GB",
-        "a name that colours the terminal",
+        "a name that colors the terminal",
         "manifest of too much: a number in hex",
     ],
 )

@@ -29,8 +29,13 @@ from iprt.geometry.gltf_document import (
 
 MAX_DEPTH = 256
 """Limit for the nesting of nodes; each is transformed by all its ancestors."""
-READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
-"""Vertex attributes that trimesh reads itself, with their types."""
+READ_ATTRIBUTES = {
+    "POSITION": ("VEC3",),
+    "NORMAL": ("VEC3",),
+    "TEXCOORD_0": ("VEC2",),
+    "COLOR_0": ("VEC3", "VEC4"),
+}
+"""Vertex attributes that are read besides joints and weights, with their types."""
 _INDEX_TYPES = (5121, 5123, 5125)
 _DRACO = "KHR_draco_mesh_compression"
 _BASISU = "KHR_texture_basisu"
@@ -101,9 +106,13 @@ def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
     """Check the attributes, indices and material of a primitive."""
     if "POSITION" not in primitive.attributes:
         raise ValueError(f"{where}: a primitive without POSITION")
-    for name, kind in READ_ATTRIBUTES.items():
+    expected = None
+    for name, types in READ_ATTRIBUTES.items():
         if (index := primitive.attributes.get(name)) is not None:
-            accessor_of(gltf, index, (kind,), f"{where}.{name}")
+            count = accessor_of(gltf, index, types, f"{where}.{name}").count
+            expected = count if expected is None else expected
+            if count != expected:
+                raise ValueError(f"{where}.{name}: {count} for {expected} vertices")
     if primitive.indices is not None:
         accessor = accessor_of(gltf, primitive.indices, ("SCALAR",), f"{where}.indices")
         if accessor.component_type not in _INDEX_TYPES:
@@ -123,7 +132,7 @@ def _check_nodes(gltf: Gltf) -> None:
             if child in children:
                 raise ValueError(f"nodes[{number}]: node {child} has two parents")
             children.add(child)
-    level = list(dict.fromkeys(gltf.scenes[gltf.scene].nodes)) if gltf.scenes else []
+    level = gltf.roots()
     if any(root >= len(gltf.nodes) or root in children for root in level):
         raise ValueError("scenes: a node that does not exist, or is not the root of a tree")
     sizes = np.array([_size(gltf, mesh) for mesh in gltf.meshes], np.int64).reshape(-1, 3)
@@ -135,15 +144,14 @@ def _check_nodes(gltf: Gltf) -> None:
         if depth > MAX_DEPTH:
             raise ValueError(f"more than {MAX_DEPTH} levels of nodes")
         level = [child for node in nodes for child in node.children]
-    # trimesh reads all meshes, with or without a node.
-    for primitives, vertices, triangles in (shown, sizes.sum(axis=0)):
-        if primitives > MAX_NODES:
-            raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
-        if vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
-            raise ValueError(
-                f"{triangles} triangles and {vertices} vertices; "
-                f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
-            )
+    primitives, vertices, triangles = shown
+    if primitives > MAX_NODES:
+        raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
+    if vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
+        raise ValueError(
+            f"{triangles} triangles and {vertices} vertices; "
+            f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
+        )
 
 
 def _size(gltf: Gltf, mesh: GltfMesh) -> tuple[int, int, int]:

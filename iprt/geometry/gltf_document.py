@@ -17,7 +17,7 @@ from iprt.files.safe_reading import MAX_BYTES, MAX_VERTICES
 MAX_PARTS = 2**17
 """Limit for accessors, buffer views and buffers of a document, each."""
 MAX_NODES = 2**14
-"""Limit for nodes and primitives of a document, each; trimesh takes a millisecond for each."""
+"""Limit for nodes and primitives of a document, each; all of them are visited in Python."""
 TRIANGLES, TRIANGLE_STRIP = 4, 5
 """Modes of primitives that are read."""
 
@@ -149,10 +149,19 @@ class TextureReference(Part):
 class PbrMetallicRoughness(Part):
     """The metallic-roughness parameters of a material."""
 
-    base_color_factor: Quadruple | None = None
+    base_color_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
     metallic_factor: Number = 1.0
     roughness_factor: Number = 1.0
     base_color_texture: TextureReference | None = None
+    metallic_roughness_texture: Any = None
+
+
+class SpecularGlossiness(Part):
+    """The specular-glossiness parameters of a material that are read."""
+
+    diffuse_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
+    glossiness_factor: Number = 1.0
+    diffuse_texture: TextureReference | None = None
 
 
 class GltfMaterial(Part):
@@ -160,16 +169,17 @@ class GltfMaterial(Part):
 
     name: str | None = None
     alpha_mode: str = "OPAQUE"
-    emissive_factor: Triple | None = None
-    pbr_metallic_roughness: PbrMetallicRoughness | None = None
-    diffuse_texture: TextureReference | None = _extension(
-        "KHR_materials_pbrSpecularGlossiness", "diffuseTexture"
-    )
+    emissive_factor: Triple = Field(default=[0.0, 0.0, 0.0])
+    normal_texture: Any = None
+    occlusion_texture: Any = None
+    emissive_texture: Any = None
+    pbr_metallic_roughness: PbrMetallicRoughness = Field(default=PbrMetallicRoughness())
+    glossiness: SpecularGlossiness | None = _extension("KHR_materials_pbrSpecularGlossiness")
 
     def color_textures(self) -> list[TextureReference]:
         """Return the color textures of this material."""
-        pbr = self.pbr_metallic_roughness
-        given = [None if pbr is None else pbr.base_color_texture, self.diffuse_texture]
+        other = None if self.glossiness is None else self.glossiness.diffuse_texture
+        given = [self.pbr_metallic_roughness.base_color_texture, other]
         return [texture for texture in given if texture is not None]
 
 
@@ -234,6 +244,13 @@ class Gltf(Part):
         """Return the URIs of buffers and images outside the binary chunk."""
         named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
         return [uri for uri in named if uri is not None]
+
+    def roots(self) -> list[int]:
+        """Return the root nodes of the scene; of a document without scenes, all roots."""
+        if self.scenes:
+            return list(dict.fromkeys(self.scenes[self.scene].nodes))
+        children = {child for node in self.nodes for child in node.children}
+        return [index for index in range(len(self.nodes)) if index not in children]
 
     def color_images(self) -> list[int]:
         """Return the indices of the images used as base color."""

@@ -14,7 +14,7 @@ from iprt.geometry.animated_mesh import load_animated_mesh
 from iprt.geometry.creases import CREASE_DEG, with_normals
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
-from tests.geometry.gltf_files import GltfFile, bar
+from tests.geometry.gltf_files import GltfFile, bar, face_normals
 from tests.scene.files import CUBE
 
 Float = NDArray[np.float64]
@@ -27,13 +27,6 @@ def exported(solid: trimesh.Trimesh, path: Path) -> Path:
     options = {".stl": {}, ".ply": {"vertex_normal": False}}
     bare.export(path, **options.get(path.suffix, {"include_normals": False}))
     return path
-
-
-def face_normals(mesh: Mesh) -> Float:
-    a, b, c = np.moveaxis(mesh.positions[mesh.triangles].astype(np.float64), 1, 0)
-    normals = np.cross(b - a, c - a)
-    unit: Float = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return unit
 
 
 def off_face_deg(mesh: Mesh) -> Float:

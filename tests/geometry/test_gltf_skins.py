@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from iprt.errors import FormatError
 from iprt.geometry import gltf_skin
-from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
-from tests.geometry.gltf_files import GltfFile
+from tests.geometry.gltf_files import GltfFile, face_normals
 
 CORNERS = np.array([[-0.5, 0, 0], [0.5, 0, 0], [0.5, 1.8, 0], [-0.5, 1.8, 0]])
 TRIANGLES = [[0, 1, 2], [0, 2, 3]]
@@ -57,12 +56,6 @@ def skinned(
     file.node(matrix=column_by_column(joints[1]))
     file.node(mesh=mesh, skin=skin, translation=[7, 7, 7])
     return file
-
-
-def face_normals(mesh: Mesh) -> NDArray[np.float64]:
-    corners = mesh.positions[mesh.triangles].astype(np.float64)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
 def test_an_armature_in_centimetres_does_not_shrink_the_mesh(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from trimesh.visual.material import PBRMaterial
 
 from iprt.errors import FormatError
 from iprt.geometry.meshes import load_mesh
+from tests.geometry.gltf_files import GltfFile
 from tests.scene.files import CUBE
 
 
@@ -199,3 +200,16 @@ def test_cut_off_meshes_are_errors(tmp_path: Path) -> None:
             with pytest.raises(FormatError) as error:
                 load_mesh(path)
             assert str(path) in str(error.value)
+
+
+def test_strips_without_indices_or_a_scene_face_one_way(tmp_path: Path) -> None:
+    file = GltfFile()
+    number = file.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]], [])
+    primitive = file.document["meshes"][number]["primitives"][0]
+    del primitive["indices"], file.document["scenes"]
+    primitive["mode"] = 5
+    file.node(children=[file.node(mesh=number, translation=[0, 0, 3])])
+    mesh = load_mesh(file.write(tmp_path / "s.glb"))
+    assert len(mesh.triangles) == 3
+    np.testing.assert_allclose(mesh.normals, np.tile([0, 0, 1], (len(mesh.normals), 1)))
+    assert (mesh.positions[:, 2] == 3.0).all()
