@@ -18,8 +18,8 @@ from iprt.geometry.gltf_skin import require_few_vertices, skin_of
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.mesh_shapes import gltf_shapes
 from iprt.geometry.meshes import Part, joined, part_of
-from iprt.geometry.shapes import gltf_shapes
 
 LOG = logging.getLogger("iprt.scene")
 

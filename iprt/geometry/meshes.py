@@ -18,7 +18,7 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mesh_materials import Textures, convert_material, has_texture, tinted
-from iprt.geometry.shapes import Shape, resting_shapes, trimesh_shapes
+from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes
 from iprt.geometry.vertex_colors import color_texture
 
 LOG = logging.getLogger("iprt.scene")

@@ -38,7 +38,7 @@ from iprt.scene.manifest_writing import (
     table_text,
     write_manifest,
 )
-from iprt.scene.objects import AnyMesh, SceneObject, made_of
+from iprt.scene.objects import AnyMesh, SceneObject, painted
 from iprt.scene.scene import Scene
 
 SAVED_VIEW = "saved"
@@ -122,7 +122,7 @@ def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
         to_world = np.reshape(np.array(edit.to_world, np.float64), (4, 4))
         entry = replace(entry, motion=replace(entry.motion, to_world=to_world))
     if edit.material is not None:
-        entry = replace(entry, mesh=made_of(entry.mesh, edit.material))
+        entry = replace(entry, mesh=painted(entry.mesh, edit.material))
     return entry
 
 

@@ -30,7 +30,7 @@ from iprt.scene.manifest import (
 )
 from iprt.scene.objects import SceneObject, load_objects, objects_at
 from iprt.scene.real_materials import declared_materials, found_materials
-from iprt.scene.scene_files import made_of, missing_files
+from iprt.scene.scene_files import input_files, missing_files
 
 
 @dataclass(frozen=True)
@@ -327,7 +327,7 @@ class Scene:
         SceneError
             One of `paths` is the manifest, or a file that it names.
         """
-        ours = {file.resolve() for file in made_of(self)}
+        ours = {file.resolve() for file in input_files(self)}
         for path in paths:
             if path.resolve() in ours:
                 raise SceneError(

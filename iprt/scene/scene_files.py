@@ -59,7 +59,7 @@ def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
     return problems
 
 
-def made_of(scene: NamesFiles) -> set[Path]:
+def input_files(scene: NamesFiles) -> set[Path]:
     """Return the manifest and all files that it names except truths; frames may be missing."""
     files = {scene.root / MANIFEST_NAME, *(scene.root / name for _, name in _files(scene))}
     if scene.manifest.video.poses is not None:
@@ -107,7 +107,7 @@ def fingerprint(scene: NamesFiles) -> str:
     Files are compared by size and modification time, and are not read.
     """
     digest = hashlib.sha256(f"{READING} {scene.manifest.model_dump_json()}".encode())
-    for file in sorted(made_of(scene) - {scene.root / MANIFEST_NAME}):
+    for file in sorted(input_files(scene) - {scene.root / MANIFEST_NAME}):
         with suppress(FileNotFoundError):  # frames of a video may be missing
             status = file.stat()
             digest.update(f"\n{file.name} {status.st_size} {status.st_mtime_ns}".encode())

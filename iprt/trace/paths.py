@@ -16,7 +16,7 @@ from iprt.gbuffer.guide import Guide, plane_defines
 from iprt.geometry.camera import View
 from iprt.method import Setup
 from iprt.settings.features import Features
-from iprt.settings.paths import PathTracingSettings
+from iprt.settings.path_tracing import PathTracingSettings
 from iprt.trace.sparse import SparseMethod, Tracers
 from iprt.trace.tracers import RealTracer, VirtualTracer
 from iprt.world.real.lights import Lights

@@ -12,7 +12,7 @@ from iprt.errors import FormatError
 from iprt.files import safe_reading
 from iprt.files.images import read_color
 from iprt.footage.video.source import FrameSource
-from iprt.geometry import mesh_files, mesh_materials, shapes
+from iprt.geometry import mesh_files, mesh_materials, mesh_shapes
 from iprt.geometry.meshes import load_mesh
 from iprt.scene import objects as objects_module
 from iprt.scene import real_materials
@@ -56,9 +56,9 @@ def test_meshes_up_to_the_limit(
     name: str, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
-    monkeypatch.setattr(shapes, name, least)
+    monkeypatch.setattr(mesh_shapes, name, least)
     load_mesh(tmp_path / "m.obj")
-    monkeypatch.setattr(shapes, name, least - 1)
+    monkeypatch.setattr(mesh_shapes, name, least - 1)
     with pytest.raises(FormatError, match="12 triangles and 8 vertices; at most"):
         load_mesh(tmp_path / "m.obj")
 
