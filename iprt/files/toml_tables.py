@@ -1,4 +1,4 @@
-"""Tables of `scene.toml`: their base class, the types of their values, and errors in words."""
+"""Tables of TOML files: their base class, the types of their values, and errors in words."""
 
 from __future__ import annotations
 
