@@ -85,6 +85,10 @@ FAULTS: dict[str, tuple[Callable[[GltfFile], Any], str]] = {
         "joints that are no whole numbers",
     ),
     "weights of NaN": (lambda f: weights(f, np.nan), "weights that are NaN, infinite or negative"),
+    "fewer normals than vertices": (
+        lambda f: attribute(f, "NORMAL", f.array(np.ones((3, 3)))),
+        "meshes[0].NORMAL: 3 for 72 vertices",
+    ),
     "fewer weights than vertices": (
         lambda f: attribute(f, "WEIGHTS_0", f.array(np.ones((3, 4)))),
         "meshes[0].WEIGHTS_0: 3 of VEC4; expected",

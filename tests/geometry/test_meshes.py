@@ -208,8 +208,9 @@ def test_strips_without_indices_or_a_scene_face_one_way(tmp_path: Path) -> None:
     primitive = file.document["meshes"][number]["primitives"][0]
     del primitive["indices"], file.document["scenes"]
     primitive["mode"] = 5
-    file.node(children=[file.node(mesh=number, translation=[0, 0, 3])])
+    file.node(children=[file.node(mesh=number, translation=[0, 0, 3])], rotation=[0, 0, 2, 0])
     mesh = load_mesh(file.write(tmp_path / "s.glb"))
     assert len(mesh.triangles) == 3
     np.testing.assert_allclose(mesh.normals, np.tile([0, 0, 1], (len(mesh.normals), 1)))
     assert (mesh.positions[:, 2] == 3.0).all()
+    assert mesh.positions[:, :2].min() == -2.0, "half a turn"
