@@ -235,7 +235,7 @@ class Scene:
 
     @cached_property
     def found_materials(self) -> tuple[RealMaterial, ...]:
-        """The undeclared glossy surfaces (`iprt.scene.found_gloss`).
+        """The undeclared glossy surfaces (`iprt.scene.real_materials`).
 
         Raises
         ------
