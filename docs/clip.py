@@ -15,7 +15,7 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.film import Film
 from iprt.output.display import display
-from iprt.output.png import write_display_png
+from iprt.output.picture import write_display_png
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 

@@ -16,7 +16,7 @@ from PIL import Image
 import iprt
 from iprt.files.images import read_color
 from iprt.output.display import display
-from iprt.output.png import write_display_png
+from iprt.output.picture import write_display_png
 
 FOLDER = Path(__file__).resolve().parent
 PART = (slice(240, 640), slice(240, 740))

@@ -14,8 +14,8 @@ from iprt import cli
 from iprt.device import compilers
 from iprt.device.choose import VARIABLE, choose_device
 from iprt.device.compute import ComputeDevice
-from iprt.settings.layers import variable
 from iprt.settings.overrides import all_settings
+from iprt.settings.user import variable
 from tests.like_gpu import LikeGpu
 from tests.scene.files import write_scene
 

@@ -99,9 +99,9 @@ BAD_SCENES: dict[str, tuple[Change, str]] = {
     "EXR empty": (cut("depth.exr", 0.0), "depth.exr: empty"),
     "EXR is text": (holds("color.exr", "hello"), "color.exr: not an EXR, PNG"),
     "depth PNG unscaled": (replaced("depth.exr", "depth.png", depth_png), "video.depth_scale: "),
-    "depth in colours": (
+    "depth in colors": (
         replaced('depth = "depth.exr"', SCALED, picture("depth.png", "PNG")),
-        "depth.png: a picture in colours; false colours cannot be read as depth",
+        "depth.png: a picture in colors; false colors cannot be read as depth",
     ),
     "sizes differ": (
         lambda f: write_channels(f / "depth.exr", Z=np.ones((64, 128), np.float32)),
@@ -230,7 +230,7 @@ NASTY = {entry.name: entry for entry in CORPUS}
         "PLY of 2^31 vertices",
         "texture that ghostscript would run",
         "glTF accessor of 2^40",
-        "a name that colours the terminal",
+        "a name that colors the terminal",
         "manifest of too much: a number in hex",
     ],
 )

@@ -29,7 +29,7 @@ from iprt.bvh.wide import (
 )
 from iprt.device.kernel_source import constant
 from iprt.errors import SceneError
-from iprt.files.untrusted import MAX_OBJECTS
+from iprt.files.safe_reading import MAX_OBJECTS
 from iprt.geometry.mesh import Instance, Mesh, cofactors, transformed
 
 Floats = NDArray[np.float32]

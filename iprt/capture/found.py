@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from iprt.capture.pinhole import Pinhole
 from iprt.errors import FormatError
-from iprt.files.problems import PICTURE_SUFFIXES
-from iprt.files.wording import counted
+from iprt.files.kinds import PICTURE_SUFFIXES
+from iprt.files.message_text import counted
 
 Matrix = NDArray[np.float64]
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]

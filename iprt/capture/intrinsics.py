@@ -15,10 +15,18 @@ from iprt.capture.pinhole import Pinhole
 from iprt.capture.rigid import MOST_BYTES, read_matrix
 from iprt.errors import FormatError, SceneError
 from iprt.files.images import picture_size, read_header
-from iprt.files.problems import describe, problems_error
-from iprt.files.table import FARTHEST, Factor, FramePath, RelativePath, Table
-from iprt.files.toml_text import parse_toml, printable, read_text
-from iprt.files.untrusted import is_file, read_bytes
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import is_file, read_bytes
+from iprt.files.toml_tables import (
+    FARTHEST,
+    Factor,
+    FramePath,
+    RelativePath,
+    Table,
+    describe,
+    problems_error,
+)
+from iprt.files.toml_text import parse_toml, read_text
 
 CAMERA = "camera.toml"
 MATRICES = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "camera-intrinsics.txt")

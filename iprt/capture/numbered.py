@@ -13,8 +13,8 @@ from iprt.capture.found import Axis, Found, Gatherer, by_number
 from iprt.capture.rigid import numbers, read_lines, read_matrix, rigid
 from iprt.capture.tum import STEP_M
 from iprt.errors import FormatError
-from iprt.files.problems import FRAME_PATTERN
-from iprt.files.untrusted import is_file
+from iprt.files.kinds import FRAME_PATTERN
+from iprt.files.safe_reading import is_file
 from iprt.footage.video.sequence import frame_path
 
 COLOR_FOLDERS = ("color", "rgb", "image", "images", "colour")

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.table import FARTHEST
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import read_bytes
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import read_bytes
+from iprt.files.toml_tables import FARTHEST
 
 RIGID = 2e-3
 """Tolerance for products of a rotation's columns, whose numbers are rounded."""

@@ -18,8 +18,8 @@ from iprt.capture.splat import splat
 from iprt.errors import FormatError
 from iprt.footage.video.depth_code import DepthCode
 from iprt.geometry.equirect import solid_angles
-from iprt.output.exr import write_exr
-from iprt.scene.edit import new_scene
+from iprt.output.picture import write_exr
+from iprt.scene.new_scene import new_scene
 
 MEASURED, BETWEEN, UNSEEN = 1.0, 0.5, 0.0
 """Values of the layer `seen`: a sample was there; between samples; never seen, the colour is made

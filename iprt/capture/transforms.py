@@ -12,10 +12,9 @@ from iprt.capture.pinhole import Pinhole
 from iprt.capture.rigid import rigid
 from iprt.errors import FormatError
 from iprt.files.images import read_header
-from iprt.files.path_safety import stays_inside
-from iprt.files.problems import PICTURE_SUFFIXES
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import MAX_SIDE, is_file
+from iprt.files.kinds import PICTURE_SUFFIXES
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import MAX_SIDE, is_file, stays_inside
 
 NAMES = ("transforms.json", "transforms_train.json")
 BENDING = ("k1", "k2", "k3", "k4", "p1", "p2")

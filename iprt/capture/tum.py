@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from iprt.capture.found import Found, Gatherer
 from iprt.capture.rigid import from_quaternion, numbers, read_lines
 from iprt.errors import FormatError
-from iprt.files.path_safety import stays_inside
-from iprt.files.problems import PICTURE_SUFFIXES
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import is_file
+from iprt.files.kinds import PICTURE_SUFFIXES
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import is_file, stays_inside
 
 SAME_TIME_S = 0.02
 """Largest difference in time between pictures and poses that belong together."""

@@ -11,7 +11,7 @@ import tyro
 from iprt.commands.flag_types import Position, Size
 from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 
 WIDTH = 1024
 FARTHEST_M = 1e5
@@ -67,7 +67,7 @@ def capture(
     from iprt.commands.progress import progress_bar
     from iprt.commands.scene_report import add_first_look
     from iprt.files.atomic import require_writable
-    from iprt.files.untrusted import MAX_SIDE
+    from iprt.files.safe_reading import MAX_SIDE
     from iprt.scene.manifest import MANIFEST_NAME
 
     width, height = size or (WIDTH, WIDTH // 2)

@@ -306,7 +306,7 @@ def _check_limit(fail_under_ssim: float | None) -> None:
 
 def _save(folder: Path, compared: Compared, made: dict[str, Any]) -> None:
     from iprt.measure.compare import DIFFERENCE_GAIN
-    from iprt.output.png import write_display_png
+    from iprt.output.picture import write_display_png
 
     result = compared.comparison
     write_display_png(

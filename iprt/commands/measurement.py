@@ -14,8 +14,8 @@ from typing import Any
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
+from iprt.files.message_text import counted
 from iprt.files.termination import at_termination
-from iprt.files.wording import counted
 from iprt.measure.protocol import provenance, provenance_line
 from iprt.measure.report import Report
 from iprt.measure.sweep import Combination

@@ -111,7 +111,7 @@ def profile(
         compute.profile.trace()
     report = _measure(compute, reel, opened.name, repeat)
     if trace is not None:
-        from iprt.output.trace import write_trace
+        from iprt.output.timeline import write_trace
 
         write_trace(trace, compute.profile.spans(), compute.name)
     _print(report, old, compare, json=json, csv=csv)

@@ -10,7 +10,7 @@ import tyro
 
 from iprt.commands.measurement_flags import EVERY_VIEW, NO_SWEEP, Measured, Swept
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 
 if TYPE_CHECKING:
     from iprt.commands.measurement import Measurement

@@ -81,7 +81,7 @@ def reference(
         raise IprtError(f"--seed {seed}: expected 0 to {2**31 - 1}")
     check_output(output)
 
-    from iprt.output.exr import write_exr
+    from iprt.output.picture import write_exr
     from iprt.scene.scene import Scene
     from iprt.truth.backend import mitsuba
 

@@ -15,7 +15,7 @@ from iprt.commands.lists import listed
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.commands.tradeoff_flags import TradeoffGoal
 from iprt.errors import IprtError
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 from iprt.settings.presets import CONVERGED
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def render(
     aov = listed(aov)
     tradeoff_goal = TradeoffGoal.of(time_per_frame, ssim, setting_flags.quality)
     from iprt.output.encode import FORMATS
-    from iprt.output.sequence import is_video
+    from iprt.output.frames import is_video
 
     video = is_video(output)
     film_flag = "--no-audio" if no_audio else None if codec is None else f"--codec {codec}"

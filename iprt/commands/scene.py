@@ -11,7 +11,7 @@ import tyro
 from iprt.commands.flag_types import DepthRange, Direction, Values
 from iprt.commands.standard_streams import reporting
 from iprt.errors import IprtError
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -226,8 +226,7 @@ def new(
     from iprt.commands.findings import Findings
     from iprt.commands.scene_report import add_first_look
     from iprt.footage.video.depth_code import DepthCode, DepthMarks
-    from iprt.scene.edit import new_scene
-    from iprt.scene.sources import layer_lists
+    from iprt.scene.new_scene import layer_lists, new_scene
 
     if depth_scale is not None and not 0.0 < depth_scale < float("inf"):
         raise IprtError(f"--depth-scale {depth_scale:g}: expected a number above 0")
@@ -329,23 +328,22 @@ def add(
         Exit status 0.
     """
     from iprt.commands.findings import Findings
-    from iprt.scene.adding import add_object
-    from iprt.scene.edit import parse_material
-    from iprt.scene.stance import Stance, parse_unit
+    from iprt.scene.mesh_pose import MeshPose, parse_unit
+    from iprt.scene.new_object import add_object, parse_material
 
     yaw, pitch = look
     if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
         raise IprtError(
             f"--look {yaw:g} {pitch:g}: expected -360 to 360 degrees and -90 to 90 degrees"
         )
-    stance = Stance(up, rotate, height, None if unit is None else parse_unit(unit))
+    pose = MeshPose(up, rotate, height, None if unit is None else parse_unit(unit))
     table = None if material is None else parse_material(material)
     added = add_object(
         scene,
         mesh,
         yaw,
         pitch,
-        stance=stance,
+        pose=pose,
         material=table,
         animation=int(animation) if animation is not None and animation.isdecimal() else animation,
         name=name,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import tyro
 
 from iprt.commands.standard_streams import reporting
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 
 if TYPE_CHECKING:
     from iprt.footage.real_material import RealMaterial
@@ -45,8 +45,8 @@ def gloss(
     int
         Exit status 0.
     """
-    from iprt.scene.declaring import declaration, declare
     from iprt.scene.manifest import MANIFEST_NAME
+    from iprt.scene.manifest_writing import declaration, declare
     from iprt.scene.scene import Scene
 
     opened = Scene.open(scene, allow_outside=allow_outside)

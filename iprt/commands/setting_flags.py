@@ -69,13 +69,13 @@ class SettingFlags:
         self, scene: Scene | None = None, *, still: bool = False, **short: object
     ) -> list[Assignment]:
         """Return all settings but the preset's; later ones take precedence. See `resolved`."""
-        from iprt.settings.layers import environment_settings, user_settings
         from iprt.settings.overrides import (
             Assignment,
             parse_assignment,
             read_settings,
             table_settings,
         )
+        from iprt.settings.user import environment_settings, user_settings
 
         file = [] if self.settings is None else read_settings(self.settings)
         flags = [parse_assignment("--set", text) for text in self.set]

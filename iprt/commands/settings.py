@@ -49,8 +49,8 @@ def settings(
     from iprt.device.choose import VARIABLE
     from iprt.output.grid import Grid, print_grid
     from iprt.scene.scene import Scene
-    from iprt.settings.layers import user_file
     from iprt.settings.overrides import plain_values, settings_toml
+    from iprt.settings.user import user_file
 
     opened = None if scene is None else Scene.open(scene, allow_outside=allow_outside)
     chosen = setting_flags.resolved(opened)

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from iprt.errors import OutputError
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer

@@ -15,7 +15,7 @@ from iprt.commands.measurement_flags import (
 )
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 
 MANY = 10
 """Outcomes up to which a terminal has room for all their passes."""

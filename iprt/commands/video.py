@@ -13,17 +13,16 @@ from iprt.device.compute import ComputeDevice
 from iprt.errors import FormatError
 from iprt.files.atomic import require_regular, require_writable
 from iprt.files.lock import locked
+from iprt.files.message_text import counted
 from iprt.files.termination import at_termination
-from iprt.files.wording import counted
 from iprt.film import Film, view_at
 from iprt.output.encode import CodecName, frame_rate, require_codec, require_even
-from iprt.output.frames import FrameOutput
+from iprt.output.frames import FrameOutput, PictureSequence, is_pattern, numbered
 from iprt.output.movie import DESCRIPTION, Movie, parts_of
 from iprt.output.picture import check_output
-from iprt.output.sequence import PictureSequence, is_pattern, numbered
 from iprt.output.sound import Sound
-from iprt.output.spherical import equirect_boxes, is_spherical
-from iprt.scene.fingerprint import fingerprint
+from iprt.output.spatial_media import equirect_boxes, is_spherical
+from iprt.scene.scene_files import fingerprint
 
 LOG = logging.getLogger("iprt.render")
 

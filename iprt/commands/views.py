@@ -57,7 +57,7 @@ def moving_view(
     if pitch is not None and not abs(pitch) <= 90.0:
         raise IprtError(f"--pitch {pitch:g}: expected -90 to 90 degrees")
     if name == "equirect":
-        width, height = size or (scene.width, scene.height)
+        width, height = size or scene.source.size
         if width != 2 * height:
             raise IprtError(
                 f"--size {width} {height}: the whole panorama is twice as wide as high; try "

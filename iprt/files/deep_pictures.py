@@ -1,6 +1,6 @@
 """Pictures decoded by FFmpeg: Radiance HDR, and formats that Pillow reads in 8 bits or not at all.
 
-Pillow keeps 8 of 16 bits of colour, and reads no floats in three channels.
+Pillow keeps 8 of 16 bits of color, and reads no floats in three channels.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_PIXELS, decoding, open_file, require_picture_size
+from iprt.files.safe_reading import MAX_PIXELS, decoding, open_file, require_picture_size
 
 if TYPE_CHECKING:
     import av

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.exr_header import Part, read_parts
 from iprt.files.exr_layers import Layer, color_layer, depth_layer, layers_of, normal_layer
+from iprt.files.message_text import printable
 from iprt.files.primaries import Chromaticity, to_rec709
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import decoding
+from iprt.files.safe_reading import decoding
 
 LOG = logging.getLogger("iprt.files")
 NO_DEPTH = (
-    "false colours cannot be read as depth; export depth itself, in one channel, as EXR, PFM or "
+    "false colors cannot be read as depth; export depth itself, in one channel, as EXR, PFM or "
     "16-bit grey PNG"
 )
-"""Message and remedy for depth in false colours."""
+"""Message and remedy for depth in false colors."""
 _warned: set[tuple[Path, bytes]] = set()
 """Folders and unusable chromaticities with a logged warning."""
 
@@ -68,7 +68,7 @@ def read_exr_depth(path: Path, wanted: str | None = None) -> NDArray[np.generic]
     Raises
     ------
     FormatError
-        As `read_exr_color`, or the layer's channels differ: a picture in colours.
+        As `read_exr_color`, or the layer's channels differ: a picture in colors.
     """
     parts = read_parts(path)
     layer = depth_layer(path, layers_of(parts), wanted)
@@ -76,7 +76,7 @@ def read_exr_depth(path: Path, wanted: str | None = None) -> NDArray[np.generic]
     if not all(np.array_equal(plane, other, equal_nan=True) for other in others):
         name = f"layer {printable(layer.name)}: " if layer.prefix else ""
         differ = f"{', '.join(layer.letters[:-1])} and {layer.letters[-1]} differ"
-        raise FormatError(f"{path}: {name}a picture in colours, whose {differ}; {NO_DEPTH}")
+        raise FormatError(f"{path}: {name}a picture in colors, whose {differ}; {NO_DEPTH}")
     return plane
 
 
@@ -197,7 +197,7 @@ def _matrix(path: Path, stored: bytes) -> NDArray[np.float32] | None:
         if (path.parent, stored) not in _warned:
             _warned.add((path.parent, stored))
             LOG.warning(
-                "%s: chromaticities cannot be used (%s); its colours are taken for Rec.709",
+                "%s: chromaticities cannot be used (%s); its colors are taken for Rec.709",
                 path,
                 error,
             )

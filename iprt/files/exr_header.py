@@ -15,7 +15,7 @@ from typing import BinaryIO
 import numpy as np
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_BYTES, open_file, require_picture_size
+from iprt.files.safe_reading import MAX_BYTES, open_file, require_picture_size
 
 MAGIC = b"\x76\x2f\x31\x01"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from iprt.errors import FormatError
 from iprt.files.exr_header import Part
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 
 _TRIPLES = ("RGB", "XYZ")
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")

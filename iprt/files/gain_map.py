@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.MpoImagePlugin import MpoImageFile
 
-from iprt.files.untrusted import decoding, read_bytes, require_picture_size
+from iprt.files.safe_reading import decoding, read_bytes, require_picture_size
 from iprt.files.xmp import xmp_of, xmp_value
 
 BAND = 64

@@ -21,10 +21,10 @@ from iprt.files.deep_pictures import DAMAGED, decoded_by_ffmpeg, hdr_size
 from iprt.files.gain_map import names_gain_map, read_gain_map
 from iprt.files.kinds import file_kind, require_sdr
 from iprt.files.numpy_depth import read_numpy
-from iprt.files.orientation import TURNED, orientation_of, upright
+from iprt.files.orientation import TURNED, as_stored, orientation_of, upright
 from iprt.files.pfm import read_pfm
-from iprt.files.tiff import TiffTags, read_tags, with_tags_of_pixels
-from iprt.files.untrusted import decoding, read_bytes, require_picture_size
+from iprt.files.safe_reading import decoding, read_bytes, require_picture_size
+from iprt.files.tiff import read_tags, with_tags_of_pixels
 from iprt.files.xmp import xmp_of
 
 Image2D = NDArray[np.float32]
@@ -87,7 +87,7 @@ def read_color(path: Path, layer: str | None = None) -> Image2D:
     """Read linear Rec.709 radiance as (H, W, 3) float32; values may be non-finite.
 
     EXR, Radiance HDR and floating-point TIFF are linear, and an EXR file's primaries are converted.
-    Integers of 8 or 16 bits are decoded from sRGB. A JPEG's gain map is applied. Alpha and colour
+    Integers of 8 or 16 bits are decoded from sRGB. A JPEG's gain map is applied. Alpha and color
     profiles are ignored.
 
     Parameters
@@ -105,40 +105,47 @@ def read_color(path: Path, layer: str | None = None) -> Image2D:
         return exr.read_exr_color(path, layer)
     if kind in _DEPTH_ONLY:
         raise FormatError(
-            f"{path}: {_DEPTH_ONLY[kind]} is read as depth only; save colour as EXR, PNG or JPEG"
+            f"{path}: {_DEPTH_ONLY[kind]} is read as depth only; save color as EXR, PNG or JPEG"
         )
     if kind == "hdr":
         hdr_size(path)
         color: Image2D = decoded_by_ffmpeg(path, "hdr", read_bytes(path))
         return color
+    stored = _pixels(path, kind)
+    if stored.dtype == np.uint32:
+        raise FormatError(f"{path}: a TIFF file of 32-bit integers is read as depth only")
+    color = stored if stored.dtype == np.float32 else decode_srgb(stored)
+    if color.ndim == 2:
+        color = np.repeat(color[..., None], 3, axis=-1)
+    if kind == "jpeg":
+        image = _open_pillow(path, kind)
+        if names_gain_map(image) and (gain := read_gain_map(path)):
+            gain.brighten(as_stored(color, orientation_of(image)))
+    return np.ascontiguousarray(color)
+
+
+def _pixels(path: Path, kind: str) -> NDArray[Any]:
+    """Decode an upright picture, (H, W) or (H, W, 3): unsigned integers or float32 as stored."""
     if kind == "tiff":
-        return _tiff_color(path)
+        return _tiff_pixels(path)
     image = _open_pillow(path, kind)
-    is_16_bit = kind == "png" and _is_16_bit(image)
-    coded = _decoded(path, image, "RGB")
-    color = decode_srgb(decoded_by_ffmpeg(path, "png", read_bytes(path)) if is_16_bit else coded)
-    if kind == "jpeg" and names_gain_map(image) and (gain := read_gain_map(path)):
-        gain.brighten(color)
-    return np.ascontiguousarray(upright(color, orientation_of(image)))
+    is_grey, is_16_bit = image.mode.startswith("I"), kind == "png" and _is_16_bit(image)
+    stored = _decoded(path, image, None if is_grey else "RGB")
+    if is_grey:
+        stored = stored.astype(np.uint16, copy=False)
+    elif is_16_bit:
+        stored = decoded_by_ffmpeg(path, "png", read_bytes(path))
+    return upright(stored, orientation_of(image))
 
 
-def _tiff_color(path: Path) -> Image2D:
+def _tiff_pixels(path: Path) -> NDArray[Any]:
     tags = read_tags(path)
     if tags.is_deep:
         deep = decoded_by_ffmpeg(path, "tiff", with_tags_of_pixels(path))
-        deep = upright(deep, tags.orientation)
-        return np.ascontiguousarray(deep if tags.is_float else decode_srgb(deep))
-    image = _open_pillow(path, "tiff")
+        return upright(deep, tags.orientation)
+    image = _open_pillow(path, "tiff")  # Pillow applies the orientation
     if tags.bits <= 8:
-        return decode_srgb(_decoded(path, image, "RGB"))
-    grey = _tiff_grey(path, image, tags)
-    if tags.bits == 32 and not tags.is_float:
-        raise FormatError(f"{path}: a TIFF file of 32-bit integers is read as depth only")
-    return np.repeat((grey if tags.is_float else decode_srgb(grey))[..., None], 3, axis=-1)
-
-
-def _tiff_grey(path: Path, image: Image.Image, tags: TiffTags) -> NDArray[Any]:
-    """Decode (H, W) uint16, uint32 or float32; Pillow applies the orientation."""
+        return _decoded(path, image, "RGB")
     kind = np.float32 if tags.is_float else np.uint16 if tags.bits == 16 else np.uint32
     return _decoded(path, image).astype(kind, copy=False)
 
@@ -157,7 +164,7 @@ def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, int]:
     Raises
     ------
     FormatError
-        As `read_color`, or the picture is in colours.
+        As `read_color`, or the picture is in colors.
     """
     kind = _kind_with(path, "depth", layer)
     if kind == "exr":
@@ -167,41 +174,13 @@ def read_depth(path: Path, layer: str | None = None) -> tuple[Image2D, int]:
     if kind == "pfm":
         return read_pfm(path), 0
     if kind == "hdr":
-        raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
-    return _with_bits(_tiff_depth(path) if kind == "tiff" else _coded_depth(path, kind))
-
-
-def _tiff_depth(path: Path) -> NDArray[Any]:
-    tags = read_tags(path)
-    if tags.is_deep:
-        deep = decoded_by_ffmpeg(path, "tiff", with_tags_of_pixels(path))
-        return upright(_one_channel(path, deep), tags.orientation)
-    image = _open_pillow(path, "tiff")
-    if tags.bits > 8:
-        return _tiff_grey(path, image, tags)
-    return _one_channel(path, _decoded(path, image, "RGB"))
-
-
-def _coded_depth(path: Path, kind: str) -> NDArray[Any]:
-    """Decode (H, W) uint8 or uint16, by Pillow or, for 16-bit colours, by FFmpeg."""
-    image = _open_pillow(path, kind)
-    is_grey, is_16_bit = image.mode.startswith("I"), kind == "png" and _is_16_bit(image)
-    coded = _decoded(path, image, None if is_grey else "RGB")
-    if is_grey:
-        plane = coded.astype(np.uint16, copy=False)
-    elif is_16_bit:
-        plane = _one_channel(path, decoded_by_ffmpeg(path, "png", read_bytes(path)))
-    else:
-        plane = _one_channel(path, coded)
-    return upright(plane, orientation_of(image))
-
-
-def _one_channel(path: Path, coded: NDArray[Any]) -> NDArray[Any]:
-    """Return (H, W) of (H, W, 3) with equal channels."""
-    plane: NDArray[Any] = coded[..., 0]
-    if not all(np.array_equal(plane, coded[..., k], equal_nan=True) for k in (1, 2)):
-        raise FormatError(f"{path}: a picture in colours; {exr.NO_DEPTH}")
-    return plane
+        raise FormatError(f"{path}: a picture in colors; {exr.NO_DEPTH}")
+    stored = _pixels(path, kind)
+    if stored.ndim == 3 and not all(
+        np.array_equal(stored[..., 0], stored[..., k], equal_nan=True) for k in (1, 2)
+    ):
+        raise FormatError(f"{path}: a picture in colors; {exr.NO_DEPTH}")
+    return _with_bits(stored[..., 0] if stored.ndim == 3 else stored)
 
 
 def _with_bits(stored: NDArray[Any]) -> tuple[Image2D, int]:
@@ -224,7 +203,7 @@ def read_normal(path: Path) -> Image2D:
 
 
 def read_header(path: Path, layer: str | None = None) -> Header:
-    """Read the header of a colour picture.
+    """Read the header of a color picture.
 
     Parameters
     ----------
@@ -287,7 +266,7 @@ def decode_srgb(coded: NDArray[Any]) -> Image2D:
 
 
 def _is_16_bit(image: Image.Image) -> bool:
-    # Pillow reports mode RGB for 16-bit colour; the decoder's raw mode is reliable.
+    # Pillow reports mode RGB for 16-bit color; the decoder's raw mode is reliable.
     tiles = getattr(image, "tile", [])
     return image.mode.startswith("I") or (bool(tiles) and "16" in str(tiles[0][3]))
 
@@ -300,7 +279,7 @@ def _open_pillow(path: Path, kind: str) -> Image.Image:
             f"heif-convert {quote(path.name)} {quote(path.stem + '.png')}"
         )
     if kind not in _PILLOW_FORMATS:
-        raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colours")
+        raise FormatError(f"{path}: {_DEPTH_ONLY.get(kind, kind.upper())} is no picture in colors")
     if kind in ("avif", "heic"):
         require_sdr(path, kind)
     # Given a file name, Pillow maps raw TIFF and swaps rows and columns of rotated pictures.

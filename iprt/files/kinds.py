@@ -1,12 +1,13 @@
-"""Recognition of picture files by their first bytes."""
+"""Recognition of picture files by their first bytes and by their names."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from iprt.errors import FormatError
 from iprt.files.exr_header import MAGIC as EXR_MAGIC
-from iprt.files.untrusted import open_file
+from iprt.files.safe_reading import open_file
 
 _SIGNATURES = {
     EXR_MAGIC: "exr",
@@ -27,6 +28,12 @@ _BRANDS = {b"avif": "avif", b"avis": "avif"} | dict.fromkeys(
 )
 """Brands of pictures in `ftyp` files; other brands are MP4 video."""
 _HEADER_BYTES = 2**16
+FRAME_PATTERN = re.compile(r"%(0\d)?d")
+"""The printf conversions of a frame's number: %d, %04d."""
+PICTURE_SUFFIXES = (
+    *(".exr", ".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".tif", ".tiff"),
+    *(".hdr", ".pfm", ".npy", ".npz"),
+)
 READ = "EXR, PNG, JPEG, WebP, AVIF, HEIC, TIFF, Radiance HDR, PFM or NumPy"
 
 

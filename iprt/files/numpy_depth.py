@@ -11,8 +11,8 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import decoding, open_file, require_picture_size
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import decoding, open_file, require_picture_size
 
 NAMES = ("depth", "distance")
 """Names of depth among several arrays of an `.npz` file."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import require_picture_size
+from iprt.files.safe_reading import require_picture_size
 
 _HEADER = re.compile(rb"(P[fF])\s+(\d{1,10})\s+(\d{1,10})\s+([^\s]{1,32})\s")
 

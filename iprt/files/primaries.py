@@ -1,4 +1,4 @@
-"""Conversion of colours between RGB with different primaries and white points."""
+"""Conversion of colors between RGB with different primaries and white points."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def to_rec709(primaries: Primaries) -> NDArray[np.float32] | None:
     Raises
     ------
     ValueError
-        The chromaticities span no colours, or their white is invalid.
+        The chromaticities span no colors, or their white is invalid.
     """
     if np.allclose(primaries, REC709, rtol=0.0, atol=SAME):
         return None
@@ -43,13 +43,13 @@ def _to_xyz(primaries: Primaries) -> NDArray[np.float64]:
     """Return (3, 3) from linear RGB to XYZ under D65 (SMPTE RP 177; white points by Bradford)."""
     xyz = np.array([[x, y, 1.0 - x - y] for x, y in primaries], np.float64)
     columns, white = xyz[:3].T, xyz[3]
-    # Collinear primaries span no colours, and nearly collinear ones amplify noise.
+    # Collinear primaries span no colors, and nearly collinear ones amplify noise.
     if not (np.isfinite(xyz).all() and white[1] > 0.0 and np.linalg.cond(columns) < MAX_CONDITION):
-        raise ValueError("chromaticities that span no colours")
+        raise ValueError("chromaticities that span no colors")
     white = white / white[1]
     matrix = columns * np.linalg.solve(columns, white)
     cones = _BRADFORD @ white
     if not (cones > 0.0).all():
-        raise ValueError("a white point that is no colour")
+        raise ValueError("a white point that is no color")
     gains = (_BRADFORD @ _D65_XYZ) / cones
     return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(gains) @ _BRADFORD @ matrix)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from dataclasses import dataclass
+from operator import add
 from pathlib import Path
 from warnings import catch_warnings, simplefilter
 
@@ -12,7 +14,7 @@ from PIL import TiffImagePlugin
 from iprt.errors import FormatError
 from iprt.files.orientation import TAG as ORIENTATION
 from iprt.files.orientation import valid_orientation
-from iprt.files.untrusted import decoding, open_file, read_bytes, require_picture_size
+from iprt.files.safe_reading import decoding, open_file, read_bytes, require_picture_size
 
 _WIDTH, _HEIGHT, _BITS, _CHANNELS, _FORMAT = 256, 257, 258, 277, 339
 _PHOTOMETRIC, _GREY, _RGB = 262, 1, 2
@@ -20,6 +22,8 @@ _XMP = 700
 _UNSIGNED, _FLOAT = 1, 3
 _OF_PIXELS = (*range(256, 260), 262, 266, 273, 277, 278, 279, 284, 317, *range(322, 326))
 """Tags needed to decode the pixels."""
+_PIECES = ((273, 279), (324, 325))
+"""Tags with the offsets and the bytes of strips, and of tiles."""
 _ENTRY = 12
 """Bytes of a tag."""
 
@@ -72,6 +76,11 @@ def read_tags(path: Path) -> TiffTags:
         bits, formats = set(tags.get(_BITS, (1,))), set(tags.get(_FORMAT, (_UNSIGNED,)))
         channels, xmp = int(tags.get(_CHANNELS, 1)), tags.get(_XMP, b"")
         photometric = tags.get(_PHOTOMETRIC, _GREY)
+        size = os.fstat(file.fileno()).st_size
+        for offsets, counts in _PIECES:
+            ends = map(add, tags.get(offsets, ()), tags.get(counts, ()))
+            if max(ends, default=0) > size:
+                raise FormatError(f"{path}: cut off TIFF file ({size} bytes)")
     require_picture_size(path, width, height)
     is_float = formats == {_FLOAT}
     known = bits == {32} if is_float else formats == {_UNSIGNED} and bits <= {1, 2, 4, 8, 16, 32}

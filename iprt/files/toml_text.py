@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from pathlib import Path
 from typing import Any
+
+from iprt.files.message_text import printable
 
 MAX_BYTES = 2**20
 MAX_LINE = 10_000
 """Letters per line; the time of `tomllib` grows with the square of a line's length."""
 MAX_DEPTH = 32
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -78,9 +78,3 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise ValueError(f"line {line} is not UTF-8; save the file as UTF-8") from None
-
-
-def printable(text: str, most: int = 300) -> str:
-    """Return a text for an error message, without control characters and of limited length."""
-    shown = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text[: 2 * most])
-    return shown if len(shown) <= most else f"{shown[: most - 3]}..."

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.files.wording import length
+from iprt.files.message_text import length
 from iprt.footage.normals import estimate_normals
 from iprt.footage.readings import Reading, likely_reading
 from iprt.footage.video.depth_code import usable

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import decoding
+from iprt.files.safe_reading import decoding
 from iprt.geometry.animation import Skin, moved
 from iprt.geometry.creases import face_normals, have_normals, with_normals
 from iprt.geometry.gltf_clip import Clip, read_clip
-from iprt.geometry.gltf_numbers import part_node
 from iprt.geometry.gltf_skin import require_few_vertices, skin_of
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.meshes import Part, joined, part_of, placed_geometries
+from iprt.geometry.mesh_shapes import gltf_shapes
+from iprt.geometry.meshes import Part, joined, part_of
 
 LOG = logging.getLogger("iprt.scene")
 
@@ -133,11 +133,10 @@ def load_animated_mesh(
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
         pose = clip.pose(0.0)
         parts, pieces, flat, first = [], [], [np.zeros((0, 4), np.int64)], 0
-        placed = placed_geometries(file, dropped)
-        for name, (_, geometry) in placed.items():
-            node = part_node(name)
-            part = part_of(geometry, np.eye(4)[None, :3], dropped, material is None)
-            skin = skin_of(file, clip.bones, node, geometry)
+        nodes = clip.skeleton.nodes
+        for node, shape in gltf_shapes(file, nodes, colored=material is None):
+            part = part_of(shape, np.eye(4)[None, :3], dropped)
+            skin = skin_of(file, clip.bones, node, shape.primitive)
             part, lacking = _flattened(part)
             if skin is None and np.linalg.det(pose[node][:3, :3]) < 0.0:
                 part.triangles = part.triangles[:, ::-1]

@@ -1,16 +1,22 @@
-"""Checks of a glTF document before its data is read.
+"""Checks of a glTF document before its data is read, and errors for compressed files.
 
 Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
-(materials). Parts that are not read are not checked.
+(materials). Parts that are not read are not checked. Compression: Khronos glTF extension registry
+(KHR_draco_mesh_compression, EXT_meshopt_compression, KHR_meshopt_compression, KHR_texture_basisu).
+The commands that decompress belong to glTF Transform 4 (https://gltf-transform.dev/cli), which
+decodes Draco and meshopt whenever it reads a file.
 """
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Sized
+from pathlib import Path
 
 import numpy as np
 
-from iprt.files.untrusted import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
+from iprt.errors import FormatError
+from iprt.files.safe_reading import MAX_BYTES, MAX_TRIANGLES, MAX_VERTICES
 from iprt.geometry.gltf_document import (
     MAX_NODES,
     TRIANGLE_STRIP,
@@ -23,9 +29,21 @@ from iprt.geometry.gltf_document import (
 
 MAX_DEPTH = 256
 """Limit for the nesting of nodes; each is transformed by all its ancestors."""
-READ_ATTRIBUTES = {"POSITION": "VEC3", "NORMAL": "VEC3", "TEXCOORD_0": "VEC2"}
-"""Vertex attributes that trimesh reads itself, with their types."""
+READ_ATTRIBUTES = {
+    "POSITION": ("VEC3",),
+    "NORMAL": ("VEC3",),
+    "TEXCOORD_0": ("VEC2",),
+    "COLOR_0": ("VEC3", "VEC4"),
+}
+"""Vertex attributes that are read besides joints and weights, with their types."""
 _INDEX_TYPES = (5121, 5123, 5125)
+_DRACO = "KHR_draco_mesh_compression"
+_BASISU = "KHR_texture_basisu"
+_MESHES = {
+    _DRACO: "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
+}
 
 
 def check_gltf(gltf: Gltf) -> None:
@@ -88,9 +106,13 @@ def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:
     """Check the attributes, indices and material of a primitive."""
     if "POSITION" not in primitive.attributes:
         raise ValueError(f"{where}: a primitive without POSITION")
-    for name, kind in READ_ATTRIBUTES.items():
+    expected = None
+    for name, types in READ_ATTRIBUTES.items():
         if (index := primitive.attributes.get(name)) is not None:
-            accessor_of(gltf, index, (kind,), f"{where}.{name}")
+            count = accessor_of(gltf, index, types, f"{where}.{name}").count
+            expected = count if expected is None else expected
+            if count != expected:
+                raise ValueError(f"{where}.{name}: {count} for {expected} vertices")
     if primitive.indices is not None:
         accessor = accessor_of(gltf, primitive.indices, ("SCALAR",), f"{where}.indices")
         if accessor.component_type not in _INDEX_TYPES:
@@ -110,7 +132,7 @@ def _check_nodes(gltf: Gltf) -> None:
             if child in children:
                 raise ValueError(f"nodes[{number}]: node {child} has two parents")
             children.add(child)
-    level = list(dict.fromkeys(gltf.scenes[gltf.scene].nodes)) if gltf.scenes else []
+    level = gltf.roots()
     if any(root >= len(gltf.nodes) or root in children for root in level):
         raise ValueError("scenes: a node that does not exist, or is not the root of a tree")
     sizes = np.array([_size(gltf, mesh) for mesh in gltf.meshes], np.int64).reshape(-1, 3)
@@ -122,15 +144,14 @@ def _check_nodes(gltf: Gltf) -> None:
         if depth > MAX_DEPTH:
             raise ValueError(f"more than {MAX_DEPTH} levels of nodes")
         level = [child for node in nodes for child in node.children]
-    # trimesh reads all meshes, with or without a node.
-    for primitives, vertices, triangles in (shown, sizes.sum(axis=0)):
-        if primitives > MAX_NODES:
-            raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
-        if vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
-            raise ValueError(
-                f"{triangles} triangles and {vertices} vertices; "
-                f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
-            )
+    primitives, vertices, triangles = shown
+    if primitives > MAX_NODES:
+        raise ValueError(f"{primitives} primitives; at most {MAX_NODES} are read")
+    if vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
+        raise ValueError(
+            f"{triangles} triangles and {vertices} vertices; "
+            f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
+        )
 
 
 def _size(gltf: Gltf, mesh: GltfMesh) -> tuple[int, int, int]:
@@ -143,3 +164,44 @@ def _size(gltf: Gltf, mesh: GltfMesh) -> tuple[int, int, int]:
         corners = count if index is None else gltf.accessors[index].count
         triangles += {TRIANGLES: corners // 3, TRIANGLE_STRIP: corners}.get(primitive.mode, 0)
     return len(mesh.primitives), vertices, triangles
+
+
+def require_uncompressed(path: Path, gltf: Gltf) -> None:
+    """Check that meshes and color textures can be read without their compressed forms.
+
+    The uncompressed form is read where a file holds both.
+
+    Raises
+    ------
+    FormatError
+        They cannot; the message gives the command that converts the file.
+    """
+    found = [f"{name} ({key})" for key, name in _MESHES.items() if key in gltf.extensions_required]
+    if not found and _has_draco_alone(gltf):
+        found = [f"Draco ({_DRACO})"]
+    numbers = {reference.index for reference in gltf.color_textures()}
+    textures = [entry for number, entry in enumerate(gltf.textures) if number in numbers]
+    basis = any(entry.image is None and entry.basisu is not None for entry in textures)
+    if basis:
+        found.append(f"BasisU ({_BASISU})")
+    if not found:
+        return
+    plain = path.with_name(f"{path.stem}-plain{path.suffix}")
+    verb = "ktxdecompress" if basis else "copy"
+    tools = "npm install -g @gltf-transform/cli" + ("; it needs KTX-Software" if basis else "")
+    raise FormatError(
+        f"{path}: compressed with {' and '.join(found)}, which is not read; convert it: "
+        f"{shlex.join(['gltf-transform', verb, str(path), str(plain)])} ({tools})"
+    )
+
+
+def _has_draco_alone(gltf: Gltf) -> bool:
+    """Return True if positions exist only in Draco's form; not all files declare it as required."""
+    indices = [
+        primitive.attributes.get("POSITION")
+        for mesh in gltf.meshes
+        for primitive in mesh.primitives
+        if primitive.draco is not None
+    ]
+    accessors = [gltf.accessors[i] for i in indices if i is not None and i < len(gltf.accessors)]
+    return any(accessor.buffer_view is None for accessor in accessors)

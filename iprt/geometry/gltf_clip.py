@@ -13,11 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from iprt.errors import FormatError
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 from iprt.geometry.animation import Float, Skeleton, Track
 from iprt.geometry.gltf_document import MAX_PARTS, Gltf, Index, Part, parsed_part
 from iprt.geometry.gltf_skin import Bones, read_bones, scene_nodes, unit_quaternions
-from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_files import MeshFile
 
 MAX_NAMES = 20
@@ -144,8 +143,8 @@ def _names(gltf: Gltf) -> list[object]:
 
 
 def _track(file: MeshFile, sampler: _Sampler, path: str, where: str) -> Track:
-    times = values_of(file, sampler.input, ("SCALAR",), f"{where}.input")[:, 0]
-    values = values_of(file, sampler.output, (_TYPES[path],), f"{where}.output")
+    times = file.values(sampler.input, ("SCALAR",), f"{where}.input")[:, 0]
+    values = file.values(sampler.output, (_TYPES[path],), f"{where}.output")
     if len(times) == 0 or not (times[0] >= 0.0 and (np.diff(times) > 0.0).all()):
         raise ValueError(f"{where}.input: times that do not ascend from 0 on")
     cubic = sampler.interpolation == "CUBICSPLINE"

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import numpy as np
+from pydantic import AliasPath, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
-from iprt.files.untrusted import MAX_BYTES, MAX_VERTICES
+from iprt.files.safe_reading import MAX_BYTES, MAX_VERTICES
 
 MAX_PARTS = 2**17
 """Limit for accessors, buffer views and buffers of a document, each."""
 MAX_NODES = 2**14
-"""Limit for nodes and primitives of a document, each; trimesh takes a millisecond for each."""
+"""Limit for nodes and primitives of a document, each; all of them are visited in Python."""
 TRIANGLES, TRIANGLE_STRIP = 4, 5
 """Modes of primitives that are read."""
 
-_FLOAT32 = 5126
-_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 Index = Annotated[int, Field(ge=0)]
@@ -40,6 +40,11 @@ class Part(BaseModel):
 
 
 Model = TypeVar("Model", bound=Part)
+
+
+def _extension(*path: str) -> Any:
+    """Return a field with a value in the part's `extensions`, or None."""
+    return Field(default=None, validation_alias=AliasPath("extensions", *path))
 
 
 class Buffer(Part):
@@ -70,14 +75,14 @@ class Accessor(Part):
     normalized: bool = False
 
     @property
-    def is_integer(self) -> bool:
-        """True for integer components."""
-        return self.component_type != _FLOAT32
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the components."""
+        return np.dtype(_DTYPES[self.component_type])
 
     @property
     def item_bytes(self) -> int:
         """Size of an element in bytes."""
-        return _COMPONENT_BYTES[self.component_type] * _COMPONENTS[self.type]
+        return self.dtype.itemsize * _COMPONENTS[self.type]
 
 
 class Image(Part):
@@ -94,31 +99,18 @@ class Sampler(Part):
     wrap_t: int = 10497
 
 
-class TextureSource(Part):
-    """A texture's image in an extension."""
-
-    source: Index | None = None
-
-
-class TextureExtensions(Part):
-    """Extensions of a texture."""
-
-    webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
-    basisu: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
-
-
 class Texture(Part):
     """A texture: an image and a sampler."""
 
     source: Index | None = None
     sampler: Index | None = None
-    extensions: TextureExtensions = Field(default=TextureExtensions())
+    webp: Index | None = _extension("EXT_texture_webp", "source")
+    basisu: Index | None = _extension("KHR_texture_basisu", "source")
 
     @property
     def image(self) -> int | None:
         """Index of the image to read: the WebP image, which Pillow reads, or else the core one."""
-        webp = self.extensions.webp
-        return self.source if webp is None or webp.source is None else webp.source
+        return self.source if self.webp is None else self.webp
 
 
 class TextureTransform(Part):
@@ -135,53 +127,41 @@ class TextureTransform(Part):
         return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
 
 
-class ReferenceExtensions(Part):
-    """Extensions of a texture reference."""
-
-    transform: TextureTransform | None = Field(default=None, alias="KHR_texture_transform")
-
-
 class TextureReference(Part):
     """A material's reference to a texture."""
 
     index: Index
     tex_coord: Index = 0
-    extensions: ReferenceExtensions = Field(default=ReferenceExtensions())
+    transform: TextureTransform | None = _extension("KHR_texture_transform")
 
     @property
     def coordinates(self) -> int:
         """Index of the texture coordinate set."""
-        transform = self.extensions.transform
-        given = None if transform is None else transform.tex_coord
+        given = None if self.transform is None else self.transform.tex_coord
         return self.tex_coord if given is None else given
 
     @property
     def moved(self) -> bool:
         """True if KHR_texture_transform changes the texture coordinates."""
-        return self.extensions.transform is not None and self.extensions.transform.changes
+        return self.transform is not None and self.transform.changes
 
 
 class PbrMetallicRoughness(Part):
     """The metallic-roughness parameters of a material."""
 
-    base_color_factor: Quadruple | None = None
+    base_color_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
     metallic_factor: Number = 1.0
     roughness_factor: Number = 1.0
     base_color_texture: TextureReference | None = None
+    metallic_roughness_texture: Any = None
 
 
 class SpecularGlossiness(Part):
-    """The specular-glossiness parameters of a material; only the texture is read."""
+    """The specular-glossiness parameters of a material that are read."""
 
+    diffuse_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
+    glossiness_factor: Number = 1.0
     diffuse_texture: TextureReference | None = None
-
-
-class MaterialExtensions(Part):
-    """Extensions of a material."""
-
-    glossy: SpecularGlossiness | None = Field(
-        default=None, alias="KHR_materials_pbrSpecularGlossiness"
-    )
 
 
 class GltfMaterial(Part):
@@ -189,31 +169,25 @@ class GltfMaterial(Part):
 
     name: str | None = None
     alpha_mode: str = "OPAQUE"
-    emissive_factor: Triple | None = None
-    pbr_metallic_roughness: PbrMetallicRoughness | None = None
-    extensions: MaterialExtensions = Field(default=MaterialExtensions())
+    emissive_factor: Triple = Field(default=[0.0, 0.0, 0.0])
+    normal_texture: Any = None
+    occlusion_texture: Any = None
+    emissive_texture: Any = None
+    pbr_metallic_roughness: PbrMetallicRoughness = Field(default=PbrMetallicRoughness())
+    glossiness: SpecularGlossiness | None = _extension("KHR_materials_pbrSpecularGlossiness")
 
     def color_textures(self) -> list[TextureReference]:
-        """Return the colour textures of this material."""
-        pbr, glossy = self.pbr_metallic_roughness, self.extensions.glossy
-        given = [
-            None if pbr is None else pbr.base_color_texture,
-            None if glossy is None else glossy.diffuse_texture,
-        ]
+        """Return the color textures of this material."""
+        other = None if self.glossiness is None else self.glossiness.diffuse_texture
+        given = [self.pbr_metallic_roughness.base_color_texture, other]
         return [texture for texture in given if texture is not None]
-
-
-class PrimitiveExtensions(Part):
-    """Extensions of a primitive."""
-
-    draco: Any = Field(default=None, alias="KHR_draco_mesh_compression")
 
 
 class Primitive(Part):
     """A primitive: vertices and indices with one material."""
 
     attributes: dict[str, Index]
-    extensions: PrimitiveExtensions = Field(default=PrimitiveExtensions())
+    draco: Any = _extension("KHR_draco_mesh_compression")
     indices: Index | None = None
     material: Index | None = None
     mode: Annotated[int, Field(ge=0, le=6)] = TRIANGLES
@@ -271,13 +245,20 @@ class Gltf(Part):
         named = [*(buffer.uri for buffer in self.buffers), *(image.uri for image in self.images)]
         return [uri for uri in named if uri is not None]
 
+    def roots(self) -> list[int]:
+        """Return the root nodes of the scene; of a document without scenes, all roots."""
+        if self.scenes:
+            return list(dict.fromkeys(self.scenes[self.scene].nodes))
+        children = {child for node in self.nodes for child in node.children}
+        return [index for index in range(len(self.nodes)) if index not in children]
+
     def color_images(self) -> list[int]:
-        """Return the indices of the images used as base colour."""
+        """Return the indices of the images used as base color."""
         images = [self.textures[texture.index].image for texture in self.color_textures()]
         return list(dict.fromkeys(image for image in images if image is not None))
 
     def color_textures(self) -> list[TextureReference]:
-        """Return the colour textures of all materials."""
+        """Return the color textures of all materials."""
         return [texture for material in self.materials for texture in material.color_textures()]
 
 

@@ -5,22 +5,21 @@ Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.7.3 (skins).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from iprt.errors import FormatError
-from iprt.geometry.animation import Float, Node, Skeleton, Skin
+from iprt.geometry.animation import Float, Node, Skin
 from iprt.geometry.gltf_check import accessor_of
-from iprt.geometry.gltf_document import MAX_NODES, Gltf, Index, Part, parsed_part
-from iprt.geometry.gltf_numbers import INFLUENCES, JOINT_KEYS, WEIGHT_KEYS, part_node
-from iprt.geometry.gltf_values import values_of
+from iprt.geometry.gltf_document import MAX_NODES, Gltf, Index, Part, Primitive, parsed_part
 from iprt.geometry.mesh_files import MeshFile
 
+INFLUENCES = (0, 1)
+"""Sets of four joints per vertex that are read (JOINTS_0, JOINTS_1)."""
 MAX_BENT_VERTICES = 2**21
 """Limit for deformed vertices; each takes some hundred bytes."""
 
@@ -47,8 +46,7 @@ class Bones:
 def scene_nodes(gltf: Gltf) -> dict[int, Node]:
     """Return the nodes of the file's scene by index, parents first."""
     nodes: dict[int, Node] = {}
-    roots = dict.fromkeys(gltf.scenes[gltf.scene].nodes) if gltf.scenes else {}
-    level = [(-1, index) for index in roots]
+    level = [(-1, index) for index in gltf.roots()]
     while level:
         for parent, index in level:
             entry = gltf.nodes[index]
@@ -88,46 +86,6 @@ def read_bones(file: MeshFile, nodes: dict[int, Node]) -> dict[int, Bones]:
     return bones
 
 
-def resting_matrices(
-    file: MeshFile, placed: dict[str, tuple[Float, Any]]
-) -> Iterator[tuple[Float, Any]]:
-    """Yield geometries with their vertices' transforms at rest, without an animation.
-
-    Only joints place the vertices of a skin; the mesh's own node and its ancestors do not (section
-    3.7.3.3).
-
-    Parameters
-    ----------
-    placed : dict of str to (4, 4) float64 and trimesh geometry
-        By the node's name in the rewritten document (`numbered`).
-
-    Yields
-    ------
-    matrices : (1, 3, 4) or (V, 3, 4) float64
-        Transforms to scene space, one for all vertices or one for each.
-    geometry : trimesh geometry
-
-    Raises
-    ------
-    FormatError, ValueError
-        Too many vertices to deform, or a damaged skin.
-    """
-    bones: dict[int, Bones] = {}
-    pose: dict[int, Float] = {}
-    if file.gltf is not None and any(node.skin is not None for node in file.gltf.nodes):
-        nodes = scene_nodes(file.gltf)
-        bones, pose = read_bones(file, nodes), Skeleton(nodes, {}).pose(0.0)
-    count = 0
-    for name, (transform, geometry) in placed.items():
-        skin = skin_of(file, bones, part_node(name), geometry) if bones else None
-        if skin is None:
-            yield transform[None, :3], geometry
-            continue
-        count += len(skin.joints)
-        require_few_vertices(file, count)
-        yield skin.matrices(pose), geometry
-
-
 def require_few_vertices(file: MeshFile, count: int) -> None:
     """Raise FormatError if `count` exceeds the limit for deformed vertices."""
     if count > MAX_BENT_VERTICES:
@@ -148,7 +106,7 @@ def _bones(file: MeshFile, number: int, nodes: dict[int, Node]) -> Bones:
     count = len(skin.joints)
     inverse_bind = np.broadcast_to(np.eye(4), (count, 4, 4))
     if skin.inverse_bind_matrices is not None:
-        given = values_of(file, skin.inverse_bind_matrices, ("MAT4",), f"{where}.matrices")
+        given = file.values(skin.inverse_bind_matrices, ("MAT4",), f"{where}.matrices")
         if len(given) < count:
             raise ValueError(f"{where}: {len(given)} inverse bind matrices for {count} joints")
         inverse_bind = given[:count].reshape(count, 4, 4).transpose(0, 2, 1)
@@ -181,8 +139,10 @@ def unit_quaternions(quaternions: Float, where: str) -> Float:
     return np.asarray(quaternions / length)
 
 
-def skin_of(file: MeshFile, bones: dict[int, Bones], node: int, geometry: Any) -> Skin | None:
-    """Return the skin of a node's geometry, or None if the geometry follows the node.
+def skin_of(
+    file: MeshFile, bones: dict[int, Bones], node: int, primitive: Primitive | None
+) -> Skin | None:
+    """Return the skin of a node's primitive, or None if the primitive follows the node.
 
     Raises
     ------
@@ -191,23 +151,28 @@ def skin_of(file: MeshFile, bones: dict[int, Bones], node: int, geometry: Any) -
     """
     assert file.gltf is not None
     number = file.gltf.nodes[node].skin
-    if number is None or number not in bones:
+    if number is None or number not in bones or primitive is None:
         return None
-    given = geometry.vertex_attributes
-    pairs = [pair for pair in zip(JOINT_KEYS, WEIGHT_KEYS, strict=True) if pair[0] in given]
-    sets = [(given[joints], given[weights]) for joints, weights in pairs]
+    given, where = primitive.attributes, f"nodes[{node}]: skin {number}"
+    sets = [influence for influence in INFLUENCES if f"JOINTS_{influence}" in given]
     if not sets:
         return None
-    count = len(geometry.vertices)
-    where = f"nodes[{node}]: skin {number}"
-    joints = np.concatenate([_table(j, count, f"{where}: joints") for j, _ in sets], axis=1)
-    weights = np.concatenate([_fractions(w, count, f"{where}: weights") for _, w in sets], axis=1)
+    if any(file.gltf.accessors[given[f"JOINTS_{i}"]].dtype.kind == "f" for i in sets):
+        raise ValueError(f"{where}: joints that are no whole numbers")
+
+    def rows(kind: str) -> Float:
+        indices = [given[f"{kind}_{influence}"] for influence in sets]
+        whole = kind == "WEIGHTS"
+        values = [file.values(i, ("VEC4",), where, finite=False, fractions=whole) for i in indices]
+        return np.concatenate(values, axis=1)
+
+    joints, weights = rows("JOINTS"), rows("WEIGHTS")
     found = bones[number]
     return Skin(found.nodes, found.inverse_bind, *_checked(found, joints, weights, where))
 
 
 def _checked(
-    bones: Bones, joints: NDArray[np.generic], weights: NDArray[np.float64], where: str
+    bones: Bones, joints: NDArray[np.float64], weights: NDArray[np.float64], where: str
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return usable joints and weights (V, I), with weights normalised.
 
@@ -218,8 +183,6 @@ def _checked(
     """
     if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
         raise ValueError(f"{where}: weights that are NaN, infinite or negative")
-    if joints.dtype.kind not in "iu":
-        raise ValueError(f"{where}: joints that are no whole numbers")
     numbers = np.where(weights > 0.0, joints.astype(np.int64), 0)
     if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(bones.nodes):
         raise ValueError(f"{where}: joint {numbers.max()} of {len(bones.nodes)}")
@@ -229,18 +192,3 @@ def _checked(
     first[:, :1] = 1.0
     shares = np.divide(weights, total, out=first, where=total > 0.0)
     return numbers, shares
-
-
-def _table(values: Any, count: int, where: str) -> NDArray[np.generic]:
-    table: NDArray[np.generic] = np.asarray(values)
-    if table.shape != (count, 4):
-        raise ValueError(f"{where} of {table.shape}; there are {count} vertices of 4")
-    return table
-
-
-def _fractions(values: Any, count: int, where: str) -> NDArray[np.float64]:
-    """Return (count, 4) fractions; integers are fractions of the largest value of their type."""
-    table = _table(values, count, where)
-    if table.dtype.kind not in "iu":
-        return table.astype(np.float64)
-    return table.astype(np.float64) / float(2 ** (8 * table.dtype.itemsize) - 1)

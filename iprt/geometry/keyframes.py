@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, model_validator
 from scipy.spatial.transform import Rotation
 
-from iprt.files.table import Degrees, FieldOfView, Pitch, Point, Table
+from iprt.files.toml_tables import Degrees, FieldOfView, Pitch, Point, Table
 from iprt.geometry.animation import NO_ROTATION, Float, Track
 from iprt.geometry.camera import View
 

@@ -10,7 +10,7 @@ import base64
 import binascii
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -18,17 +18,18 @@ from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from iprt.errors import FormatError
 from iprt.files.images import open_picture
-from iprt.files.path_safety import require_inside
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import MAX_BYTES, decoding, is_file, read_bytes
-from iprt.geometry.gltf_check import READ_ATTRIBUTES, check_gltf
-from iprt.geometry.gltf_compressed import require_uncompressed
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import MAX_BYTES, decoding, is_file, read_bytes, require_inside
+from iprt.geometry.gltf_check import (
+    accessor_of,
+    check_gltf,
+    require_uncompressed,
+)
 from iprt.geometry.gltf_document import Gltf, parsed_gltf
-from iprt.geometry.gltf_numbers import CHUNK, FLOATS, numbered
-from iprt.geometry.gltf_values import values_of
 from iprt.geometry.mesh_unread import unapplied_gltf, unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
@@ -78,8 +79,7 @@ class MeshFile:
         self._read: dict[Path, bytes] = {}
         self._decoded: dict[str, bytes] = {}
         self.gltf: Gltf | None = None
-        self._gltf_document: Any = None
-        self._gltf_chunk = self._gltf_floats = b""
+        self._gltf_chunk = b""
         self._missing_libraries: list[str] = []
         self._ply_elements: list[str] = []
         self.references: dict[str, Path] = {}
@@ -106,8 +106,6 @@ class MeshFile:
         FileNotFoundError
             The mesh refers to no such file.
         """
-        if name in (CHUNK, FLOATS):
-            return self._gltf_chunk if name == CHUNK else self._gltf_floats
         for known in (name.strip(), _without_options(name.strip())):
             if known in self.references:
                 return self._contents(self.references[known])
@@ -116,37 +114,99 @@ class MeshFile:
     __getitem__ = get
 
     def readable_data(self) -> bytes:
-        """Return the file's contents, rewritten for trimesh.
+        """Return the contents of a PLY, OBJ or STL file, rewritten for trimesh.
 
         OBJ loses its comments and STL the names of its solids, because trimesh takes format
-        keywords in them for statements. glTF nodes are named by their indices. Joints, weights and
-        colours of vertices get names that trimesh passes on: `JOINT_KEYS`, `WEIGHT_KEYS`,
-        `COLOR_KEY`. Integer positions, normals and texture coordinates become floats.
-
-        Raises
-        ------
-        ValueError
-            A glTF buffer is shorter than declared.
+        keywords in them for statements.
         """
         if self.suffix == ".obj":
             lines = BytesIO(self.data)
             return b"".join(line for line in lines if not line.lstrip().startswith(b"#"))
-        if self.suffix == ".stl":
-            return checked_stl_text(self.data)
-        if self.gltf is None:
-            return self.data
-        for number, buffer in enumerate(self.gltf.buffers):
-            if (size := len(self.buffer(number))) < buffer.byte_length:
-                raise ValueError(f"buffer {number}: {size} of {buffer.byte_length} bytes")
-        floats = self._floats(self.gltf)
-        self._gltf_floats = b"".join(values.tobytes() for values in floats.values())
-        return numbered(self._gltf_document, floats)
+        return checked_stl_text(self.data) if self.suffix == ".stl" else self.data
 
     def buffer(self, number: int) -> bytes:
         """Return the contents of a glTF buffer, which may be shorter than declared."""
         assert self.gltf is not None
         uri = self.gltf.buffers[number].uri
         return self._gltf_chunk if uri is None else self._uri_bytes(uri)
+
+    def values(
+        self,
+        index: int,
+        types: Collection[str],
+        where: str,
+        *,
+        finite: bool = True,
+        fractions: bool = False,
+    ) -> NDArray[np.float64]:
+        """Return the data of a glTF accessor; normalised integers become fractions.
+
+        See Khronos glTF 2.0, sections 3.6.2 and 3.11.
+
+        Parameters
+        ----------
+        types : collection of str
+            Allowed glTF types.
+        where : str
+            Referring part of the document, for error messages.
+        finite : bool
+            Refuse NaN and infinity.
+        fractions : bool
+            Take any integers for fractions.
+
+        Returns
+        -------
+        (count, columns) float64
+            Matrices are rows of 16, column-major.
+
+        Raises
+        ------
+        ValueError
+            The accessor has another type, is missing, exceeds its buffer or is not finite.
+        """
+        assert self.gltf is not None
+        accessor = accessor_of(self.gltf, index, types, where)
+        assert accessor.buffer_view is not None
+        # `check_gltf` has checked that accessors lie in views, and views in declared buffers.
+        view = self.gltf.buffer_views[accessor.buffer_view]
+        data = self.buffer(view.buffer)
+        if view.byte_offset + view.byte_length > len(data):
+            raise ValueError(f"{where}: buffer {view.buffer} is cut off")
+        dtype = accessor.dtype
+        stored = np.ndarray(
+            (accessor.count, accessor.item_bytes // dtype.itemsize),
+            dtype,
+            data,
+            view.byte_offset + accessor.byte_offset,
+            (view.byte_stride or accessor.item_bytes, dtype.itemsize),
+        )
+        values = stored.astype(np.float64)
+        if (accessor.normalized or fractions) and dtype.kind in "iu":
+            values = np.maximum(values / np.iinfo(dtype).max, -1.0)
+        if finite and not np.isfinite(values).all():
+            raise ValueError(f"{where}: holds NaN or infinity")
+        return values
+
+    def picture(self, number: int) -> Image.Image:
+        """Open an image of a glTF file lazily.
+
+        Raises
+        ------
+        FormatError, ValueError
+            The image is unreadable, or it is nowhere.
+        """
+        assert self.gltf is not None
+        image = self.gltf.images[number]
+        if image.uri is not None:
+            data = self._uri_bytes(image.uri)
+        elif image.buffer_view is not None:
+            view = self.gltf.buffer_views[image.buffer_view]
+            data = self.buffer(view.buffer)[view.byte_offset : view.byte_offset + view.byte_length]
+        else:
+            raise ValueError(f"images[{number}]: neither uri nor bufferView")
+        return open_picture(
+            BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]")
+        )
 
     def unread_parts(self, *, animated: bool = False) -> list[str]:
         """Return the unread contents of the file, one phrase each, in a fixed order.
@@ -158,7 +218,7 @@ class MeshFile:
         if self.suffix == ".obj":
             return unread_obj(_lines(self.data))
         if self.suffix == ".stl":
-            return ["colours of triangles"] if has_colors(self.data) else []
+            return ["colors of triangles"] if has_colors(self.data) else []
         return unread_ply(self._ply_elements)
 
     def warnings(self) -> list[str]:
@@ -172,31 +232,17 @@ class MeshFile:
         ]
         return missing + ([] if self.gltf is None else list(unapplied_gltf(self.gltf)))
 
-    def _floats(self, gltf: Gltf) -> dict[int, NDArray[np.float32]]:
-        """Decode integer attributes: trimesh reads 255 as 255 where glTF means 1.
-
-        See Khronos glTF 2.0, section 3.6.2.2, and KHR_mesh_quantization.
-        """
-        floats = {}
-        for mesh in gltf.meshes:
-            for primitive in mesh.primitives:
-                for name, kind in READ_ATTRIBUTES.items():
-                    index = primitive.attributes.get(name)
-                    if index is not None and gltf.accessors[index].is_integer:
-                        values = values_of(self, index, (kind,), name)
-                        floats[index] = values.astype("<f4")
-        return floats
-
     def _look_inside(self) -> None:
         if self.suffix in _GLTF_SUFFIXES:
-            self._gltf_document, self._gltf_chunk = self._document()
-            self.gltf = parsed_gltf(self._gltf_document)
+            document, self._gltf_chunk = self._document()
+            self.gltf = parsed_gltf(document)
             require_uncompressed(self.path, self.gltf)
             check_gltf(self.gltf)
             for uri in self.gltf.uris():
                 if not uri.startswith("data:"):
                     self._refer(uri, unquote(uri))
-            self._check_gltf_textures(self.gltf)
+            for number in self.gltf.color_images():
+                self.picture(number)
         elif self.suffix == ".obj":
             self._refer_from_obj()
         elif self.suffix == ".ply":
@@ -287,21 +333,6 @@ class MeshFile:
         file = self.references[written]
         open_picture(BytesIO(self._contents(file)), self.path.parent / file)
 
-    def _check_gltf_textures(self, gltf: Gltf) -> None:
-        """Raise FormatError for unreadable textures, which trimesh would drop without a message."""
-        for number in gltf.color_images():
-            image = gltf.images[number]
-            if image.uri is not None:
-                data = self._uri_bytes(image.uri)
-            elif image.buffer_view is not None:
-                view = gltf.buffer_views[image.buffer_view]
-                data = self.buffer(view.buffer)[
-                    view.byte_offset : view.byte_offset + view.byte_length
-                ]
-            else:
-                raise ValueError(f"images[{number}]: neither uri nor bufferView")
-            open_picture(BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]"))
-
     def _uri_bytes(self, uri: str) -> bytes:
         if not uri.startswith("data:"):
             return self._contents(self.references[uri])
@@ -317,7 +348,7 @@ class MeshFile:
 
 
 def _material_maps(data: bytes) -> Iterator[str]:
-    """Yield the names of the colour textures of an MTL file."""
+    """Yield the names of the color textures of an MTL file."""
     for line in _lines(data):
         key, _, rest = line.partition(" ")
         if key.lower() == "map_kd" and rest.strip():

@@ -14,9 +14,11 @@ from PIL import Image
 
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb, texture_pixels
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import MAX_PIXELS
+from iprt.files.message_text import printable
+from iprt.files.safe_reading import MAX_PIXELS
+from iprt.geometry.gltf_document import GltfMaterial
 from iprt.geometry.material import Material
+from iprt.geometry.mesh_files import MeshFile
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9
@@ -49,7 +51,7 @@ class Textures:
         if self._texels > MAX_PIXELS:
             raise FormatError(
                 f"{self._path}: its textures have more than the {MAX_PIXELS} pixels that are "
-                "read; make them smaller (colours of vertices take four for each triangle)"
+                "read; make them smaller (colors of vertices take four for each triangle)"
             )
 
     def linear(self, image: Any) -> NDArray[np.float32] | None:
@@ -71,56 +73,62 @@ class Textures:
 
 
 def has_texture(source: Any) -> bool:
-    """Return True if a trimesh material (or None) has a colour texture."""
-    if type(source).__name__ == "PBRMaterial":
-        return isinstance(source.baseColorTexture, Image.Image)
+    """Return True if a material of a file (or None) has a color texture."""
+    if isinstance(source, GltfMaterial):
+        return bool(source.color_textures())
     return isinstance(getattr(source, "image", None), Image.Image)
 
 
 def convert_material(
-    source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
+    source: Any, file: MeshFile, textures: Textures, dropped: list[str]
 ) -> Material:
-    """Convert a trimesh material, and append the properties that are lost to `dropped`.
+    """Convert a material of a file, and append the properties that are lost to `dropped`.
 
     Parameters
     ----------
-    source : trimesh material or None
-        PBRMaterial (glTF) or SimpleMaterial (MTL).
-    factors : dict of str to list of float
-        Base colours of a glTF file by the material's name: trimesh keeps only 8 bits of them.
+    source : GltfMaterial, trimesh SimpleMaterial (MTL) or None
     """
     if source is None:
         return DEFAULT_MATERIAL
-    if type(source).__name__ == "PBRMaterial":
-        return _from_pbr(source, factors, textures, dropped)
+    if isinstance(source, GltfMaterial):
+        return _from_gltf(source, file, textures, dropped)
     return _from_mtl(source, textures, dropped)
 
 
 def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
-    """Return a material multiplied by a colour, or unchanged if the colour is None."""
+    """Return a material multiplied by a color, or unchanged if the color is None."""
     if color is None:
         return material
     own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
     return replace(material, albedo=_color(np.multiply(own, color)))
 
 
-def _from_pbr(
-    source: Any, factors: dict[str, list[float]], textures: Textures, dropped: list[str]
+def _from_gltf(
+    source: GltfMaterial, file: MeshFile, textures: Textures, dropped: list[str]
 ) -> Material:
     """Convert a glTF material; alpha = roughness²."""
-    _note_unused_maps(source, dropped)
-    color = factors.get(source.name)
-    if color is None:
-        stored = source.baseColorFactor
-        color = [1.0, 1.0, 1.0] if stored is None else [float(c) / 255.0 for c in stored]
-    albedo = _color(color)
-    texture = textures.linear(source.baseColorTexture)
-    metallic = 1.0 if source.metallicFactor is None else float(source.metallicFactor)
-    roughness = 1.0 if source.roughnessFactor is None else float(source.roughnessFactor)
+    pbr = source.pbr_metallic_roughness
+    for used, phrase in (
+        (source.normal_texture, "normal map"),
+        (source.occlusion_texture, "occlusion map"),
+        (pbr.metallic_roughness_texture, "metallic-roughness map"),
+        (source.emissive_texture, "emission map"),
+        (max(source.emissive_factor) > 0.0 or None, "emission"),
+    ):
+        if used is not None:
+            dropped.append(phrase)
     # A map scales the factor. Without the map, a factor of 1 has no meaning.
-    if source.metallicRoughnessTexture is not None:
-        metallic = 0.0
-    return _metal_or_not(albedo, metallic, roughness, texture, dropped)
+    metallic = 0.0 if pbr.metallic_roughness_texture is not None else pbr.metallic_factor
+    color, roughness = pbr.base_color_factor[:3], pbr.roughness_factor
+    if source.glossiness is not None:
+        color, metallic = source.glossiness.diffuse_factor[:3], 0.0
+        roughness = 1.0 - source.glossiness.glossiness_factor
+    texture = None
+    for reference in source.color_textures()[:1]:
+        assert file.gltf is not None
+        image = file.gltf.textures[reference.index].image
+        texture = None if image is None else textures.linear(file.picture(image))
+    return _metal_or_not(_color(color), metallic, roughness, texture, dropped)
 
 
 def _metal_or_not(
@@ -152,7 +160,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     values = source.kwargs
     albedo = _color(values.get("kd", [1.0, 1.0, 1.0]))
     texture = textures.linear(source.image)
-    # Most files repeat the colour texture as map_Ka.
+    # Most files repeat the color texture as map_Ka.
     read = {"map_ka"} if texture is not None else set()
     dropped.extend(_unread_mtl({key: values[key] for key in values if key not in read}))
     exponent = _first(values.get("ns"), 0.0)
@@ -172,7 +180,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
 def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
     """Yield a phrase for each unsupported property of an MTL material."""
     opaque = _first(values.get("d"), 1.0) >= 1.0 and _first(values.get("tr"), 0.0) <= 0.0
-    if not opaque or "map_d" in values:  # map_d is often the colour texture
+    if not opaque or "map_d" in values:  # map_d is often the color texture
         yield "transparency"
     if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
         yield "emission"
@@ -186,22 +194,8 @@ def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
             yield f"'{printable(key)}' of its materials"
 
 
-def _note_unused_maps(source: Any, dropped: list[str]) -> None:
-    for key, phrase in (
-        ("normalTexture", "normal map"),
-        ("occlusionTexture", "occlusion map"),
-        ("metallicRoughnessTexture", "metallic-roughness map"),
-        ("emissiveTexture", "emission map"),
-    ):
-        if getattr(source, key) is not None:
-            dropped.append(phrase)
-    emission = source.emissiveFactor
-    if emission is not None and np.any(np.asarray(emission) > 0.0):
-        dropped.append("emission")
-
-
 def _color(values: Any) -> tuple[float, float, float]:
-    """Return an RGB colour; MTL may give one value for all channels, or no numbers (black)."""
+    """Return an RGB color; MTL may give one value for all channels, or no numbers (black)."""
     try:
         given = np.asarray(values, np.float64)
     except (ValueError, TypeError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 from iprt.geometry.gltf_document import Gltf
 
 _TRIANGLE_MODES = (4, 5)

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import logging
-from collections import Counter
 from dataclasses import dataclass, replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES, decoding
+from iprt.files.safe_reading import decoding
 from iprt.geometry.animation import moved
 from iprt.geometry.creases import same_position, with_normals
-from iprt.geometry.gltf_document import Gltf
-from iprt.geometry.gltf_skin import resting_matrices
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mesh_materials import Textures, convert_material, has_texture, tinted
-from iprt.geometry.vertex_colors import color_texture, corner_colors
+from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes
+from iprt.geometry.vertex_colors import color_texture
 
 LOG = logging.getLogger("iprt.scene")
 
@@ -42,11 +38,11 @@ class Part:
     triangles : (F, 3) int64
     source : (V,) int64
         Original vertex in the file of each vertex.
-    material : trimesh material or None
+    material : GltfMaterial, trimesh material or None
     color : (r, g, b) or None
-        Linear colour that multiplies the material; None if the file has none.
+        Linear color that multiplies the material; None if the file has none.
     colors : (V, 3) float32 or None
-        Colours by vertex where they differ; then no two triangles share a vertex.
+        Colors by vertex where they differ; then no two triangles share a vertex.
     """
 
     positions: NDArray[np.float64]
@@ -77,7 +73,7 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     Geometries of different materials are never merged. Missing normals become flat for glTF, and
     smooth up to a crease angle for other formats (`creases.py`). Degenerate and non-finite
     triangles are removed. Skins of glTF files follow their joints at rest, without an animation
-    (Khronos glTF 2.0, section 3.7.3.3). Vertex colours become a texture. A warning is logged for
+    (Khronos glTF 2.0, section 3.7.3.3). Vertex colors become a texture. A warning is logged for
     each missing or unsupported property of the file's materials that would change the look much.
 
     Parameters
@@ -98,9 +94,13 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     file = MeshFile(path, within)
     dropped = file.unread_parts()
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
-        placed = resting_matrices(file, placed_geometries(file, dropped))
         colored = material is None
-        parts = [part_of(shape, matrices, dropped, colored) for matrices, shape in placed]
+        if file.gltf is not None:
+            placed = resting_shapes(file, colored=colored)
+            parts = [part_of(shape, matrices, dropped) for matrices, shape in placed]
+        else:
+            shapes = trimesh_shapes(file, dropped, colored=colored)
+            parts = [part_of(shape, np.eye(4)[None, :3], dropped) for shape in shapes]
         if file.suffix == ".stl":
             parts = [_welded(part) for part in parts]
         mesh = joined(file, parts, material, dropped)
@@ -116,73 +116,9 @@ def _welded(part: Part) -> Part:
     return part.taken(first, number[part.triangles])
 
 
-def placed_geometries(
-    file: MeshFile, dropped: list[str]
-) -> dict[str, tuple[NDArray[np.float64], Any]]:
-    """Return trimesh's transforms and meshes by node name; note other contents in `dropped`.
-
-    Raises
-    ------
-    FormatError
-        The meshes exceed the size limits.
-    """
-    import trimesh
-
-    # trimesh gets an open file and this resolver, so it reads no other files and no network.
-    with catch_warnings():
-        simplefilter("ignore")
-        scene = trimesh.load_scene(
-            BytesIO(file.readable_data()),
-            file_type=file.suffix[1:] if file.gltf is None else "gltf",
-            resolver=file,
-            process=False,
-        )
-    placed = {node: scene.graph[node] for node in scene.graph.nodes_geometry}
-    meshes = {
-        node: (np.asarray(transform, np.float64), scene.geometry[name])
-        for node, (transform, name) in placed.items()
-        if isinstance(scene.geometry[name], trimesh.Trimesh)
-    }
-    if len(meshes) < len(placed):
-        _note(dropped, "points, lines or curves")
-    triangles = sum(len(geometry.faces) for _, geometry in meshes.values())
-    vertices = sum(len(geometry.vertices) for _, geometry in meshes.values())
-    if triangles > MAX_TRIANGLES or vertices > MAX_VERTICES:
-        raise FormatError(
-            f"{file.path}: {triangles} triangles and {vertices} vertices; "
-            f"at most {MAX_TRIANGLES} and {MAX_VERTICES} are read"
-        )
-    return meshes
-
-
-def part_of(
-    geometry: Any, matrices: NDArray[np.float64], dropped: list[str], colored: bool
-) -> Part:
-    """Return a trimesh geometry, transformed by matrices.
-
-    Parameters
-    ----------
-    matrices : (1, 3, 4) or (V, 3, 4) float64
-        One for all vertices, or one for each.
-    colored : bool
-        Read the colours of vertices and faces.
-    """
-    positions = np.asarray(geometry.vertices, np.float64).reshape(-1, 3)
-    triangles = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
-    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(positions)):
-        raise ValueError("a triangle refers to a vertex that does not exist")
-    given = "vertex_normals" in geometry._cache
-    normals = (
-        np.asarray(geometry.vertex_normals, np.float64)
-        if given
-        else np.full(positions.shape, np.nan)
-    )
-    uvs = np.zeros((len(positions), 2), np.float32)
-    textured = geometry.visual.kind == "texture"
-    material = geometry.visual.material if textured else None
-    uv = geometry.visual.uv if textured else None
-    if uv is not None and len(uv) == len(positions):
-        uvs = np.nan_to_num(np.asarray(uv, np.float32)[:, :2])
+def part_of(shape: Shape, matrices: NDArray[np.float64], dropped: list[str]) -> Part:
+    """Return a shape, transformed by matrices: (1, 3, 4) float64 for all vertices, or (V, 3, 4)."""
+    positions, normals, triangles = shape.positions, shape.normals, shape.triangles
     if not np.allclose(matrices, np.eye(4)[:3]):
         positions, normals = moved(positions, normals, matrices)
         mirrored = np.broadcast_to(np.linalg.det(matrices[:, :, :3]) < 0.0, len(positions))
@@ -193,13 +129,12 @@ def part_of(
         _note(dropped, f"{removed} degenerate or non-finite triangles")
     positions = np.nan_to_num(positions, posinf=0.0, neginf=0.0)
     source = np.arange(len(positions))
-    part = Part(positions, normals, uvs, triangles[kept], source, material)
-    colors = corner_colors(geometry, part.triangles, kept) if colored else None
-    return part if colors is None else _colored(part, colors, dropped)
+    part = Part(positions, normals, shape.uvs.copy(), triangles[kept], source, shape.material)
+    return part if shape.colors is None else _colored(part, shape.colors[kept], dropped)
 
 
 def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Part:
-    """Return a part with the colours (F, 3, 3) of its triangles' corners."""
+    """Return a part with the colors (F, 3, 3) of its triangles' corners."""
     flat = colors.reshape(-1, 3)
     varied = bool((flat != flat[:1]).any())
     if varied and not has_texture(part.material):
@@ -207,7 +142,7 @@ def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Par
         divided = part.taken(part.triangles.ravel(), np.arange(3 * count).reshape(-1, 3))
         return replace(divided, colors=flat)
     if varied:
-        _note(dropped, "colours of vertices below a texture; their mean is used")
+        _note(dropped, "colors of vertices below a texture; their mean is used")
     red, green, blue = flat.mean(axis=0, dtype=np.float64) if len(flat) else (1.0, 1.0, 1.0)
     return replace(part, color=(float(red), float(green), float(blue)))
 
@@ -252,19 +187,19 @@ def _materials(
 ) -> tuple[list[Material], list[int]]:
     """Return the materials of parts, and the index of each part's material.
 
-    Parts with vertex colours get texture coordinates into a texture that they share with the other
+    Parts with vertex colors get texture coordinates into a texture that they share with the other
     parts of the same material.
     """
     groups: dict[tuple[int, Any, bool], list[int]] = {}
     for number, part in enumerate(parts):
         key = (id(part.material), part.color, part.colors is not None)
         groups.setdefault(key, []).append(number)
-    factors, textures = _base_colors(file.gltf), Textures(file.path)
+    textures = Textures(file.path)
     materials: list[Material] = []
     index = [0] * len(parts)
     for (_, color, varied), numbers in groups.items():
         members = [parts[number] for number in numbers]
-        material = convert_material(members[0].material, factors, textures, dropped)
+        material = convert_material(members[0].material, file, textures, dropped)
         if varied:
             texture = _shared_colors(members)
             textures.count(texture.shape[0] * texture.shape[1])
@@ -276,7 +211,7 @@ def _materials(
 
 
 def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
-    """Return a texture with the colours of parts, and set the parts' texture coordinates."""
+    """Return a texture with the colors of parts, and set the parts' texture coordinates."""
     corners = [part.positions[part.triangles] for part in parts]
     colors = [part.colors[part.triangles] for part in parts if part.colors is not None]
     centers = np.concatenate([each.mean(axis=1) for each in corners])
@@ -287,20 +222,6 @@ def _shared_colors(parts: list[Part]) -> NDArray[np.float32]:
         part.uvs[part.triangles] = uvs[first : first + count]
         first += count
     return texture
-
-
-def _base_colors(gltf: Gltf | None) -> dict[str, list[float]]:
-    """Return the base colours of a glTF file's materials by name, for unique names."""
-    entries = [] if gltf is None else gltf.materials
-    names = Counter(entry.name for entry in entries)
-    return {
-        entry.name: entry.pbr_metallic_roughness.base_color_factor
-        for entry in entries
-        if entry.name is not None
-        and names[entry.name] == 1
-        and entry.pbr_metallic_roughness is not None
-        and entry.pbr_metallic_roughness.base_color_factor is not None
-    }
 
 
 def _usable_triangles(

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_TRIANGLES, MAX_VERTICES
+from iprt.files.safe_reading import MAX_TRIANGLES, MAX_VERTICES
 
 _BYTES = {
     **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),

@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_TRIANGLES
+from iprt.files.safe_reading import MAX_TRIANGLES
 
 MAX_SOLIDS = 1024
 """Limit for the solids of a text file."""
@@ -74,7 +74,7 @@ def checked_stl_text(data: bytes) -> bytes:
 
 
 def has_colors(data: bytes) -> bool:
-    """Return True if triangles of a binary file may have colours, which no standard defines."""
+    """Return True if triangles of a binary file may have colors, which no standard defines."""
     attributes = (data[_HEADER + _TRIANGLE - byte :: _TRIANGLE] for byte in (2, 1))
     return _is_binary(data) and any(map(any, attributes))
 

@@ -1,21 +1,16 @@
-"""Colours of vertices and faces, stored as a texture with 2 x 2 texels for each triangle.
+"""Colors of vertices and faces, stored as a texture with 2 x 2 texels for each triangle.
 
-The four texels hold the colours a, b, c and b + c - a, for which bilinear interpolation is linear.
+The four texels hold the colors a, b, c and b + c - a, for which bilinear interpolation is linear.
 A triangle whose texture coordinates are the first three texel centres therefore interpolates its
-vertex colours as glTF requires (Khronos glTF 2.0, section 3.7.2.1), up to the half floats of
+vertex colors as glTF requires (Khronos glTF 2.0, section 3.7.2.1), up to the half floats of
 devices, and samples no texel of another triangle. Nearby triangles are nearby in the texture too,
 on all mip levels, so that triangles smaller than a pixel get the mean of their surroundings.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-
-from iprt.files.images import decode_srgb
-from iprt.geometry.gltf_numbers import COLOR_KEY
 
 Float32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
@@ -24,38 +19,8 @@ _CURVE_BITS = 10
 """Number of bits per axis of the grid along which triangles are sorted."""
 
 
-def corner_colors(geometry: Any, triangles: Ints, kept: Ints) -> Float32 | None:
-    """Return the colours at the corners of a trimesh geometry's triangles.
-
-    Parameters
-    ----------
-    triangles : (F, 3) int64
-        Vertex indices of the triangles that are kept.
-    kept : (F,) int64
-        Indices of these triangles in the geometry.
-
-    Returns
-    -------
-    (F, 3, 3) float32 or None
-        Linear RGB from 0 to 1 by triangle and corner; None without colours. glTF stores linear
-        colours, other formats sRGB.
-    """
-    given, visual = geometry.vertex_attributes.get(COLOR_KEY), geometry.visual
-    if given is not None:
-        rgb = np.asarray(given)[:, :3]
-        top = np.iinfo(rgb.dtype).max if rgb.dtype.kind in "iu" else 1.0
-        rgb = np.clip(np.nan_to_num(rgb.astype(np.float32) / np.float32(top)), 0.0, 1.0)
-        return np.asarray(rgb[triangles], np.float32)
-    if visual.kind == "vertex":
-        return decode_srgb(np.asarray(visual.vertex_colors)[:, :3])[triangles]
-    if visual.kind == "face":
-        of_face = decode_srgb(np.asarray(visual.face_colors)[kept, :3])
-        return np.repeat(of_face[:, None], 3, axis=1)
-    return None
-
-
 def color_texture(centers: NDArray[np.floating], colors: Float32) -> tuple[Float32, Float32]:
-    """Build a texture of triangles' colours, with texture coordinates of their corners.
+    """Build a texture of triangles' colors, with texture coordinates of their corners.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import numpy as np
 
 from iprt.measure import metrics
 from iprt.measure.compare import DIFFERENCE_GAIN, difference
-from iprt.output.png import write_display_png
+from iprt.output.picture import write_display_png
 
 COLUMNS = 8
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import iprt
 from iprt.footage.video.sequence import frame_path
 from iprt.scene.manifest import MANIFEST_NAME
-from iprt.scene.scene_files import made_of
+from iprt.scene.scene_files import input_files
 
 if TYPE_CHECKING:
     from iprt.scene.scene import Scene
@@ -28,7 +28,7 @@ def scene_hash(scene: Scene) -> str:
     """
     said = scene.manifest.model_dump_json(exclude={"name", "settings"})
     digest = hashlib.sha256(said.encode())
-    for file in sorted(made_of(scene) | _truths(scene)):
+    for file in sorted(input_files(scene) | _truths(scene)):
         if file.is_file() and file.name != MANIFEST_NAME:
             with file.open("rb") as opened:
                 content = hashlib.file_digest(opened, "sha256").hexdigest()

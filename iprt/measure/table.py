@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from iprt.device.budget import amount
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 from iprt.measure.changes import FALSE_ALARMS, Change
 from iprt.measure.cost import PartRow, PassRow, Timing, WorkRow
 from iprt.measure.cost_report import CostReport

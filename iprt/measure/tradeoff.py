@@ -18,7 +18,8 @@ import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from iprt.errors import FormatError
-from iprt.files.toml_text import parse_toml, printable, read_text
+from iprt.files.message_text import printable
+from iprt.files.toml_text import parse_toml, read_text
 from iprt.settings.ladder import LADDER
 
 SHIPPED = Path(__file__).with_name("tradeoff.toml")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 from iprt.measure.pareto import pareto_front
 from iprt.measure.tradeoff import Entry, Range, Tradeoff
 from iprt.output.grid import Grid

@@ -232,69 +232,43 @@ def join_pieces(
     FormatError
         A piece is damaged, or the file cannot be written.
     """
+    import av
+
     kind = FORMATS[path.suffix.lower()]
     joined = path.with_name(f"index-last{path.suffix}")
+
+    def write(kept: Sound | None) -> None:
+        with av.open(_address(joined), "w", format=kind) as container:
+            container.metadata["comment"] = comment
+            tracks = [_picture_packets(container, pieces, rate)]
+            if kept is not None:
+                tracks.append(sound_packets(container, kind, kept))
+            # All first packets are produced, and with them the streams, before one is written.
+            for packet in merge(*tracks, key=lambda packet: packet.dts * packet.time_base):
+                container.mux(packet)
+
     try:
         with _reported(path):
-            kept = _mux_with_sound(joined, kind, pieces, rate, comment, sound)
+            try:
+                write(sound)
+            # A full disk is another error, and does not drop the sound.
+            except (FormatError, av.error.ArgumentError, av.error.InvalidDataError) as error:
+                write(None)  # fails too if pictures are the cause
+                assert sound is not None
+                reason = str(error)
+                if not isinstance(error, FormatError):
+                    reason = f"{sound.path}: its sound cannot be kept ({error.strerror})"
+                LOG.warning("%s; the film is written without sound", reason)
+                sound = None
         if kind == "matroska":
             joined.replace(path)
         else:
-            around = {} if kept is None else {b"stsd": ambisonic_box(kept)}
+            around = {} if sound is None else {b"stsd": ambisonic_box(sound)}
             index_first(joined, path, {b"vide": additions or {}, b"soun": around})
     except OSError as error:
         raise FormatError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         joined.unlink(missing_ok=True)
-
-
-def _mux_with_sound(
-    path: Path,
-    kind: str,
-    pieces: Sequence[tuple[int, Path]],
-    rate: Fraction,
-    comment: str,
-    sound: Sound | None,
-) -> Sound | None:
-    """Write the file, and return the sound that could be kept.
-
-    A full disk is an error in any case, and does not drop the sound.
-    """
-    import av
-
-    if sound is None:
-        _mux(path, kind, pieces, rate, comment, None)
-        return None
-    try:
-        _mux(path, kind, pieces, rate, comment, sound)
-    except (FormatError, av.error.ArgumentError, av.error.InvalidDataError) as error:
-        _mux(path, kind, pieces, rate, comment, None)  # fails too if pictures are the cause
-        reason = str(error)
-        if not isinstance(error, FormatError):
-            reason = f"{sound.path}: its sound cannot be kept ({error.strerror})"
-        LOG.warning("%s; the film is written without sound", reason)
-        return None
-    return sound
-
-
-def _mux(
-    path: Path,
-    kind: str,
-    pieces: Sequence[tuple[int, Path]],
-    rate: Fraction,
-    comment: str,
-    sound: Sound | None,
-) -> None:
-    import av
-
-    with av.open(_address(path), "w", format=kind) as container:
-        container.metadata["comment"] = comment
-        tracks = [_picture_packets(container, pieces, rate)]
-        if sound is not None:
-            tracks.append(sound_packets(container, kind, sound))
-        # All first packets are produced, and with them the streams, before one is written.
-        for packet in merge(*tracks, key=lambda packet: packet.dts * packet.time_base):
-            container.mux(packet)
 
 
 def _picture_packets(

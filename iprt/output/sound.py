@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.footage.video.container import ffmpeg_decoding, opened, stamp_of, time_base
-from iprt.output.ambisonics import track_box
+from iprt.output.spatial_media import track_box
 
 LOG = logging.getLogger("iprt.render")
 

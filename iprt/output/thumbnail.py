@@ -14,7 +14,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.mesh import transformed
-from iprt.output.tone import developed
+from iprt.output.display import developed
 from iprt.scene.scene import Scene
 
 WIDTH, HEIGHT = 1024, 512

@@ -7,25 +7,27 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from itertools import islice
+from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
-    Discriminator,
     Field,
-    Tag,
     ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
 )
 
 from iprt.errors import SceneError
-from iprt.files.problems import MAX_PROBLEMS, cross_problems, describe, problems_error
-from iprt.files.table import (
+from iprt.files.safe_reading import MAX_OBJECTS, MAX_SIDE
+from iprt.files.toml_tables import (
     FARTHEST,
+    MAX_PROBLEMS,
     Color,
     Degrees,
     Factor,
@@ -40,9 +42,10 @@ from iprt.files.table import (
     Side,
     Table,
     Unit,
+    describe,
+    problems_error,
 )
 from iprt.files.toml_text import parse_toml, read_text
-from iprt.files.untrusted import MAX_OBJECTS
 from iprt.footage.real_material import MAX_REAL_MATERIALS, Plane, RealMaterial
 from iprt.footage.video.table import VideoTable
 from iprt.geometry.camera import View
@@ -102,21 +105,7 @@ class PlasticTable(Table):
         return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
 
 
-def _kind_of(table: Any) -> str | None:
-    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
-    return kind if isinstance(kind, str) else None
-
-
-MaterialTable = Annotated[
-    Annotated[DiffuseTable, Tag("diffuse")]
-    | Annotated[ConductorTable, Tag("conductor")]
-    | Annotated[PlasticTable, Tag("plastic")],
-    Discriminator(
-        _kind_of,
-        custom_error_type="material_kind",
-        custom_error_message="expected kind = 'diffuse', 'conductor' or 'plastic'",
-    ),
-]
+MaterialTable = Annotated[DiffuseTable | ConductorTable | PlasticTable, Field(discriminator="kind")]
 
 
 def allowed_transform(values: list[float]) -> list[float]:
@@ -186,6 +175,19 @@ class _RealMaterialTable(Table, ABC):
     color_tolerance: Annotated[float, Field(gt=0.0)] = 0.05
     plane: PlaneTable | None = None
 
+    @field_validator("color_tolerance")
+    @classmethod
+    def _has_color(cls, tolerance: float, info: ValidationInfo) -> float:
+        if info.data.get("color", tolerance) is None:
+            raise ValueError("has no effect without color; give color too")
+        return tolerance
+
+    @model_validator(mode="after")
+    def _says_where(self) -> Self:
+        if self.mask is None and self.color is None and self.plane is None:
+            raise ValueError("say where the surface is: give a mask, a color or a plane")
+        return self
+
     def real_material(self, mask: NDArray[np.bool_] | None) -> RealMaterial:
         """Build the real material; `mask` holds the pixels of the named file."""
         return RealMaterial(
@@ -218,14 +220,7 @@ class RealPlasticTable(_RealMaterialTable):
         return Material("plastic", alpha=self.alpha, ior=self.ior)
 
 
-RealMaterialTable = Annotated[
-    Annotated[RealConductorTable, Tag("conductor")] | Annotated[RealPlasticTable, Tag("plastic")],
-    Discriminator(
-        _kind_of,
-        custom_error_type="material_kind",
-        custom_error_message="expected kind = 'plastic' or 'conductor'",
-    ),
-]
+RealMaterialTable = Annotated[RealConductorTable | RealPlasticTable, Field(discriminator="kind")]
 
 
 class ViewTable(Table):
@@ -244,11 +239,36 @@ class ViewTable(Table):
     cuts: list[Annotated[list[Pixel], Field(min_length=4, max_length=4)]] = Field(default=[])
     keyframes: ViewKeyframes = Field(default=[])
 
+    @field_validator("cuts")
+    @classmethod
+    def _inside(cls, cuts: list[list[int]], info: ValidationInfo) -> list[list[int]]:
+        width, height = info.data.get("size", (MAX_SIDE, MAX_SIDE))
+        for cut in cuts:
+            x0, y0, x1, y1 = cut
+            if not (x0 < x1 <= width and y0 < y1 <= height):
+                raise ValueError(f"{cut} is empty or outside the {width} x {height} picture")
+        return cuts
+
     @property
     def view(self) -> View:
         """The view without keyframes."""
         width, height = self.size
         return View(width, height, self.yaw_deg, self.pitch_deg, self.fov_y_deg)
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+NamedTable = TypeVar("NamedTable", bound=_Named)
+
+
+def _unique(tables: list[NamedTable]) -> list[NamedTable]:
+    (name, count), *_ = Counter(table.name for table in tables).most_common(1) or [("", 0)]
+    if count > 1:
+        raise ValueError(f"{count} of them are named '{name}'; names must differ")
+    return tables
 
 
 class Manifest(Table):
@@ -258,13 +278,30 @@ class Manifest(Table):
     name: Name
     exposure: Factor = 1.0
     video: VideoTable
-    objects: Annotated[list[ObjectTable], Field(max_length=MAX_OBJECTS)] = Field(default=[])
-    real_materials: Annotated[list[RealMaterialTable], Field(max_length=MAX_REAL_MATERIALS)] = (
-        Field(default=[])
+    objects: Annotated[
+        list[ObjectTable], Field(max_length=MAX_OBJECTS), AfterValidator(_unique)
+    ] = Field(default=[])
+    real_materials: Annotated[
+        list[RealMaterialTable], Field(max_length=MAX_REAL_MATERIALS), AfterValidator(_unique)
+    ] = Field(default=[])
+    views: Annotated[list[ViewTable], Field(max_length=MAX_VIEWS), AfterValidator(_unique)] = Field(
+        default=[]
     )
-    views: Annotated[list[ViewTable], Field(max_length=MAX_VIEWS)] = Field(default=[])
     settings: dict[str, Any] = Field(default={})
     """`[settings]`: settings that suit the scene, checked where they are used."""
+
+    @field_validator("views")
+    @classmethod
+    def _known_objects(cls, views: list[ViewTable], info: ValidationInfo) -> list[ViewTable]:
+        known = [table.name for table in info.data.get("objects", ())]
+        for view in views if "objects" in info.data else ():
+            for name in view.objects or ():
+                if name not in known:
+                    has = ", ".join(known[:100]) or "none"
+                    raise ValueError(
+                        f"{view.name}: no object is named '{name}'; the scene has {has}"
+                    )
+        return views
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -302,17 +339,12 @@ def parse_manifest(text: str, source: str) -> Manifest:
         data = parse_toml(text)
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from error
-    problems = []
-    manifest = None
     try:
-        manifest = Manifest.model_validate(data)
+        return Manifest.model_validate(data)
     except ValidationError as error:
         faults = error.errors()[: MAX_PROBLEMS + 1]
         problems = [describe(fault, data, _table_of(fault["loc"])) for fault in faults]
-    problems += islice(cross_problems(data), MAX_PROBLEMS + 1)
-    if problems or manifest is None:
-        raise problems_error(source, problems)
-    return manifest
+        raise problems_error(source, problems) from None
 
 
 _TABLES: dict[tuple[str, str], type[BaseModel]] = {

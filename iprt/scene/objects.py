@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import read_color
-from iprt.files.untrusted import MAX_PIXELS, MAX_TRIANGLES
+from iprt.files.safe_reading import MAX_PIXELS, MAX_TRIANGLES
 from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
@@ -92,7 +92,7 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
             material = own.material()
         loaded = mesh(table.mesh, table.animation, None if own is None else DEFAULT_MATERIAL)
         if material is not None:
-            loaded = made_of(loaded, material)
+            loaded = painted(loaded, material)
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         motion = ObjectMotion.of(to_world, table.keyframes)
         objects.append(SceneObject(table.name, loaded, motion))
@@ -100,17 +100,13 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     return tuple(objects)
 
 
-def made_of(mesh: AnyMesh, material: Material) -> AnyMesh:
+def painted(mesh: AnyMesh, material: Material) -> AnyMesh:
     """Return the mesh with a single material."""
-    if isinstance(mesh, AnimatedMesh):
-        return replace(mesh, bound=_made_of(mesh.bound, material))
-    return _made_of(mesh, material)
-
-
-def _made_of(mesh: Mesh, material: Material) -> Mesh:
-    one = len(mesh.materials) == 1
-    index = mesh.material_index if one else np.zeros_like(mesh.material_index)
-    return replace(mesh, materials=(material,), material_index=index)
+    plain = mesh.bound if isinstance(mesh, AnimatedMesh) else mesh
+    one = len(plain.materials) == 1
+    index = plain.material_index if one else np.zeros_like(plain.material_index)
+    made = replace(plain, materials=(material,), material_index=index)
+    return replace(mesh, bound=made) if isinstance(mesh, AnimatedMesh) else made
 
 
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:

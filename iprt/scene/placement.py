@@ -15,7 +15,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_direction, equirect_texel, solid_angles
 from iprt.geometry.mesh import Instance, Mesh, transformed
-from iprt.scene.stance import Stance
+from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.walls import Walls
 
 Array = NDArray[np.float64]
@@ -37,68 +37,10 @@ _SETTLE = 0.01
 _DEEP, _LITTLE = 0.5, 5e-3
 """Depth below the floor, as a fraction of the camera's height above it, and share of the sphere. A
 deeper surface with a smaller share is more likely a depth error than a place."""
+_HIDDEN = 0.95
+"""Share of an object's vertices behind real surfaces from which it lies outside the room."""
 _VISIBLE = 1e-3
 """Least size over distance of a visible object: a third of a pixel at 60° and 1024 pixels."""
-
-
-@dataclass(frozen=True)
-class Standing:
-    """The placement of an object relative to the real surfaces.
-
-    Attributes
-    ----------
-    gap_m : float or None
-        Height of its lowest point above the surface below it; None if no such surface is seen.
-    below_m : float
-        Depth of that surface below the floor if it is seen so little that it may be a depth error;
-        else 0.
-    hidden : float
-        Fraction of its vertices behind the real surfaces.
-    tolerance_m : float
-        Largest |gap| that counts as contact.
-    size_m, room_m : (3,) float64
-        Sizes of boxes around the object and around the real surfaces.
-    distance_m : float
-        Distance of its nearest vertex.
-    around : bool
-        The capture centre lies in the box around it.
-    """
-
-    gap_m: float | None
-    below_m: float
-    hidden: float
-    tolerance_m: float
-    size_m: Array
-    room_m: Array
-    distance_m: float
-    around: bool
-
-    def warnings(self) -> list[str]:
-        """Return the faults of the placement, one phrase each."""
-        found = []
-        if self.size_m.max() < _VISIBLE * self.distance_m:
-            found.append(
-                f"is {self.size_m.max():.2g} m large at a distance of {self.distance_m:.2g} m, too "
-                "small to be seen"
-            )
-        if self.size_m.max() > self.room_m.max():
-            found.append(f"is larger than the room, which is {metres(self.room_m)}")
-            return found
-        if self.around:
-            found.append("surrounds the capture centre: views look out from inside it")
-        elif self.hidden > 0.95:
-            found.append("lies behind the real surfaces, outside the room")
-        elif self.gap_m is None:
-            found.append("stands on nothing that is seen: nothing below it faces up")
-        if self.below_m > 0.0:
-            found.append(
-                f"stands {self.below_m:.2g} m below the floor, on something that fills little of "
-                "the panorama; its depth may be wrong there"
-            )
-        if self.hidden <= 0.95 and self.gap_m is not None and abs(self.gap_m) > self.tolerance_m:
-            verb = "floats {} above" if self.gap_m > 0.0 else "sinks {} into"
-            found.append(f"{verb.format(f'{100 * abs(self.gap_m):.1f} cm')} the surface below it")
-        return found
 
 
 @dataclass(frozen=True)
@@ -108,11 +50,14 @@ class SetDown:
     Attributes
     ----------
     to_world : (4, 4) float64
+    foot : (3,) float64
+        World-space point below the object's middle, at the height of its lowest point.
     fits : bool
         True if the object intersects no wall.
     """
 
     to_world: Array
+    foot: Array
     fits: bool
 
     def warnings(self) -> list[str]:
@@ -222,29 +167,45 @@ class RealSurfaces:
         """Return the walls within a horizontal distance of a point (3,), metres."""
         return Walls(self.points, self.normals, centre, reach)
 
-    def standing(self, instance: Instance) -> Standing:
-        """Measure the placement of an object."""
+    def placement_faults(self, instance: Instance) -> list[str]:
+        """Return the faults of an object's placement, one phrase each."""
         vertices = transformed(instance.to_world, instance.mesh.positions.astype(np.float64))
         row, column = equirect_texel(vertices, self._frame.width, self._frame.height)
         distance = np.linalg.norm(vertices, axis=1)
-        hidden = float(np.mean(distance > 1.02 * self._frame.depth[row, column]))
+        nearest = float(distance.min())
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        feet = vertices[vertices[:, 1] <= low[1] + 0.02 * (high[1] - low[1])].mean(axis=0)
-        radius = 0.25 * float(np.hypot(high[0] - low[0], high[2] - low[2]))
-        support = self.height_below(
-            feet[0], feet[2], radius, low[1] + 0.5 * max(high[1] - low[1], 0.1 * distance.min())
-        )
-        gap = None if support is None else float(low[1] - support)
-        return Standing(
-            gap,
-            0.0 if support is None else self._doubtful_depth(support),
-            hidden,
-            self._tolerance_m,
-            high - low,
-            self._room,
-            float(distance.min()),
-            bool((low < 0.0).all() and (high > 0.0).all()),
-        )
+        size = high - low
+        found = []
+        if size.max() < _VISIBLE * nearest:
+            found.append(
+                f"is {size.max():.2g} m large at a distance of {nearest:.2g} m, too small to be "
+                "seen"
+            )
+        if size.max() > self._room.max():
+            return [*found, f"is larger than the room, which is {metres(self._room)}"]
+        hidden = np.mean(distance > 1.02 * self._frame.depth[row, column]) > _HIDDEN
+        feet = vertices[vertices[:, 1] <= low[1] + 0.02 * size[1]].mean(axis=0)
+        radius = 0.25 * float(np.hypot(size[0], size[2]))
+        top = low[1] + 0.5 * max(size[1], 0.1 * nearest)
+        support = self.height_below(feet[0], feet[2], radius, top)
+        if (low < 0.0).all() and (high > 0.0).all():
+            found.append("surrounds the capture centre: views look out from inside it")
+        elif hidden:
+            found.append("lies behind the real surfaces, outside the room")
+        elif support is None:
+            found.append("stands on nothing that is seen: nothing below it faces up")
+        if support is None:
+            return found
+        if (below := self._doubtful_depth(support)) > 0.0:
+            found.append(
+                f"stands {below:.2g} m below the floor, on something that fills little of the "
+                "panorama; its depth may be wrong there"
+            )
+        gap = float(low[1] - support)
+        if not hidden and abs(gap) > _SETTLE * self._frame.median_depth:
+            verb = "floats {} above" if gap > 0.0 else "sinks {} into"
+            found.append(f"{verb.format(f'{100 * abs(gap):.1f} cm')} the surface below it")
+        return found
 
     def _doubtful_depth(self, support: float) -> float:
         """Return the depth of a surface below the floor if it may be a depth error, else 0."""
@@ -254,10 +215,6 @@ class RealSurfaces:
         level = np.abs(self._level[:, 1] - support) < _STEP * -support
         share = self._weights[self._upward][level].sum() * self._step**2 / (4.0 * np.pi)
         return floor - support if share < _LITTLE else 0.0
-
-    @cached_property
-    def _tolerance_m(self) -> float:
-        return _SETTLE * self._frame.median_depth
 
     @cached_property
     def _room(self) -> Array:
@@ -289,7 +246,11 @@ def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
 
 
 def set_down(
-    surfaces: RealSurfaces, mesh: Mesh, yaw_deg: float, pitch_deg: float, stance: Stance
+    surfaces: RealSurfaces,
+    mesh: Mesh,
+    yaw_deg: float,
+    pitch_deg: float,
+    pose: MeshPose,
 ) -> SetDown:
     """Place an object upright on the surface seen in a direction.
 
@@ -303,11 +264,11 @@ def set_down(
         There is no depth in that direction or no floor, or the object's size is outside the range
         of `scene.toml`.
     """
-    rotation = stance.rotation
+    rotation = pose.rotation
     low, high = bounds(mesh, rotation)
     extent = high - low
     point, normal = surfaces.hit(yaw_deg, pitch_deg)
-    scale = stance.scale(extent, float(np.linalg.norm(point)))
+    scale = pose.scale(extent, float(np.linalg.norm(point)))
     radius = 0.5 * scale * float(np.hypot(extent[0], extent[2]))
     base = point.copy()
     if normal[1] <= UPRIGHT:
@@ -330,7 +291,7 @@ def set_down(
     center = 0.5 * (low + high)
     foot = base if place is None else place
     matrix[:3, 3] = foot - scale * np.array([center[0], low[1], center[2]])
-    return SetDown(matrix, fits=place is not None)
+    return SetDown(matrix, foot, fits=place is not None)
 
 
 def set_on(

@@ -12,7 +12,7 @@ import numpy as np
 
 from iprt.errors import IprtError
 from iprt.files.images import picture_size
-from iprt.files.problems import problems_error
+from iprt.files.toml_tables import problems_error
 from iprt.footage.depth_summary import DepthSummary, normal_warnings
 from iprt.footage.frame import Frame
 from iprt.footage.lights.summary import Recovered
@@ -271,7 +271,7 @@ def _describe_object(
         high=(float(high[0]), float(high[1]), float(high[2])),
         moves=entry.describe(),
         dropped=mesh.dropped,
-        warnings=tuple(surfaces.standing(instance).warnings()),
+        warnings=tuple(surfaces.placement_faults(instance)),
     )
 
 

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from iprt.errors import SceneError
-from iprt.files.path_safety import anywhere, require_inside
-from iprt.files.problems import problems_error
-from iprt.files.untrusted import is_file
+from iprt.files.safe_reading import anywhere, is_file, require_inside
+from iprt.files.toml_tables import problems_error
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
@@ -23,7 +22,6 @@ from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
-from iprt.scene.found_gloss import found_materials
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -31,8 +29,8 @@ from iprt.scene.manifest import (
     read_manifest,
 )
 from iprt.scene.objects import SceneObject, load_objects, objects_at
-from iprt.scene.real_materials import declared_materials
-from iprt.scene.scene_files import made_of, missing_files
+from iprt.scene.real_materials import declared_materials, found_materials
+from iprt.scene.scene_files import input_files, missing_files
 
 
 @dataclass(frozen=True)
@@ -147,21 +145,6 @@ class Scene:
         return self.manifest.exposure
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of the panorama in pixels."""
-        return self.source.size
-
-    @property
-    def width(self) -> int:
-        """Width of the panorama in pixels."""
-        return self.size[0]
-
-    @property
-    def height(self) -> int:
-        """Height of the panorama in pixels."""
-        return self.size[1]
-
-    @property
     def frame_indices(self) -> range:
         """Numbers of the video's frames."""
         return self.source.indices
@@ -252,7 +235,7 @@ class Scene:
 
     @cached_property
     def found_materials(self) -> tuple[RealMaterial, ...]:
-        """The undeclared glossy surfaces (`iprt.scene.found_gloss`).
+        """The undeclared glossy surfaces (`iprt.scene.real_materials`).
 
         Raises
         ------
@@ -344,7 +327,7 @@ class Scene:
         SceneError
             One of `paths` is the manifest, or a file that it names.
         """
-        ours = {file.resolve() for file in made_of(self)}
+        ours = {file.resolve() for file in input_files(self)}
         for path in paths:
             if path.resolve() in ours:
                 raise SceneError(

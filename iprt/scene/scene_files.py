@@ -1,19 +1,23 @@
-"""Checks that the files of a scene exist and lie inside its folder."""
+"""The files of a scene: whether they exist and lie in its folder, and a fingerprint of them."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
 from iprt.errors import FormatError
-from iprt.files.path_safety import require_inside
-from iprt.files.untrusted import is_file
+from iprt.files.safe_reading import is_file, require_inside
 from iprt.footage.prepare.remarks import video_notices, video_problems
 from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.scene.manifest import MANIFEST_NAME, Manifest
 
+DIGITS = 16
+READING = 2
+"""Raise this when files are read differently, for example meshes with other normals."""
 MAX_TRIES = 10_000
 """Limit for the truth files to look for in a scene with missing frames."""
 
@@ -55,7 +59,7 @@ def missing_files(scene: NamesFiles, *, strict: bool = False) -> list[str]:
     return problems
 
 
-def made_of(scene: NamesFiles) -> set[Path]:
+def input_files(scene: NamesFiles) -> set[Path]:
     """Return the manifest and all files that it names except truths; frames may be missing."""
     files = {scene.root / MANIFEST_NAME, *(scene.root / name for _, name in _files(scene))}
     if scene.manifest.video.poses is not None:
@@ -95,3 +99,16 @@ def _wrong_truth(scene: NamesFiles, key: str, pattern: str) -> list[str]:
     if not there:
         return [f"{key}: there is no file {pattern}"]
     return [line for name in there for line in _wrong(scene, key, name)][:1]
+
+
+def fingerprint(scene: NamesFiles) -> str:
+    """Return digits that change with the manifest, its files, or the way they are read.
+
+    Files are compared by size and modification time, and are not read.
+    """
+    digest = hashlib.sha256(f"{READING} {scene.manifest.model_dump_json()}".encode())
+    for file in sorted(input_files(scene) - {scene.root / MANIFEST_NAME}):
+        with suppress(FileNotFoundError):  # frames of a video may be missing
+            status = file.stat()
+            digest.update(f"\n{file.name} {status.st_size} {status.st_mtime_ns}".encode())
+    return digest.hexdigest()[:DIGITS]

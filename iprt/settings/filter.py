@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from iprt.settings.methods import SettingsGroup
 
 
-class MaskSettings(BaseModel):
+class MaskSettings(SettingsGroup):
     """Selection of traced pixels: fewer on flat surfaces that no object lights or shadows."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     sparse: bool = Field(
         default=True,
@@ -24,10 +24,8 @@ class MaskSettings(BaseModel):
     )
 
 
-class InterpolateSettings(BaseModel):
+class InterpolateSettings(SettingsGroup):
     """Edge-stopping weights of the interpolation between traced pixels or `light_scale` blocks."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     normal_sharpness: float = Field(
         default=32.0,
@@ -43,10 +41,8 @@ class InterpolateSettings(BaseModel):
     )
 
 
-class TemporalSettings(BaseModel):
+class TemporalSettings(SettingsGroup):
     """Validation of a pixel's temporal history."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     plane_tolerance: float = Field(
         default=0.02,
@@ -93,10 +89,8 @@ class TemporalSettings(BaseModel):
     )
 
 
-class AtrousSettings(BaseModel):
+class AtrousSettings(SettingsGroup):
     """Reach and edge-stopping functions of the à-trous filter."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     levels: int = Field(
         default=5,

@@ -25,13 +25,17 @@ DEFAULT = "iprt"
 LOG = logging.getLogger("iprt.settings.methods")
 
 
-class MethodSettings(BaseModel):
-    """Base of a method's own settings. Files and flags set them as NAME.FIELD.
-
-    The first line of the docstring is their title. Each field has a default and a description.
-    """
+class SettingsGroup(BaseModel):
+    """Base of all groups of settings. Each field has a default and a description."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class MethodSettings(SettingsGroup):
+    """Base of a method's own settings. Files and flags set them as NAME.FIELD.
+
+    The first line of the docstring is their title.
+    """
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any, Literal, TypeVar
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     field_validator,
@@ -15,7 +13,7 @@ from pydantic import (
 )
 
 from iprt.settings.filter import AtrousSettings, InterpolateSettings, MaskSettings, TemporalSettings
-from iprt.settings.methods import DEFAULT, MethodSettings, methods
+from iprt.settings.methods import DEFAULT, MethodSettings, SettingsGroup, methods
 from iprt.settings.trace import (
     GlossSettings,
     IrradianceSettings,
@@ -26,7 +24,7 @@ from iprt.settings.trace import (
 OwnSettings = TypeVar("OwnSettings", bound=MethodSettings)
 
 
-class Settings(BaseModel):
+class Settings(SettingsGroup):
     """Settings of a renderer; immutable, so that they can be stored with a picture.
 
     Each installed method with settings of its own adds a group under the method's name. Omitted
@@ -38,8 +36,6 @@ class Settings(BaseModel):
         Settings of all methods that have any; use `own`. Serialized data hold them under the
         methods' names instead.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     method: str = Field(
         default=DEFAULT,

@@ -18,7 +18,8 @@ import tomlkit
 from pydantic import BaseModel, ValidationError
 
 from iprt.errors import IprtError
-from iprt.files.toml_text import parse_toml, printable, read_text
+from iprt.files.message_text import printable
+from iprt.files.toml_text import parse_toml, read_text
 from iprt.settings.methods import DEFAULT, methods
 from iprt.settings.model import Settings
 from iprt.settings.presets import PRESETS, Quality

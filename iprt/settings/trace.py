@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from iprt.settings.methods import SettingsGroup
 
 
-class TraceSettings(BaseModel):
+class TraceSettings(SettingsGroup):
     """Ray counts, path length, and assumptions about the hidden parts of the scene."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     light_sampling: bool = Field(
         default=True,
@@ -69,10 +69,8 @@ class TraceSettings(BaseModel):
     )
 
 
-class GlossSettings(BaseModel):
+class GlossSettings(SettingsGroup):
     """Reflections in glossy real surfaces, which a scene declares (`[[real_materials]]`)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     rays: int = Field(
         default=2,
@@ -84,10 +82,8 @@ class GlossSettings(BaseModel):
     )
 
 
-class LearningSettings(BaseModel):
+class LearningSettings(SettingsGroup):
     """Learning of the real surfaces' radiance from the video, for methods that use it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     samples: int = Field(
         default=16384,
@@ -118,10 +114,8 @@ class LearningSettings(BaseModel):
     )
 
 
-class IrradianceSettings(BaseModel):
+class IrradianceSettings(SettingsGroup):
     """Resolution and sampling of E_R, the irradiance of the real surfaces."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     rows: int = Field(
         default=128,

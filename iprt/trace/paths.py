@@ -19,7 +19,7 @@ from iprt.geometry.camera import View
 from iprt.method import Setup
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
-from iprt.settings.paths import PathTracingSettings
+from iprt.settings.path_tracing import PathTracingSettings
 from iprt.trace.sparse import SparseMethod
 from iprt.trace.tracers import RayKernel, RayKernels
 from iprt.world.real.lights import Lights

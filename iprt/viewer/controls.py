@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 from iprt.settings.methods import DEFAULT
 from iprt.settings.model import Settings
 from iprt.settings.overrides import (

@@ -14,11 +14,11 @@ from iprt.film import footage_of
 from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.edits import Look, ObjectEdit, edited_objects, flat
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.object_edits import Look, ObjectEdit, edited_objects, flat
 from iprt.scene.objects import SceneObject, objects_at
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.canvas import Stage
 from iprt.viewer.compiling import Compiling
@@ -351,7 +351,7 @@ class Core:
         edits = self._mailbox.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
-    def add(self, edit: ObjectEdit, direction: tuple[float, float], stance: Stance) -> None:
+    def add(self, edit: ObjectEdit, direction: tuple[float, float], pose: MeshPose) -> None:
         """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
         path, frame = edit.path, self._video.frame
         assert path is not None
@@ -360,7 +360,7 @@ class Core:
             mesh = load_mesh(path)
             if frame is None:
                 raise SceneError(f"{path}: there is no frame yet to set it down in")
-            placed = set_down(RealSurfaces(frame), mesh, *direction, stance)
+            placed = set_down(RealSurfaces(frame), mesh, *direction, pose)
             to_world = placed.to_world
             if frame.pose is not None:
                 to_world = frame.pose @ to_world

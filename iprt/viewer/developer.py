@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.measure import metrics
-from iprt.output.display import display
-from iprt.output.tone import Bytes
-from iprt.scene.edits import ObjectEdit
+from iprt.output.display import Bytes, display
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer import labels
 from iprt.viewer.lens import ERROR_LEVELS, Lens

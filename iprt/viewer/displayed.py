@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.output.tone import Bytes
+from iprt.output.display import Bytes
 from iprt.viewer.labels import BUFFERS
 from iprt.viewer.pace import Preview
 from iprt.viewer.session import Shown

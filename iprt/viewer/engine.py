@@ -16,10 +16,10 @@ from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.measure.tradeoff import Tradeoff, shipped
-from iprt.scene.edit import free_name
-from iprt.scene.edits import Look, ObjectEdit, flat, require_place
+from iprt.scene.manifest_writing import free_name
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.object_edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.mailbox import Mailbox
@@ -302,7 +302,7 @@ class Engine:
         yaw_deg: float,
         pitch_deg: float,
         *,
-        stance: Stance | None = None,
+        pose: MeshPose | None = None,
         material: Material | None = None,
     ) -> str:
         """Load a mesh, and place it on the surface seen in a direction once it is loaded.
@@ -312,7 +312,7 @@ class Engine:
         path : Path
         yaw_deg, pitch_deg : float
             Direction in the axes of the capture centre.
-        stance : Stance or None
+        pose : MeshPose or None
             Orientation and size; by default as in `iprt scene add` without flags.
         material : Material or None
             By default the mesh file's own.
@@ -325,7 +325,7 @@ class Engine:
         name = free_name(path.stem, self._core.object_names() | self._names)
         self._names.add(name)
         edit = ObjectEdit(name, material=material, path=path)
-        self._core.add(edit, (yaw_deg, pitch_deg), stance or Stance())
+        self._core.add(edit, (yaw_deg, pitch_deg), pose or MeshPose())
         return name
 
     def save(

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from iprt.errors import IprtError
-from iprt.scene.edits import Look, save_edits
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text
+from iprt.scene.object_edits import Look, save_edits
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from iprt.viewer.loading import Loader

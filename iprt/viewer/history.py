@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.object_edits import ObjectEdit
 
 Edits = tuple[ObjectEdit, ...]
 Changed = frozenset[tuple[str, str]]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from iprt.geometry.material import MaterialKind
-from iprt.output.tone import Curve
+from iprt.output.display import Curve
 from iprt.settings.methods import methods
 from iprt.viewer.state import PlaybackMode
 

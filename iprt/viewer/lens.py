@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.output.tone import Bytes, Curve, developed
+from iprt.output.display import Bytes, Curve, developed
 
 Appearance = Literal[
     "radiance", "change", "share", "ratio", "direction", "distance", "motion", "label", "count"

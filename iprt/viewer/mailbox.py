@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.object_edits import ObjectEdit
 from iprt.viewer.history import History
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, Status, World

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import bounds
 

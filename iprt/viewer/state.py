@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from iprt.geometry.camera import View
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.object_edits import ObjectEdit
 from iprt.settings.model import Settings
 
 REST_FRAMES = 64

@@ -15,9 +15,8 @@ from iprt.files.atomic import require_writable
 from iprt.geometry.camera import View
 from iprt.geometry.pose import view_from
 from iprt.output.metadata import picture_metadata
-from iprt.output.picture import check_output, write_picture
-from iprt.output.png import write_pixels
-from iprt.scene.edits import Look
+from iprt.output.picture import check_output, write_picture, write_pixels
+from iprt.scene.object_edits import Look
 from iprt.scene.placement import set_on
 from iprt.viewer.controls import with_value
 from iprt.viewer.developer import Developer

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from scenes360.chart.letters import text_mask
 from scenes360.modelling import sphere, write_ply
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from iprt.truth.model import Parts, load_scene, render_color, render_geometry, render_mask
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh
 from scenes360.files import cuts, rounded, toml_matrix, write_planes

@@ -18,7 +18,7 @@ from iprt.files.images import read_color, read_depth
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectKeyframe, ObjectMotion
 from iprt.geometry.material import Material
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from iprt.truth.model import load_scene, render_color, render_geometry
 from iprt.truth.shapes import bsdf_of, mitsuba_mesh
 from scenes360.files import write_planes

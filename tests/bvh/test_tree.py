@@ -12,7 +12,7 @@ from iprt.bvh.scene import SCENE_DEPTH, STACK, SceneBuilder
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import wide_count, widen
 from iprt.errors import SceneError
-from iprt.files.untrusted import MAX_OBJECTS
+from iprt.files.safe_reading import MAX_OBJECTS
 from iprt.geometry.mesh import Mesh
 from tests.bvh.meshes import fan, growing, instance_of, same_centres
 from tests.meshes import transform

@@ -125,7 +125,7 @@ def test_faults_are_one_line(tum: Path, fault: Callable[[Path], object], message
 
 def test_depth_that_is_no_number_is_no_depth(tum: Path) -> None:
     """NaN, infinite and negative depth, and colours that are not finite."""
-    from iprt.output.exr import write_exr
+    from iprt.output.picture import write_exr
     from tests.scene.files import write_channels
 
     sequence = RgbdSequence.open(tum)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from iprt import cli
-from iprt.scene.sources import pattern_in
+from iprt.scene.new_scene import pattern_in
 from tests.scene.files import box_room, directions, write_channels, write_png16_grey, write_rgb
 
 COLOR, DEPTH, RANGE = ["--color", "pano.png"], ["--depth", "depth.exr"], ["--depth-range", "1", "9"]
@@ -71,10 +71,10 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--color", "none.png", *DEPTH], "--color none.png: no such file"),
         ([*COLOR, "--depth", "mm.png"], "mm.png: stores integers; give --depth-scale"),
         ([*COLOR, *DEPTH, *RANGE], "depth.exr: stores floats up to 4"),
-        ([*COLOR, "--depth", "pano.exr"], "pano.exr: a picture in colours, whose R, G and B"),
-        ([*COLOR, "--depth", "pano.png", *RANGE], "pano.png: a picture in colours"),
+        ([*COLOR, "--depth", "pano.exr"], "pano.exr: a picture in colors, whose R, G and B"),
+        ([*COLOR, "--depth", "pano.png", *RANGE], "pano.png: a picture in colors"),
         ([*COLOR, "--depth", "grey8.png"], "grey8.png: stores integers; give --depth-scale"),
-        ([*COLOR, "--depth", "jet.png", *RANGE], "false colours cannot be read as depth; export"),
+        ([*COLOR, "--depth", "jet.png", *RANGE], "false colors cannot be read as depth; export"),
         ([*COLOR, *DEPTH, "--depth-kind", "z"], "--depth-kind z: z-depth along one axis does n"),
         ([*COLOR, *DEPTH, "--invalid", *map(str, range(17))], "depth_invalid: expected 16 v"),
         ([*COLOR, *DEPTH, "--sky", "7", "--invalid", "7"], "depth_sky: 7 is in depth_invalid too"),

@@ -15,7 +15,7 @@ from iprt import cli
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import Kind
 from tests.clips import write_clip
-from tests.output.test_trace import check_trace
+from tests.output.test_timeline import check_trace
 from tests.scene.files import MANIFEST, OBJECT, VIEW, write_scene
 
 SIZE = ("--size", "18", "12")

@@ -44,7 +44,7 @@ def whole(clip: Path) -> NDArray[np.float32]:
 def test_a_killed_render_goes_on_without_a_jump(clip: Path, whole: NDArray[np.float32]) -> None:
     out = clip.parent / "out"
     code = (
-        "import threading; from iprt import cli; from iprt.output.sequence import PictureSequence\n"
+        "import threading; from iprt import cli; from iprt.output.frames import PictureSequence\n"
         "write = PictureSequence.write\n"
         "def stopping(self, index, *rest):\n"
         f"    threading.Event().wait() if index == {KILLED_AT} else write(self, index, *rest)\n"

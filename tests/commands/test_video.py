@@ -17,9 +17,9 @@ from iprt.commands.setting_flags import SettingFlags
 from iprt.commands.video import WARM_UP, runs, warm_up
 from iprt.errors import DeviceLostError, FormatError, IprtError
 from iprt.files.lock import locked
-from iprt.output.spherical import XML_ID
-from iprt.scene.fingerprint import fingerprint
+from iprt.output.spatial_media import XML_ID
 from iprt.scene.scene import Scene
+from iprt.scene.scene_files import fingerprint
 from tests.clips import write_clip
 from tests.commands.conftest import FakeFilm
 from tests.sounding import clicks_in, sound_codecs, write_sounding

@@ -64,18 +64,12 @@ WHOLE = {
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_one_file_holds_colour_depth_and_normals(name: str, tmp_path: Path) -> None:
+def test_one_file_holds_color_depth_and_normals(name: str, tmp_path: Path) -> None:
     path = tmp_path / "m.exr"
     write_channels(path, **WHOLE[name])
     assert np.array_equal(read_color(path), COLOR)
     assert np.array_equal(read_depth(path)[0], DEPTH)
     assert np.array_equal(read_normal(path), NORMAL)
-
-
-def test_a_grey_beauty_pass_is_no_depth_where_a_name_tells(tmp_path: Path) -> None:
-    write_channels(tmp_path / "m.exr", **triple("beauty.", GREY), beauty__Depth__Z=DEPTH)
-    assert np.array_equal(read_color(tmp_path / "m.exr"), GREY)
-    assert np.array_equal(read_depth(tmp_path / "m.exr")[0], DEPTH)
 
 
 @pytest.mark.parametrize("prefix", ["", ".", "Depth.", "layer.", "depth_pass."])
@@ -99,7 +93,7 @@ def test_the_only_channel_is_depth_by_any_name(name: str, tmp_path: Path) -> Non
         (read_depth, {"Z": DEPTH, "WorldDepth": DEPTH}, "be depth: WorldDepth, Z; name one: --dep"),
         (read_depth, triple("", COLOR) | {"foo": DEPTH}, "be depth: RGB, foo; name one: --depth-l"),
         (read_depth, {"AO.V": DEPTH}, "no layer is depth by its name: AO.V; name one: --depth-lay"),
-        (read_depth, triple("Depth.", COLOR), "layer Depth: a picture in colours, whose R, G and"),
+        (read_depth, triple("Depth.", COLOR), "layer Depth: a picture in colors, whose R, G and"),
         (read_depth, triple("N.", NORMAL, "XYZ"), "no channel of depth; the file has N.X, N.Y, N."),
         (
             read_normal,
@@ -128,7 +122,7 @@ def test_a_layer_is_chosen_by_its_name(tmp_path: Path) -> None:
         assert np.array_equal(read_depth(path, name)[0], WRONG)
     with pytest.raises(FormatError, match="--depth-layer Dept: no such layer; the file has View"):
         read_depth(path, "Dept")
-    with pytest.raises(FormatError, match=r"layer ViewLayer.AO: a picture in colours"):
+    with pytest.raises(FormatError, match=r"layer ViewLayer.AO: a picture in colors"):
         read_depth(path, "ViewLayer.AO")
     assert any("ViewLayer.Depth.Z" in line and "depth" in line for line in layer_lines(path))
 

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from PIL import Image
 
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb, read_color, read_depth, read_normal
-from tests.scene.files import chunk, write_channels, write_png16, write_png16_grey, write_rgb
+from tests.scene.files import write_channels, write_png16, write_rgb
 
 RNG = np.random.default_rng(7)
 COLOR = RNG.random((16, 32, 3)).astype(np.float32)
@@ -24,45 +22,9 @@ def one_line(error: pytest.ExceptionInfo[FormatError], path: Path) -> None:
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("dtype", [np.float16, np.float32])
-def test_exr_colour_is_read_exactly(tmp_path: Path, dtype: type) -> None:
-    write_rgb(tmp_path / "c.exr", COLOR.astype(dtype))
-    assert np.array_equal(read_color(tmp_path / "c.exr"), COLOR.astype(dtype).astype(np.float32))
-
-
-def test_exr_layers_come_after_plain_channels(tmp_path: Path) -> None:
-    r, g, b = COLOR[..., 0], COLOR[..., 1], COLOR[..., 2]
-    write_channels(tmp_path / "a.exr", beauty__B=b, beauty__G=g, beauty__R=r, beauty__Z=g)
-    assert np.array_equal(read_color(tmp_path / "a.exr"), COLOR)
-    write_channels(tmp_path / "b.exr", A__R=g, A__G=g, A__B=g, R=r, G=g, B=b)
-    assert np.array_equal(read_color(tmp_path / "b.exr"), COLOR)
-
-
 def test_exr_luminance_is_grey(tmp_path: Path) -> None:
     write_channels(tmp_path / "y.exr", Y=COLOR[..., 0])
     assert np.array_equal(read_color(tmp_path / "y.exr"), COLOR[..., [0, 0, 0]])
-
-
-@pytest.mark.parametrize("name", ["Z", "Y", "R", "distance", "left__Z"])
-def test_exr_depth_channel(tmp_path: Path, name: str) -> None:
-    write_channels(tmp_path / "d.exr", **{name: COLOR[..., 0]})
-    depth, integers = read_depth(tmp_path / "d.exr")
-    assert np.array_equal(depth, COLOR[..., 0])
-    assert not integers
-
-
-def test_exr_integer_depth_is_said_to_be_so(tmp_path: Path) -> None:
-    write_channels(tmp_path / "d.exr", Z=np.full((4, 8), 70000, np.uint32))
-    depth, integers = read_depth(tmp_path / "d.exr")
-    assert integers
-    assert (depth == 70000).all()
-
-
-def test_missing_channels_are_named(tmp_path: Path) -> None:
-    write_channels(tmp_path / "c.exr", Z=COLOR[..., 0], id=COLOR[..., 1])
-    with pytest.raises(FormatError, match="no channels R, G, B or Y; the file has Z, id") as error:
-        read_color(tmp_path / "c.exr")
-    one_line(error, tmp_path / "c.exr")
 
 
 def test_8_bit_png_is_decoded_from_srgb(tmp_path: Path) -> None:
@@ -81,7 +43,7 @@ def test_jpeg_is_decoded_from_srgb(tmp_path: Path) -> None:
     assert np.allclose(read_color(tmp_path / "c.jpg"), 0.2158605, atol=2e-3)
 
 
-def test_palette_and_alpha_are_colours(tmp_path: Path) -> None:
+def test_palette_and_alpha_are_colors(tmp_path: Path) -> None:
     rgba = Image.new("RGBA", (4, 2), (255, 0, 0, 10))
     rgba.save(tmp_path / "a.png")
     rgba.convert("RGB").convert("P").save(tmp_path / "p.png")
@@ -94,23 +56,16 @@ def test_palette_and_alpha_are_colours(tmp_path: Path) -> None:
 def test_16_bit_png_keeps_16_bits(tmp_path: Path, channels: int, size: tuple[int, int]) -> None:
     pixels = RNG.integers(0, 65536, (*size, channels), dtype=np.uint16)
     path = tmp_path / "c.png"
-    write_png16(path, pixels, [int(f) for f in RNG.integers(0, 5, size[0])])
+    write_png16(path, pixels)
     expected = pixels[..., [0, 0, 0]] if channels < 3 else pixels[..., :3]
     assert np.array_equal(read_color(path), decode_srgb(expected))
     if channels == 1:
         assert np.array_equal(read_depth(path)[0], pixels[..., 0].astype(np.float32))
 
 
-def test_all_png_filters_are_undone(tmp_path: Path) -> None:
-    pixels = RNG.integers(0, 65536, (5, 6, 3), dtype=np.uint16)
-    for kind in range(5):
-        write_png16(tmp_path / "c.png", pixels, [kind] * 5)
-        assert np.array_equal(read_color(tmp_path / "c.png"), decode_srgb(pixels)), kind
-
-
 def pictures(folder: Path) -> list[Path]:
     write_rgb(folder / "c.exr", COLOR)
-    write_png16(folder / "c16.png", (COLOR * 65535).astype(np.uint16), [4] * 16)
+    write_png16(folder / "c16.png", (COLOR * 65535).astype(np.uint16))
     image = Image.fromarray((COLOR * 255).astype(np.uint8))
     image.save(folder / "c8.png")
     image.save(folder / "c.jpg")
@@ -130,40 +85,10 @@ def test_cut_off_files_are_errors_at_any_length(tmp_path: Path, index: int) -> N
         one_line(error, path)
 
 
-@settings(max_examples=60)
-@given(
-    position=st.integers(0, 319),
-    value=st.integers(0, 255),
-)
-def test_damaged_exr_header_never_crashes(
-    tmp_path_factory: pytest.TempPathFactory, position: int, value: int
-) -> None:
-    path = tmp_path_factory.mktemp("exr") / "c.exr"
-    write_channels(path, Z=np.ones((4, 8), np.float32))
-    data = bytearray(path.read_bytes())
-    data[min(position, len(data) - 1)] = value
-    path.write_bytes(data)
-    try:
-        assert read_depth(path)[0].size <= 2**28
-    except FormatError as error:
-        assert str(path) in str(error)  # noqa: PT017
-
-
 def with_window(path: Path, attribute: bytes, window: tuple[int, int, int, int]) -> None:
     data = path.read_bytes()
     at = data.index(attribute + b"\0box2i\0") + len(attribute) + 7 + 4
     path.write_bytes(data[:at] + struct.pack("<4i", *window) + data[at + 16 :])
-
-
-@pytest.mark.parametrize("window", [(0, 0, 2**30, 2**30), (0, 0, 99999, 49999), (0, 0, -9, 5)])
-def test_absurd_exr_sizes_are_refused(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
-    path = tmp_path / "d.exr"
-    write_channels(path, Z=COLOR[..., 0])
-    for attribute in (b"dataWindow", b"displayWindow"):
-        with_window(path, attribute, window)
-    with pytest.raises(FormatError, match="pixels; at most") as error:
-        read_depth(path)
-    one_line(error, path)
 
 
 def test_cropped_exr_is_refused(tmp_path: Path) -> None:
@@ -172,15 +97,6 @@ def test_cropped_exr_is_refused(tmp_path: Path) -> None:
     with_window(path, b"displayWindow", (0, 0, 63, 31))
     with pytest.raises(FormatError, match="crop"):
         read_depth(path)
-
-
-def test_absurd_png_size_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "c.png"
-    header = struct.pack(">IIBBBBB", 10**6, 10**6, 16, 2, 0, 0, 0)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"x"))
-    with pytest.raises(FormatError) as error:
-        read_color(path)
-    one_line(error, path)
 
 
 @pytest.mark.parametrize("mode", ["L", "RGB", "RGBA", "LA", "P"])
@@ -194,30 +110,22 @@ def test_8_bit_depth_is_exact_in_one_channel_or_three(mode: str, tmp_path: Path)
 
 def test_16_bit_depth_in_three_channels_is_exact(tmp_path: Path) -> None:
     values = np.arange(32, dtype=np.uint16).reshape(4, 8) * 2001
-    write_png16(tmp_path / "d.png", np.repeat(values[..., None], 3, axis=-1), [0] * 4)
+    write_png16(tmp_path / "d.png", np.repeat(values[..., None], 3, axis=-1))
     depth, bits = read_depth(tmp_path / "d.png")
     assert bits == 16
     assert np.array_equal(depth, values)
 
 
 @pytest.mark.parametrize("name", ["d.png", "p.png", "d.jpg"])
-def test_false_colours_are_no_depth(name: str, tmp_path: Path) -> None:
+def test_false_colors_are_no_depth(name: str, tmp_path: Path) -> None:
     ramp = np.linspace(0, 255, 256).astype(np.uint8).reshape(8, 32)
     picture = Image.fromarray(np.stack([ramp, 255 - ramp, ramp // 2], axis=-1))
     picture.convert("P" if name == "p.png" else "RGB").save(tmp_path / name)
     with pytest.raises(
-        FormatError, match="false colours cannot be read as depth; export depth itself"
+        FormatError, match="false colors cannot be read as depth; export depth itself"
     ) as error:
         read_depth(tmp_path / name)
     one_line(error, tmp_path / name)
-
-
-def test_16_bit_depth_is_exact(tmp_path: Path) -> None:
-    values = np.array([[0, 1, 65535, 2045]], np.uint16)
-    write_png16_grey(tmp_path / "d.png", values)
-    depth, integers = read_depth(tmp_path / "d.png")
-    assert integers
-    assert np.array_equal(depth, values.astype(np.float32))
 
 
 def test_wrong_files_are_named(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from PIL import Image, features
 
 from iprt.files.images import decode_srgb, read_color, read_depth, read_header
 from tests.files.writing import exif, stored_as, write_png, write_tiff
-from tests.scene.files import write_png16
+from tests.scene.files import chunk, write_png16
 
 RNG = np.random.default_rng(11)
 SEEN = np.repeat(np.repeat(RNG.integers(0, 256, (4, 6, 3), dtype=np.uint8), 8, 0), 8, 1)
@@ -24,7 +24,7 @@ LOSSY = {
 
 @pytest.mark.parametrize("orientation", range(1, 9))
 @pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "avif"])
-def test_colour_is_upright(suffix: str, orientation: int, tmp_path: Path) -> None:
+def test_color_is_upright(suffix: str, orientation: int, tmp_path: Path) -> None:
     if suffix == "avif" and not features.check("avif"):
         pytest.skip("Pillow has no AVIF")
     path = tmp_path / f"c.{suffix}"
@@ -92,16 +92,9 @@ def test_damaged_exif_turns_nothing(tmp_path: Path) -> None:
 def test_16_bit_png_with_exif_keeps_16_bits_and_is_upright(tmp_path: Path) -> None:
     pixels = RNG.integers(0, 65536, (4, 8, 3), dtype=np.uint16)
     path = tmp_path / "c.png"
-    write_png16(path, stored_as(pixels, 3), [0] * 4)
+    write_png16(path, stored_as(pixels, 3))
     data = path.read_bytes()
     tag = exif(3).tobytes().removeprefix(b"Exif\0\0")
     at = data.index(b"IDAT") - 4
-    path.write_bytes(data[:at] + png_chunk(b"eXIf", tag) + data[at:])
+    path.write_bytes(data[:at] + chunk(b"eXIf", tag) + data[at:])
     assert np.array_equal(read_color(path), decode_srgb(pixels))
-
-
-def png_chunk(name: bytes, data: bytes) -> bytes:
-    import struct
-    import zlib
-
-    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))

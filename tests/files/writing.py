@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
@@ -65,7 +64,7 @@ def exif(orientation: int) -> Image.Exif:
 
 
 def write_png(path: Path, pixels: NDArray[Any], xmp: str = "", **options: Any) -> None:
-    """Write PNG of 8 bits in colour, or 16 in grey, with XMP."""
+    """Write PNG of 8 bits in color, or 16 in grey, with XMP."""
     texts = PngInfo()
     if xmp:
         texts.add_itxt("XML:com.adobe.xmp", xmp)
@@ -82,43 +81,21 @@ def write_tiff(
     photometric: int | None = None,
     xmp: str = "",
 ) -> None:
-    """Write TIFF of any samples in one strip; `packed` is Deflate."""
-    height, width = pixels.shape[:2]
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    data = pixels.astype(pixels.dtype.newbyteorder(order)).tobytes()
-    data = zlib.compress(data) if packed else data
-    kind = {"u": 1, "i": 2, "f": 3}[pixels.dtype.kind]
-    shown = photometric if photometric is not None else 2 if channels >= 3 else 1
-    tags: list[tuple[int, str, list[int]]] = [
-        (256, "I", [width]),
-        (257, "I", [height]),
-        (258, "H", [8 * pixels.dtype.itemsize] * channels),
-        (259, "H", [8 if packed else 1]),
-        (262, "H", [shown]),
-        (273, "I", [8]),
-        (274, "H", [orientation]),
-        (277, "H", [channels]),
-        (278, "I", [height]),
-        (279, "I", [len(data)]),
-        (284, "H", [1]),
-        *([(338, "H", [2])] if channels == 4 and shown == 2 else []),
-        (339, "H", [kind] * channels),
-        *([(700, "B", list(xmp.encode()))] if xmp else []),
-    ]
-    data += b"\0" * (len(data) % 2)
-    end = 8 + len(data) + 2 + 12 * len(tags) + 4
-    entries = beyond = b""
-    for tag, code, values in tags:
-        raw = struct.pack(f"{order}{len(values)}{code}", *values)
-        if len(raw) > 4:
-            raw, place = b"", (raw + b"\0" * (len(raw) % 2), end + len(beyond))
-            beyond += place[0]
-            raw = struct.pack(f"{order}I", place[1])
-        entries += struct.pack(f"{order}HHI", tag, "?BAHI".index(code), len(values))
-        entries += raw.ljust(4, b"\0")
-    start = struct.pack(f"{order}2sHI", b"II" if order == "<" else b"MM", 42, 8 + len(data))
-    count = struct.pack(f"{order}H", len(tags))
-    path.write_bytes(start + data + count + entries + b"\0" * 4 + beyond)
+    """Write TIFF of any samples; `packed` is Deflate."""
+    color = pixels.ndim == 3 and pixels.shape[2] >= 3
+    tags = [(274, "H", 1, orientation, True)]
+    tifffile.imwrite(
+        path,
+        pixels if color else pixels.reshape(pixels.shape[:2]),
+        byteorder=order,
+        compression="zlib" if packed else None,
+        photometric=photometric or ("rgb" if color else "minisblack"),
+        planarconfig="contig" if color else None,
+        extrasamples=["unassalpha"] if color and pixels.shape[2] == 4 and not photometric else None,
+        extratags=[*tags, (700, "B", len(xmp), xmp.encode(), True)] if xmp else tags,
+        metadata=None,
+        software=False,
+    )
 
 
 def write_hdr(path: Path, rgbe: NDArray[np.uint8], *, runs: bool = True, order: str = "") -> None:

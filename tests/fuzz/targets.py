@@ -17,9 +17,27 @@ from tests.scene.corpus import READERS
 from tests.scene.files import write_scene
 from tests.scene.nasty import Reader
 
-Files = list[tuple[str, bytes, tuple[Reader, ...]]]
-"""Names, contents, and who reads them."""
-Target = Callable[[bytes], Files]
+_PICTURE: tuple[Reader, ...] = ("color", "depth", "header")
+_FILES: dict[str, tuple[str, tuple[Reader, ...]]] = {
+    "pfm": ("a.pfm", ("depth",)),
+    "png": ("a.png", ("color", "depth")),
+    "jpeg": ("a.jpg", _PICTURE),
+    "tiff": ("a.tif", _PICTURE),
+    "hdr": ("a.hdr", ("color",)),
+    "webp": ("a.webp", _PICTURE),
+    "avif": ("a.avif", _PICTURE),
+    "npy": ("a.npy", ("depth",)),
+    "exr": ("a.exr", ("color", "depth")),
+    "ply": ("m.ply", ("mesh",)),
+    "obj": ("m.obj", ("mesh",)),
+    "stl": ("m.stl", ("mesh",)),
+    "gltf": ("m.gltf", ("mesh",)),
+    "glb": ("m.glb", ("mesh",)),
+    "video": ("a.mkv", ("video",)),
+    "settings": ("my.toml", ("settings",)),
+    "scene": ("scene.toml", ("scene",)),
+}
+"""By target: the file's name, and who reads it."""
 
 
 class Reading:
@@ -29,72 +47,22 @@ class Reading:
         memory = "/dev/shm" if os.path.isdir("/dev/shm") else None
         self._kept = tempfile.TemporaryDirectory(dir=memory)
         self.folder = Path(self._kept.name)
-        self.target: Target = getattr(self, f"_{target}")
+        self.name, self.readers = _FILES[target]
         if target == "scene":
             write_scene(self.folder, width=16)
         Image.new("RGB", (2, 2), (255, 0, 0)).save(self.folder / "t.png")
 
     def __call__(self, data: bytes) -> bool:
         """Read a file in every way that there is; whether any accepts it."""
-        accepted = False
-        for name, contents, readers in self.target(data):
-            path = self.folder / name
-            path.write_bytes(contents)
-            for reader in readers:
-                accepted |= _accepts(READERS[reader], path)
-        return accepted
-
-    def _pfm(self, data: bytes) -> Files:
-        return [("a.pfm", data, ("depth",))]
-
-    def _png(self, data: bytes) -> Files:
-        return [("a.png", _checked(data), ("color", "depth"))]
-
-    def _jpeg(self, data: bytes) -> Files:
-        return [("a.jpg", data, ("color", "depth", "header"))]
-
-    def _tiff(self, data: bytes) -> Files:
-        return [("a.tif", data, ("color", "depth", "header"))]
-
-    def _hdr(self, data: bytes) -> Files:
-        return [("a.hdr", data, ("color",))]
-
-    def _webp(self, data: bytes) -> Files:
-        return [("a.webp", data, ("color", "depth", "header"))]
-
-    def _avif(self, data: bytes) -> Files:
-        return [("a.avif", data, ("color", "depth", "header"))]
-
-    def _npy(self, data: bytes) -> Files:
-        return [("a.npy", data, ("depth",))]
-
-    def _exr(self, data: bytes) -> Files:
-        return [("a.exr", data, ("color", "depth"))]
-
-    def _ply(self, data: bytes) -> Files:
-        return [("m.ply", data, ("mesh",))]
-
-    def _obj(self, data: bytes) -> Files:
-        mesh, _, materials = data.partition(PARTS)
-        return [("m.mtl", materials, ()), ("m.obj", mesh, ("mesh",))]
-
-    def _stl(self, data: bytes) -> Files:
-        return [("m.stl", data, ("mesh",))]
-
-    def _gltf(self, data: bytes) -> Files:
-        return [("m.gltf", data, ("mesh",))]
-
-    def _glb(self, data: bytes) -> Files:
-        return [("m.glb", data, ("mesh",))]
-
-    def _video(self, data: bytes) -> Files:
-        return [("a.mkv", data, ("video",))]
-
-    def _settings(self, data: bytes) -> Files:
-        return [("my.toml", data, ("settings",))]
-
-    def _scene(self, data: bytes) -> Files:
-        return [("scene.toml", data, ("scene",))]
+        if self.name == "a.png":
+            data = _checked(data)
+        if self.name == "m.obj":
+            data, _, materials = data.partition(PARTS)
+            (self.folder / "m.mtl").write_bytes(materials)
+        path = self.folder / self.name
+        path.write_bytes(data)
+        accepted = [_accepts(READERS[reader], path) for reader in self.readers]
+        return any(accepted)
 
 
 def _accepts(reader: Callable[[Path], object], path: Path) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from iprt.geometry.mesh import Mesh
 from tests.scene.nasty_meshes import glb
 
 _COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
@@ -144,3 +145,10 @@ def bar(*, smooth: bool = False, placed: bool = False) -> GltfFile:
     file.node(mesh=mesh, skin=skin, **({"translation": [5, 5, 5]} if placed else {}))
     file.animation((2, "rotation", [0.0, 1.0], [STILL, TURN], "LINEAR"), name="bend")
     return file
+
+
+def face_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """(F, 3) unit normals of triangles, by their order of corners."""
+    a, b, c = np.moveaxis(mesh.positions[mesh.triangles].astype(np.float64), 1, 0)
+    normals = np.cross(b - a, c - a)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))

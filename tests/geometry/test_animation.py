@@ -71,16 +71,6 @@ def test_keys_are_exact_and_hold_beyond(values: list[Float], turn: list[Float]) 
             np.testing.assert_array_equal(keyed.at(times[-1] + 1e9), keyed.values[-1])
 
 
-@SETTINGS
-@given(low=numbers, step=st.floats(0.0, 1e6), some=st.lists(parts, min_size=2))
-def test_between_keys_values_only_grow(low: float, step: float, some: list[float]) -> None:
-    line = track([2.0, 5.0], [[low], [low + step]])
-    values = [float(line.at(2.0 + 3.0 * part)[0]) for part in sorted(some)]
-    assert (np.diff(values) >= 0.0).all()
-    assert low <= values[0]
-    assert values[-1] <= low + step
-
-
 def test_steps_stay_until_the_next_key() -> None:
     steps = track([0.0, 1.0, 2.0], [[1.0], [5.0], [9.0]], held=True)
     for time, value in ((0.0, 1.0), (0.999, 1.0), (1.0, 5.0), (1.5, 5.0), (2.0, 9.0)):

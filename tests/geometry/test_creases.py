@@ -14,10 +14,8 @@ from iprt.geometry.animated_mesh import load_animated_mesh
 from iprt.geometry.creases import CREASE_DEG, with_normals
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.fingerprint import fingerprint
-from iprt.scene.scene import Scene
-from tests.geometry.gltf_files import STILL, GltfFile, bar_vertices, bar_weights
-from tests.scene.files import CUBE, write_scene
+from tests.geometry.gltf_files import GltfFile, bar, face_normals
+from tests.scene.files import CUBE
 
 Float = NDArray[np.float64]
 CREASED = (".obj", ".ply", ".stl")
@@ -29,13 +27,6 @@ def exported(solid: trimesh.Trimesh, path: Path) -> Path:
     options = {".stl": {}, ".ply": {"vertex_normal": False}}
     bare.export(path, **options.get(path.suffix, {"include_normals": False}))
     return path
-
-
-def face_normals(mesh: Mesh) -> Float:
-    a, b, c = np.moveaxis(mesh.positions[mesh.triangles].astype(np.float64), 1, 0)
-    normals = np.cross(b - a, c - a)
-    unit: Float = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return unit
 
 
 def off_face_deg(mesh: Mesh) -> Float:
@@ -186,35 +177,11 @@ def test_a_fan_of_many_faces_takes_no_time_that_grows_with_its_square() -> None:
     assert np.allclose(normals[0], [0, 1, 0], atol=1e-6)
 
 
-def folded(*, normals: bool) -> GltfFile:
-    """The bar of `gltf_files`, bent by 90 degrees over its length by a skin, after a second."""
-    file = GltfFile()
-    positions, given, triangles = bar_vertices()
-    upper = bar_weights(positions[:, 1], smooth=True)
-    none = np.zeros_like(upper)
-    more = {"NORMAL": file.array(given)} if normals else {}
-    mesh = file.mesh(
-        positions,
-        triangles,
-        JOINTS_0=file.array(np.tile([0, 1, 0, 0], (len(upper), 1)), "u1"),
-        WEIGHTS_0=file.array(np.stack([1.0 - upper, upper, none, none], axis=1)),
-        **more,
-    )
-    inverse = np.tile(np.eye(4), (2, 1, 1))
-    inverse[1, 1, 3] = -1.0
-    skin = file.skin([1, 2], inverse)
-    file.node(children=[1, 3])
-    file.node(children=[2])
-    file.node(translation=[0, 1, 0])
-    file.node(mesh=mesh, skin=skin)
-    turned = (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
-    file.animation((2, "rotation", [0.0, 1.0], [STILL, turned], "LINEAR"), name="bend")
-    return file
-
-
 def test_a_skin_without_normals_stays_flat_while_it_bends(tmp_path: Path) -> None:
-    animated = load_animated_mesh(folded(normals=False).write(tmp_path / "bar.glb"), 0)
-    smooth = load_animated_mesh(folded(normals=True).write(tmp_path / "given.glb"), 0)
+    file = bar(smooth=True)
+    smooth = load_animated_mesh(file.write(tmp_path / "given.glb"), 0)
+    del file.document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]
+    animated = load_animated_mesh(file.write(tmp_path / "bar.glb"), 0)
     for time_s in (0.0, 0.5, 0.99):
         mesh = animated.at(time_s)
         assert off_face_deg(mesh).max() < 0.1
@@ -232,16 +199,6 @@ def test_a_moving_node_without_normals_is_flat(tmp_path: Path) -> None:
     file.animation((0, "translation", [0.0, 1.0], [[0, 0, 0], [1, 0, 0]], "LINEAR"))
     mesh = load_animated_mesh(file.write(tmp_path / "box.glb"), 0).at(0.5)
     assert off_face_deg(mesh).max() < 0.1
-
-
-def test_what_was_rendered_of_other_normals_is_told_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The frames of a video that was begun before are not mixed with new ones."""
-    scene = Scene.open(write_scene(tmp_path / "room"))
-    now = fingerprint(scene)
-    monkeypatch.setattr("iprt.scene.fingerprint.READING", 1)
-    assert fingerprint(scene) != now
 
 
 def test_bad_normals_among_given_ones_are_replaced(tmp_path: Path) -> None:

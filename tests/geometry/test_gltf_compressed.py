@@ -185,6 +185,5 @@ def test_a_buffer_that_is_cut_off_is_named(suffix: str, tmp_path: Path) -> None:
     claim = json.dumps({"byteLength": whole - 8})[:-1].encode()
     assert claim in data
     path.write_bytes(data.replace(claim, claim.replace(b"%d" % (whole - 8), b"%d" % whole)))
-    with pytest.raises(FormatError) as caught:
+    with pytest.raises(FormatError, match="buffer 0 is cut off"):
         load_mesh(path)
-    assert f"buffer 0: {whole - 8} of {whole} bytes" in str(caught.value)

@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from iprt import cli
 from iprt.errors import SceneError
-from iprt.scene.adding import add_object
 from iprt.scene.scene import Scene
-from tests.scene.files import CUBE, MANIFEST, VIEW, write_rgb, write_scene
+from tests.scene.files import MANIFEST, VIEW, write_rgb, write_scene
 
 Float = NDArray[np.float64]
 PLACE = "[0, 0, 2, 0.5, 0, 2, 0, -1, -2, 0, 0, -1.5, 0, 0, 0, 1]"
@@ -46,13 +45,6 @@ def opened(folder: Path, objects: str = "", views: str = "") -> Scene:
 def placed(scene: Scene, time_s: float) -> Float:
     (instance,) = scene.instances_at(time_s)
     return instance.to_world
-
-
-def test_without_keyframes_nothing_moves(tmp_path: Path) -> None:
-    scene = opened(tmp_path / "s")
-    for time in (0.0, 1.5, 1e6):
-        np.testing.assert_array_equal(placed(scene, time), TO_WORLD)
-        assert scene.views["ahead"].at(time) == scene.views["ahead"].view
 
 
 def test_what_is_put_somewhere_while_it_moves_is_there(tmp_path: Path) -> None:
@@ -136,18 +128,14 @@ def test_time_counts_from_the_first_frame(tmp_path: Path, loop: bool) -> None:
     [
         ("time = 0", "keyframes[0]: says nothing but when; give translation, rotation or scale"),
         ("scale = 1", "keyframes[0].time: required key is missing"),
-        ("time = -1\nscale = 1", "keyframes[0].time: expected greater than or equal to 0"),
         ("time = inf\nscale = 1", "keyframes[0].time: "),
         ("time = 0\nscale = 0", "keyframes[0].scale: expected factors from 1e-06 to 1e+06"),
-        ("time = 0\nscale = nan", "keyframes[0].scale: expected factors"),
         ("time = 0\nscale = [1, 2]", "keyframes[0].scale: expected a number, or three"),
         ("time = 0\nscale = true", "keyframes[0].scale: expected a number, or three"),
         ("time = 0\nrotation = [1, 0, 0]", "keyframes[0].rotation: expected 4 values, got 3"),
-        ("time = 0\nrotation = [0, 0, 0, 0]", "rotation: expected a quaternion x, y, z, w of le"),
         ("time = 0\nrotation = [90, 0, 0, 0]", "of length 1; its length is 90"),
         ("time = 0\ntranslation = [1e9, 0, 0]", "keyframes[0].translation[0]: "),
         ("time = 0\ntranslaton = [1, 0, 0]", "translaton: unknown key; did you mean translation?"),
-        ("time = 0\nscale = 1\ninterpolation = 'cubic'", "interpolation: expected 'linear' or"),
         (
             "time = 1\nscale = 1\n[[objects.keyframes]]\ntime = 1.0\nscale = 2",
             "keyframes: times must ascend; [1] is at 1 s, after 1 s",
@@ -167,18 +155,6 @@ def test_faults_of_views_are_named(tmp_path: Path) -> None:
         opened(tmp_path / "s", views=views)
     assert "views.ahead.keyframes[0].pitch_deg: expected less than or equal" in str(caught.value)
     assert "views.ahead.keyframes[1]: says nothing but when; give yaw_deg" in str(caught.value)
-
-
-def test_adding_an_object_keeps_what_moves(tmp_path: Path) -> None:
-    scene = opened(tmp_path / "s", KEYS, "[[views.keyframes]]\ntime = 0\nyaw_deg = 5\n")
-    mesh = tmp_path / "new.obj"
-    mesh.write_text(CUBE)
-    add_object(scene.root, mesh, 0.0, -60.0)
-    again = Scene.open(scene.root)
-    assert [entry.name for entry in again.objects] == ["cube", "new"]
-    assert again.manifest.objects[0].keyframes == scene.manifest.objects[0].keyframes
-    assert again.manifest.views[0].keyframes == scene.manifest.views[0].keyframes
-    assert again.manifest.objects[1].keyframes == []
 
 
 def test_info_tells_what_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

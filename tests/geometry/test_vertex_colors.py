@@ -1,4 +1,4 @@
-"""Colours of vertices and faces: the textures that they become, between corners and from afar."""
+"""Colors of vertices and faces: the textures that they become, between corners and from afar."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def ball(suffix: str, folder: Path) -> tuple[Path, NDArray[np.uint8]]:
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
-def test_colours_between_vertices_are_interpolated(suffix: str, tmp_path: Path) -> None:
-    """Colours of glTF are linear, others are sRGB."""
+def test_colors_between_vertices_are_interpolated(suffix: str, tmp_path: Path) -> None:
+    """Colors of glTF are linear, others are sRGB."""
     path, colors = ball(suffix, tmp_path)
     mesh = load_mesh(path)
     linear = colors / 255.0 if suffix == ".glb" else decode_srgb(colors)
@@ -74,7 +74,7 @@ def test_colours_between_vertices_are_interpolated(suffix: str, tmp_path: Path) 
     assert mesh.dropped == ()
 
 
-def test_faces_have_one_colour_each(tmp_path: Path) -> None:
+def test_faces_have_one_color_each(tmp_path: Path) -> None:
     box = trimesh.creation.box()
     colors = np.random.default_rng(3).integers(0, 256, (len(box.faces), 4), np.uint8)
     box.visual.face_colors = colors
@@ -94,7 +94,7 @@ def test_no_triangle_has_texels_of_others(count: int) -> None:
     np.testing.assert_allclose(corners, colors, atol=HALF)
 
 
-def test_from_afar_colours_are_those_around() -> None:
+def test_from_afar_colors_are_those_around() -> None:
     """Blocks of texels are made of triangles that are near each other, in whatever order."""
     grid = np.stack(np.meshgrid(np.arange(64.0), np.arange(64.0), [0.0]), axis=-1).reshape(-1, 3)
     centers = np.random.default_rng(1).permutation(grid) / 63.0
@@ -105,7 +105,7 @@ def test_from_afar_colours_are_those_around() -> None:
     assert blocks.std(axis=(1, 3)).max() < 0.04, "of 0.29 in all of it"
 
 
-def test_one_colour_needs_no_texture(tmp_path: Path) -> None:
+def test_one_color_needs_no_texture(tmp_path: Path) -> None:
     solid = trimesh.creation.box()
     solid.visual.vertex_colors = np.tile(np.array([255, 188, 0, 255], np.uint8), (8, 1))
     solid.export(tmp_path / "b.ply")
@@ -116,7 +116,7 @@ def test_one_colour_needs_no_texture(tmp_path: Path) -> None:
     assert mesh.dropped == ()
 
 
-def test_colours_multiply_the_material_and_share_its_texture(tmp_path: Path) -> None:
+def test_colors_multiply_the_material_and_share_its_texture(tmp_path: Path) -> None:
     file = GltfFile()
     rng = np.random.default_rng(5)
     linear = rng.random((2, 3, 3))
@@ -150,11 +150,11 @@ def test_below_a_texture_their_mean_is_used(tmp_path: Path) -> None:
     assert found.texture is not None
     assert found.texture.shape == (2, 2, 3)
     assert found.albedo == pytest.approx((0.4, 1.0, 0.0), abs=2e-3)
-    assert mesh.dropped == ("colours of vertices below a texture; their mean is used",)
+    assert mesh.dropped == ("colors of vertices below a texture; their mean is used",)
 
 
 @pytest.mark.parametrize("normals", [True, False])
-def test_colours_bend_along(tmp_path: Path, normals: bool) -> None:
+def test_colors_bend_along(tmp_path: Path, normals: bool) -> None:
     file = bar(smooth=True)
     positions, _, triangles = bar_vertices()
     linear = np.random.default_rng(2).random((len(positions), 3))

@@ -25,7 +25,7 @@ from iprt.measure import metrics
 from iprt.measure.compare import Compared, Comparison, compare_views
 from iprt.measure.view_truth import Scores, views_with_truth
 from iprt.output.display import display
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 

@@ -14,7 +14,7 @@ import pytest
 from iprt import cli
 from iprt.measure import metrics, protocol
 from iprt.measure.protocol import provenance, scene_hash
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from iprt.scene.scene import Scene
 from tests.clips import write_clip
 from tests.measure.tiny import write_tiny

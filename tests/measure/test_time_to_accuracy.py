@@ -25,7 +25,7 @@ from iprt.measure.time_to_accuracy import Result, Track, run_race
 from iprt.measure.time_to_accuracy_report import race_grid
 from iprt.measure.timed_renderers import FULL, PANORAMA, IprtEntry, Subject, TimedRenderer
 from iprt.measure.view_truth import Radiance, Scores, read_target
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.overrides import parse_assignment

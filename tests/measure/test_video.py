@@ -23,7 +23,7 @@ from iprt.measure.stability import CAUSES
 from iprt.measure.sweep import Combination, combinations
 from iprt.measure.video import Player, over_background, resized
 from iprt.output.display import display
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from iprt.scene.scene import SceneView
 from iprt.settings.model import Settings
 from tests.frame.moving import write_moving

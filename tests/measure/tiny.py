@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from iprt.output.exr import write_exr
+from iprt.output.picture import write_exr
 from tests.scene.files import MANIFEST, write_rgb, write_scene
 
 OBJECT = """

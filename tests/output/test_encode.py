@@ -1,4 +1,4 @@
-"""Video files: every picture at its time, in the colours it had, said to be what it is."""
+"""Video files: every picture at its time, in the colors it had, said to be what it is."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from iprt.output.encode import (
     require_codec,
     require_even,
 )
-from iprt.output.spherical import XML_ID, equirect_boxes
+from iprt.output.spatial_media import XML_ID, equirect_boxes
 from tests.output.test_boxes import TABLES, at
 from tests.output.test_ycbcr import decoded
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.files.atomic import replacing
-from iprt.output.exr import write_exr
-from iprt.output.picture import check_output, write_picture
-from iprt.output.png import write_png
+from iprt.output.picture import check_output, write_exr, write_picture, write_png
 
 METADATA = {
     "iprt:settings": json.dumps({"method": "iprt", "spp": 2, "note": "Ωµ"}, ensure_ascii=False),
@@ -123,19 +119,6 @@ def test_failure_in_mid_write_leaves_the_old_file(
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("name", ["a.exr", "a.png"])
-def test_failed_rename_leaves_no_temporary_file(
-    name: str, tmp_path: Path, color: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.raises(FormatError, match="Permission denied"):
-        write_picture(tmp_path / name, color)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_missing_folders_are_created(tmp_path: Path, color: NDArray[np.float32]) -> None:
     path = tmp_path / "new" / "folder" / "a.exr"
     check_output(path)
@@ -162,38 +145,19 @@ def test_links_are_not_replaced(target: str, tmp_path: Path, color: NDArray[np.f
     assert (tmp_path / "store" / "real.png").read_text() == "mine"
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket"])
-def test_pipes_and_sockets_are_not_replaced(
-    kind: str, tmp_path: Path, color: NDArray[np.float32], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)  # names of sockets are short
-    if kind == "pipe":
-        os.mkfifo("a.png")
-    else:
-        with socket.socket(socket.AF_UNIX) as server:
-            server.bind("a.png")
-    before = os.lstat("a.png")
+def test_pipes_are_not_replaced(tmp_path: Path, color: NDArray[np.float32]) -> None:
+    path = tmp_path / "a.png"
+    os.mkfifo(path)
     for write in (lambda path: write_picture(path, color), check_output):
         with pytest.raises(FormatError, match=r"a\.png: is a device, pipe or socket"):
-            write(Path("a.png"))
-    assert os.lstat("a.png").st_ino == before.st_ino
-
-
-def test_devices_are_not_replaced(color: NDArray[np.float32]) -> None:
-    before = os.lstat("/dev/full")
-    with pytest.raises(FormatError, match="/dev/full: is a device"), replacing(Path("/dev/full")):
-        pytest.fail("it is about to be replaced")
-    assert os.lstat("/dev/full").st_mode == before.st_mode
+            write(path)
+    assert path.is_fifo()
 
 
 @pytest.mark.parametrize("name", ["a.jpg", "a", "a.exr.gz"])
 def test_unknown_format_lists_the_supported_ones(name: str, tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"supported: \.exr, \.png"):
         check_output(tmp_path / name)
-
-
-def test_suffix_case_does_not_matter(tmp_path: Path) -> None:
-    check_output(tmp_path / "A.EXR")
 
 
 def test_png_cannot_hold_layers(tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ from iprt.errors import FormatError
 from iprt.output import sound as module
 from iprt.output.encode import FORMATS, encode_piece, join_pieces
 from iprt.output.movie import Movie
-from iprt.output.sound import ENCODERS, Sound
+from iprt.output.sound import Sound
 from iprt.renderer import RenderedFrame
-from tests.output.test_sequence import metadata
+from tests.output.test_frames import metadata
 from tests.sounding import (
     CLICKS,
     FPS,
@@ -266,11 +266,6 @@ def test_a_full_disk_does_not_cost_the_sound(
     monkeypatch.setattr("iprt.output.encode.sound_packets", full)
     with pytest.raises(FormatError, match=r"film\.mp4: cannot be written: No space left"):
         film(write_sounding(tmp_path / "source.mp4"))
-
-
-def test_missing_encoders_would_be_seen() -> None:
-    for name in ENCODERS.values():
-        av.Codec(name, "w")
 
 
 # Films that grow ---------------------------------------------------------------------------------

@@ -8,12 +8,11 @@ from pathlib import Path
 import av
 import pytest
 
-from iprt.output.ambisonics import track_box
 from iprt.output.boxes import box, boxes_in
-from iprt.output.spherical import XML_ID, equirect_boxes
+from iprt.output.spatial_media import equirect_boxes, track_box
 from tests.output.test_boxes import TABLES
 from tests.output.test_sound import CUT, film, require_together
-from tests.sounding import sound_bytes, sound_codecs, write_sounding
+from tests.sounding import sound_codecs, write_sounding
 
 
 def tracks(data: bytes) -> dict[bytes, bytes]:
@@ -25,21 +24,6 @@ def tracks(data: bytes) -> dict[bytes, bytes]:
         if each.kind == b"trak"
     ]
     return {b"vide" if b"vide" in track else b"soun": track for track in whole}
-
-
-@pytest.mark.parametrize("suffix", [".mp4", ".mov"])
-def test_panoramas_have_sound(suffix: str, tmp_path: Path) -> None:
-    """Every packet is where the index points, and only pictures are marked as a panorama."""
-    source = write_sounding(tmp_path / "source.mp4")
-    path = film(source, suffix, additions=equirect_boxes())
-    require_together(path)
-    assert sound_bytes(path) == sound_bytes(source)
-    data = path.read_bytes()
-    assert data.index(b"moov") < data.index(b"mdat")
-    found = tracks(data)
-    assert XML_ID in found[b"vide"]
-    assert b"sv3d" in found[b"vide"]
-    assert not any(each in found[b"soun"] for each in (XML_ID, b"sv3d", b"st3d"))
 
 
 AMBISONIC = box(b"SA3D", struct.pack(">BBIBBI4I", 0, 0, 1, 0, 0, 4, 0, 1, 2, 3))

@@ -78,16 +78,10 @@ def write_png16_grey(path: Path, values: NDArray[np.uint16]) -> None:
     Image.fromarray(values).save(path, format="PNG")
 
 
-def write_png16(path: Path, pixels: NDArray[np.uint16], filters: list[int]) -> None:
-    """A 16-bit PNG, each row with the filter asked for."""
+def write_png16(path: Path, pixels: NDArray[np.uint16]) -> None:
+    """A 16-bit PNG of one to four channels, without row filters."""
     height, width, channels = pixels.shape
-    data = pixels.astype(">u2").tobytes()
-    size = 2 * channels
-    rows = [data[y * width * size : (y + 1) * width * size] for y in range(height)]
-    coded = b"".join(
-        bytes([kind]) + _filtered(row, rows[y - 1] if y else bytes(len(row)), kind, size)
-        for y, (row, kind) in enumerate(zip(rows, filters, strict=True))
-    )
+    coded = b"".join(b"\0" + row.astype(">u2").tobytes() for row in pixels)
     color_type = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
     header = struct.pack(">IIBBBBB", width, height, 16, color_type, 0, 0, 0)
     path.write_bytes(
@@ -100,17 +94,6 @@ def write_png16(path: Path, pixels: NDArray[np.uint16], filters: list[int]) -> N
 
 def chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
-def _filtered(row: bytes, above: bytes, kind: int, size: int) -> bytes:
-    out = bytearray()
-    for i, value in enumerate(row):
-        a = row[i - size] if i >= size else 0
-        b, c = above[i], above[i - size] if i >= size else 0
-        p = a + b - c
-        paeth = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
-        out.append((value - (0, a, b, (a + b) // 2, paeth)[kind]) & 255)
-    return bytes(out)
 
 
 CUBE = """v -1 -1 -1

@@ -64,47 +64,26 @@ def png(width: int, height: int, bits: int, data: bytes, *before: bytes) -> byte
 
 
 ZEROS = zlib.compress(bytes(2**24), 9)
-for _bits in (8, 16):
-    nasty(
-        "color", "c.png", f"PNG of {_bits} bits, 10^10 pixels", png(10**5, 10**5, _bits, b"x"), ""
-    )
-    nasty(
-        "color",
-        "c.png",
-        f"PNG of {_bits} bits, 2^28 pixels",
-        png(2**14, 2**14, _bits, ZEROS),
-        "c.png: cannot be read as a picture (Image size",
-    )
-    nasty("color", "c.png", f"PNG of {_bits} bits, no pixels", png(0, 4, _bits, ZEROS), "c.png")
-    nasty(
-        "color", "c.png", f"PNG of {_bits} bits, a long row", png(20000, 1, _bits, ZEROS), "a side"
-    )
-nasty(
-    "color",
-    "c.png",
-    "PNG with two headers",
-    png(4, 4, 16, ZEROS, chunk(b"IHDR", struct.pack(">IIBBBBB", 9, 2, 16, 2, 0, 0, 0))),
-    "c.png: ",
-)
-nasty(
-    "color",
-    "c.png",
-    "PNG with a bomb of text",
-    png(4, 4, 8, b"x", chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(2**26), 9))),
-    "c.png: ",
-)
-TEXT_LAST = chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(2**28), 9))
-nasty(
-    "color",
-    "c.png",
-    "PNG with a bomb of text behind its pixels",
-    png(4, 4, 16, ZEROS)[: -len(END)] + TEXT_LAST + END,
-    "c.png: cut off or damaged picture (Decompressed data too large",
-)
-nasty("color", "c.png", "PNG with a chunk of 2 GB", PNG + b"\x7f\xff\xff\xffIHDR", "c.png: ")
-nasty(
-    "color", "c.png", "PostScript that calls itself PNG", b"\x89PNG%!PS-Adobe-3.0 EPSF", "c.png: "
-)
+TOO_LARGE = "c.png: cannot be read as a picture (Image size"
+TEXT = chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(2**26), 9))
+LONG_TEXT = chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(2**28), 9))
+SECOND = chunk(b"IHDR", struct.pack(">IIBBBBB", 9, 2, 16, 2, 0, 0, 0))
+for _name, _data, _message in (
+    *((f"of {b} bits, 10^10 pixels", png(10**5, 10**5, b, b"x"), "") for b in (8, 16)),
+    *((f"of {b} bits, 2^28 pixels", png(2**14, 2**14, b, ZEROS), TOO_LARGE) for b in (8, 16)),
+    *((f"of {b} bits, no pixels", png(0, 4, b, ZEROS), "c.png") for b in (8, 16)),
+    *((f"of {b} bits, a long row", png(20000, 1, b, ZEROS), "a side") for b in (8, 16)),
+    ("with two headers", png(4, 4, 16, ZEROS, SECOND), "c.png: "),
+    ("with a bomb of text", png(4, 4, 8, b"x", TEXT), "c.png: "),
+    (
+        "with a bomb of text behind its pixels",
+        png(4, 4, 16, ZEROS)[: -len(END)] + LONG_TEXT + END,
+        "c.png: cut off or damaged picture (Decompressed data too large",
+    ),
+    ("with a chunk of 2 GB", PNG + b"\x7f\xff\xff\xffIHDR", "c.png: "),
+    ("that is PostScript", b"\x89PNG%!PS-Adobe-3.0 EPSF", "c.png: "),
+):
+    nasty("color", "c.png", f"PNG {_name}", _data, _message)
 
 
 @nasty_script("color", "c.jpg", "c.jpg: cannot be read as a picture (Image size")

@@ -24,35 +24,27 @@ def ply(vertices: object, faces: object, data: bytes = b"", kind: str = BINARY) 
     return (HEAD.format(kind, vertices) + FACES.format(faces)).encode() + data
 
 
-nasty("mesh", "m.ply", "PLY of 2^31 vertices", ply(2**31, 1), "claims 2147483648 of 'vertex'")
-nasty("mesh", "m.ply", "PLY of 10^30 faces", ply(3, 10**30), "of 'face'; at most")
-nasty("mesh", "m.ply", "PLY of 10^7 absent vertices", ply(10**7, 1), "0 bytes of at least")
-nasty("mesh", "m.ply", "PLY text of 10^7 rows", ply(10**7, 1, b"0 0 0\n", "ascii"), "6 bytes of at")
-nasty("mesh", "m.ply", "PLY of -5 vertices", ply(-5, 1), "damaged PLY file (its header)")
-nasty(
-    "mesh", "m.ply", "PLY without an end", HEAD.format(BINARY, 3) + "comment a\n" * 10**5, "header"
-)
-nasty("mesh", "m.ply", "PLY with a line of 10 MB", "ply\nformat " + "a" * 10**7, "its header")
-nasty(
-    "mesh",
-    "m.ply",
-    "PLY with 10^7 nothings",
-    HEAD.format(BINARY, 3) + "element none 10000000\n" + FACES.format(1),
-    "its header",
-)
-for _name, _face in (
-    ("PLY list beyond the file", struct.pack("<B3i", 255, 0, 1, 2)),
-    ("PLY triangle of a fourth vertex", struct.pack("<B3i", 3, 0, 1, 3)),
-    ("PLY triangle of a negative vertex", struct.pack("<B3i", 3, 0, 1, -1)),
+FACE, NAN = struct.pack("<B3i", 3, 0, 1, 2), struct.pack("<9f", *[float("nan")] * 9)
+MESH = "cut off or damaged mesh file"
+for _name, _ply, _message in (
+    ("of 2^31 vertices", ply(2**31, 1), "claims 2147483648 of 'vertex'"),
+    ("of 10^30 faces", ply(3, 10**30), "of 'face'; at most"),
+    ("of 10^7 absent vertices", ply(10**7, 1), "0 bytes of at least"),
+    ("text of 10^7 rows", ply(10**7, 1, b"0 0 0\n", "ascii"), "6 bytes of at"),
+    ("of -5 vertices", ply(-5, 1), "damaged PLY file (its header)"),
+    ("without an end", HEAD.format(BINARY, 3) + "comment a\n" * 10**5, "header"),
+    ("with a line of 10 MB", "ply\nformat " + "a" * 10**7, "its header"),
+    (
+        "with 10^7 nothings",
+        HEAD.format(BINARY, 3) + "element none 10000000\n" + FACES.format(1),
+        "its header",
+    ),
+    ("list beyond the file", ply(3, 1, CORNERS + b"\xff" + FACE[1:]), MESH),
+    ("triangle of a fourth vertex", ply(3, 1, CORNERS + struct.pack("<B3i", 3, 0, 1, 3)), MESH),
+    ("triangle of vertex -1", ply(3, 1, CORNERS + struct.pack("<B3i", 3, 0, 1, -1)), MESH),
+    ("of NaN", ply(3, 1, NAN + FACE), "holds no triangles"),
 ):
-    nasty("mesh", "m.ply", _name, ply(3, 1, CORNERS + _face), "cut off or damaged mesh file")
-nasty(
-    "mesh",
-    "m.ply",
-    "PLY of NaN",
-    ply(3, 1, struct.pack("<9f", *[float("nan")] * 9) + struct.pack("<B3i", 3, 0, 1, 2)),
-    "holds no triangles",
-)
+    nasty("mesh", "m.ply", f"PLY {_name}", _ply, _message)
 
 for _name, _line, _message in (
     ("OBJ with materials of the net", "mtllib http://a.b/m.mtl", "on the net"),
@@ -182,7 +174,7 @@ for _name, _changes, _message in (
     ("glTF of 1000 levels", {"nodes": CHAIN}, "levels of nodes"),
     ("glTF of NaN", {"nodes.0.translation": [float("nan"), 0, 0]}, "nodes[0].translation[0]: "),
     ("glTF of a mesh that is text", {"nodes.0.mesh": "a"}, "nodes[0].mesh: "),
-    ("glTF of a colour that is text", {"materials.0.pbrMetallicRoughness": "a"}, "materials[0]"),
+    ("glTF of a color that is text", {"materials.0.pbrMetallicRoughness": "a"}, "materials[0]"),
     ("glTF of scene 5", {"scene": 5}, "there is no scene 5"),
     ("glTF of a name that is a list", {"materials.0.name": ["a"]}, "materials[0].name: "),
 ):

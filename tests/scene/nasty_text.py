@@ -25,10 +25,7 @@ for _name, _old, _new, _message in (
     ("format of 5000 digits in hex", "format = 1", f"format = {HEX}", "format: a number of more"),
     ("matrix of 5000 digits", "[1, 0", f"[{HEX}, 0", "to_world: a number of more than 64"),
     ("a matrix beyond floats", "[1, 0", "[1e999, 0", "to_world[0]: expected a finite"),
-    ("a turn of 10^300 degrees", "depth =", "yaw_offset_deg = 1e300\ndepth =", "yaw_offset_deg: "),
-    ("a view of 10^300 degrees", "size =", "yaw_deg = 1e300\nsize =", "views.ahead.yaw_deg: "),
     ("a view through a pinhole", "size =", "fov_y_deg = 1e-300\nsize =", "views.ahead.fov_y_deg: "),
-    ("an exposure of 10^300", "[video]", "exposure = 1e300\n[video]", "exposure: "),
     ("metres of 10^300", "depth =", "depth_scale = 1e300\ndepth =", "video.depth_scale: "),
     (
         "500 values that are no depth",
@@ -36,7 +33,6 @@ for _name, _old, _new, _message in (
         f"depth_sky = {list(range(500))}\ndepth =",
         "video.depth_sky: expected 16 values, got 500",
     ),
-    ("depth of no kind", "depth =", 'depth_kind = "z"\ndepth =', "video.depth_kind: "),
     ("a cut beyond 64 bits", "size =", f"cuts = [[0, 0, {HEX}, 1]]\nsize =", "more than 64 bits"),
     ("a path with a zero byte", '"cube.obj"', '"a\\u0000b"', "objects.cube.mesh: 'a\\x00b': exp"),
     ("a path that ends the line", '"cube.obj"', '"a\\nb"', "objects.cube.mesh: 'a\\nb': expected"),
@@ -44,7 +40,7 @@ for _name, _old, _new, _message in (
     ("a path by URL", '"cube.obj"', '"https://a.b/c.obj"', "there is no file https://a.b/c.obj"),
     ("a path in Windows", '"cube.obj"', "'\\\\server\\share\\c.obj'", "leaves the scene's folder"),
     (
-        "a name that colours the terminal",
+        "a name that colors the terminal",
         '"cube"',
         '"\\u001b[31mcube"',
         "'\\x1b[31mcube': expected",
@@ -56,7 +52,7 @@ for _name, _old, _new, _message in (
     nasty("manifest", "scene.toml", _name, WHOLE.replace(_old, _new), _message)
 
 nasty("manifest", "scene.toml", "50000 keys", KEYS, "more than 100 problems")
-nasty("manifest", "scene.toml", "5000 objects", MANIFEST + OBJECT * 5000, "objects: ")
+nasty("manifest", "scene.toml", "5000 objects", MANIFEST + OBJECT * 5000, "objects: 5000 of th")
 nasty(
     "manifest",
     "scene.toml",
@@ -78,7 +74,6 @@ for _reader, _file in (("manifest", "scene.toml"), ("settings", "my.toml")):
         nasty(_reader, _file, f"{_reader} of too much: {_name}", _data, _message)  # type: ignore[arg-type]
 for _name, _data, _message in (
     ("settings of NaN", "[trace]\nrays = nan\n", "trace.rays = nan: expected"),
-    ("settings of a date", "seed = 1979-05-27\n", "seed = 1979-05-27: expected"),
     ("settings with a key that ends the line", '"a\\nb" = 1\n', "a\\nb = 1: there is no setting"),
     ("settings with a long text", f'seed = "{"x" * 9000}"\n', "..."),
 ):

@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.files import untrusted
+from iprt.files import safe_reading
 from iprt.files.images import read_color
 from iprt.footage.video.source import FrameSource
-from iprt.geometry import mesh_files, mesh_materials, meshes
+from iprt.geometry import mesh_files, mesh_materials, mesh_shapes
 from iprt.geometry.meshes import load_mesh
 from iprt.scene import objects as objects_module
 from iprt.scene import real_materials
@@ -56,9 +56,9 @@ def test_meshes_up_to_the_limit(
     name: str, least: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
-    monkeypatch.setattr(meshes, name, least)
+    monkeypatch.setattr(mesh_shapes, name, least)
     load_mesh(tmp_path / "m.obj")
-    monkeypatch.setattr(meshes, name, least - 1)
+    monkeypatch.setattr(mesh_shapes, name, least - 1)
     with pytest.raises(FormatError, match="12 triangles and 8 vertices; at most"):
         load_mesh(tmp_path / "m.obj")
 
@@ -76,8 +76,8 @@ def test_pictures_up_to_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for suffix in ("png", "jpg"):
         Image.new("RGB", (9, 7)).save(tmp_path / f"c.{suffix}")
         for side, pixels in ((9, 63), (8, 63), (9, 62)):
-            monkeypatch.setattr(untrusted, "MAX_SIDE", side)
-            monkeypatch.setattr(untrusted, "MAX_PIXELS", pixels)
+            monkeypatch.setattr(safe_reading, "MAX_SIDE", side)
+            monkeypatch.setattr(safe_reading, "MAX_PIXELS", pixels)
             if (side, pixels) == (9, 63):
                 read_color(tmp_path / f"c.{suffix}")
                 continue

@@ -15,8 +15,8 @@ from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_texel
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
+from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.placement import RealSurfaces, set_down
-from iprt.scene.stance import Stance
 from tests.oracles.worlds import Box, World
 from tests.rendering import render
 from tests.worlds import cuboid, room_frame
@@ -58,7 +58,7 @@ def seat(
 ) -> Instance:
     """A cube or board, a fifth of its distance large, on the floor that far away."""
     pitch_deg = float(np.degrees(np.arcsin(FLOOR / distance)))
-    to_world = set_down(surfaces, thing.mesh, yaw_deg, pitch_deg, Stance()).to_world
+    to_world = set_down(surfaces, thing.mesh, yaw_deg, pitch_deg, MeshPose()).to_world
     return Instance("thing", thing.mesh, to_world)
 
 
@@ -145,27 +145,27 @@ def test_few_points_far_below_are_not_the_floor(height_m: float) -> None:
     surfaces = RealSurfaces(with_deep_nadir())
     for pitch_deg in (-80.0, -70.0, -50.0, -45.0, -35.0):
         for yaw_deg in YAWS_DEG:
-            stance = Stance(height_m=height_m)
-            to_world = set_down(surfaces, CUBE.mesh, yaw_deg, pitch_deg, stance).to_world
+            pose = MeshPose(height_m=height_m)
+            to_world = set_down(surfaces, CUBE.mesh, yaw_deg, pitch_deg, pose).to_world
             assert foot(Instance("cube", CUBE.mesh, to_world)) == pytest.approx(FLOOR, abs=1e-3)
 
 
 def test_what_stands_on_them_is_named() -> None:
     surfaces = RealSurfaces(with_deep_nadir())
-    to_world = set_down(surfaces, CUBE.mesh, 0.0, -89.0, Stance(height_m=0.4)).to_world
+    to_world = set_down(surfaces, CUBE.mesh, 0.0, -89.0, MeshPose(height_m=0.4)).to_world
     deep = Instance("cube", CUBE.mesh, to_world)
     assert foot(deep) < -13.0, "there the view shows nothing else"
-    (warning,) = surfaces.standing(deep).warnings()
+    (warning,) = surfaces.placement_faults(deep)
     assert "13 m below the floor" in warning
     ordinary = RealSurfaces(ROOM.frame(WIDTH, HEIGHT))
-    assert ordinary.standing(seat(ordinary, 2.0, 0.0)).warnings() == []
+    assert ordinary.placement_faults(seat(ordinary, 2.0, 0.0)) == []
 
 
 def test_what_stands_on_nothing_is_named() -> None:
     frame = ROOM.frame(WIDTH, HEIGHT)
     sky = np.where(np.arange(HEIGHT)[:, None] > HEIGHT // 2, np.inf, frame.depth)
     surfaces = RealSurfaces(replace(frame, depth=sky.astype(np.float32), normal=None))
-    (warning,) = surfaces.standing(seat(RealSurfaces(frame), 2.0, 0.0)).warnings()
+    (warning,) = surfaces.placement_faults(seat(RealSurfaces(frame), 2.0, 0.0))
     assert "nothing below it faces up" in warning
 
 
@@ -176,7 +176,7 @@ def test_in_a_niche_objects_stay_near_and_cut_no_wall_or_say_so(width: float) ->
     world = World(low=ROOM.low, high=ROOM.high, solids=solids)
     surfaces = RealSurfaces(world.frame(WIDTH, HEIGHT))
     pitch_deg = float(np.degrees(np.arctan2(FLOOR, 2.3)))
-    placed = set_down(surfaces, CUBE.mesh, 4.0, pitch_deg, Stance(height_m=width))
+    placed = set_down(surfaces, CUBE.mesh, 4.0, pitch_deg, MeshPose(height_m=width))
     asked = 2.3 * np.array([np.sin(np.radians(4.0)), -np.cos(np.radians(4.0))])
     shift = np.hypot(*(placed.to_world[[0, 2], 3] - asked))
     assert shift <= width + 1e-6

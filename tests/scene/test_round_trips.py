@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from iprt.files.images import read_color, read_depth
+from iprt.files.images import read_depth
 from iprt.footage.video.depth_code import DepthCode
 from iprt.geometry.meshes import load_mesh
-from iprt.output.exr import write_exr
-from iprt.scene.edit import _manifest_text, object_text
 from iprt.scene.manifest import parse_manifest
-from tests.scene.files import write_channels, write_png16_grey
+from iprt.scene.manifest_writing import object_text
+from iprt.scene.new_scene import _video_table, manifest_of
+from tests.scene.files import write_channels
 from tests.scene.nasty_meshes import glb, gltf, ply
 
 SETTINGS = settings(max_examples=40, derandomize=True)
@@ -38,14 +38,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @SETTINGS
-@given(values=arrays(np.float32, SHAPES))
-def test_exr_colour_as_the_renderer_writes_it(folder: Path, values: np.ndarray) -> None:
-    color = np.stack([values, values * np.float32(0.5), -values], axis=-1)
-    write_exr(folder / "c.exr", color)
-    assert np.array_equal(read_color(folder / "c.exr"), color, equal_nan=True)
-
-
-@SETTINGS
 @given(
     values=st.one_of(
         arrays(np.float32, SHAPES), arrays(np.float16, SHAPES), arrays(np.uint32, SHAPES)
@@ -56,15 +48,6 @@ def test_exr_depth_of_every_type(folder: Path, values: np.ndarray) -> None:
     depth, bits = read_depth(folder / "d.exr")
     assert np.array_equal(depth, values.astype(np.float32), equal_nan=True)
     assert bits == (32 if values.dtype == np.uint32 else 0)
-
-
-@SETTINGS
-@given(values=arrays(np.uint16, SHAPES))
-def test_png_depth(folder: Path, values: np.ndarray) -> None:
-    write_png16_grey(folder / "d.png", values)
-    depth, integers = read_depth(folder / "d.png")
-    assert integers
-    assert np.array_equal(depth, values.astype(np.float32))
 
 
 @st.composite
@@ -163,7 +146,8 @@ def test_manifests_as_they_are_written(
     to_world[:3, 3] = offset
     material = {"kind": "plastic", "albedo": [0.25, 0.5, 1.0], "alpha": 0.125}
     files = {"color": "c.%04d.exr", "depth": "d.%d.exr"}
-    text = _manifest_text(name, files, DepthCode(depth_scale), (frames[0], frames[1]))
+    video = _video_table(files, DepthCode(depth_scale), (frames[0], frames[1]))
+    text = manifest_of(name, video)
     manifest = parse_manifest(text + object_text(name, mesh, to_world, material), "scene.toml")
     assert manifest.name == manifest.objects[0].name == name
     assert manifest.objects[0].mesh == mesh

@@ -10,7 +10,6 @@ from PIL import Image
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.prepare.turn import turned_color, turned_geometry
-from iprt.footage.video.sequence import frame_path
 from iprt.scene.scene import Scene
 from tests.scene.files import (
     MANIFEST,
@@ -38,7 +37,7 @@ def test_a_scene_opens_by_folder_or_file(tmp_path: Path) -> None:
         scene = Scene.open(path)
         assert scene.name == "box"
         assert scene.root == tmp_path
-        assert (scene.width, scene.height) == (64, 32)
+        assert scene.source.size == (64, 32)
         assert list(scene.frame_indices) == [0]
 
 
@@ -110,15 +109,6 @@ def test_frames_are_read_by_number(tmp_path: Path) -> None:
     assert scene.frame(4).color[0, 0, 0] == 4
     with pytest.raises(SceneError, match="no frame 5; the scene has 3 to 4"):
         scene.frame(5)
-
-
-def test_sizes_must_agree_and_be_two_to_one(tmp_path: Path) -> None:
-    write_scene(tmp_path)
-    write_channels(tmp_path / "depth.exr", Z=np.ones((16, 31), np.float32))
-    message = open_error(tmp_path, FormatError)
-    assert "depth.exr: 31 x 16 pixels, but colour has 64 x 32" in message
-    write_rgb(tmp_path / "color.exr", np.ones((32, 65, 3), np.float32))
-    assert "color.exr: 65 x 32 pixels; an equirect" in open_error(tmp_path, FormatError)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (3, 5), (3, 1), (128, 63)], ids=str)
@@ -193,12 +183,6 @@ def test_bad_values_are_cleaned(tmp_path: Path) -> None:
     assert np.isfinite(frame.depth).all()
     assert (frame.depth > 0).all()
     assert np.isfinite(frame.fitted_normal).all()
-
-
-def test_patterns() -> None:
-    assert frame_path(Path("a"), "c.%04d.exr", 7) == Path("a/c.0007.exr")
-    assert frame_path(Path("a"), "%d/c.exr", 12) == Path("a/12/c.exr")
-    assert frame_path(Path("a"), "c.exr", 12) == Path("a/c.exr")
 
 
 @pytest.mark.parametrize("name", ["livingroom", "hotel", "livingroom-video"])

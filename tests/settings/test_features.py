@@ -170,30 +170,8 @@ def test_triangles_are_traced_without_layers(view: View) -> None:
     assert textured.buffers["bvh texels"] == 4 * 8 * 4 * 2
 
 
-def test_rasterized_the_whole_panorama_has_one_set_of_layers() -> None:
-    device = plan(DIFFUSE, view=PANORAMA, settings=LAYERS)
-    layers = {name.split()[0] for name in buffers(device, "layers")}
-    assert len(layers) == 1
-    built = [one.file for one in device.kernels]
-    assert built.count("world/objects/object_surface.cl") == 1
-    assert "VIEW_EQUIRECT" in defines(device, "world/objects/object_surface.cl")
-
-
 def tracing(**trace: Any) -> Settings:
     return Settings.model_validate({"trace": trace})
-
-
-@pytest.mark.parametrize("view", [VIEW, PANORAMA])
-def test_one_estimator_is_built(view: View) -> None:
-    """The cache of E_R with the one that is relative to it."""
-    delta = plan(DIFFUSE, view=view)
-    assert {"trace/trace_delta.cl", "world/real/irradiance.cl"} <= files(delta)
-    assert "trace/trace_real.cl" not in files(delta)
-    assert "irradiance" in delta.buffers
-    ratio = plan(DIFFUSE, view=view, settings=LAYERS)
-    assert "trace/trace_real.cl" in files(ratio)
-    assert not {"trace/trace_delta.cl", "world/real/irradiance.cl"} & files(ratio)
-    assert not buffers(ratio, "irradiance")
 
 
 def test_lights_and_shadows_off_screen_are_built_where_they_are_used() -> None:

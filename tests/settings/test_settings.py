@@ -17,7 +17,6 @@ from iprt.settings.methods import MethodInfo, MethodSettings, methods
 from iprt.settings.model import Settings
 from iprt.settings.overrides import (
     Assignment,
-    allowed,
     changed,
     parse_assignment,
     read_settings,
@@ -108,21 +107,15 @@ def test_later_ones_win(tmp_path: Path) -> None:
         ),
         ("rays=2", "did you mean trace.rays?"),
         ("atrous.Levels=2", "did you mean atrous.levels?"),
-        ("mask.rays=2", "did you mean trace.rays?"),
-        ("nonsense=2", "there is no setting 'nonsense'; `iprt settings` lists all settings"),
         ("foo=2", "there is no setting 'foo'; `iprt settings` lists all settings"),
         ("mask.foo=2", "there is no setting 'mask.foo'; the settings of mask are: mask."),
         ("trace=2", "'trace' is a group; its settings are: trace."),
         ("trace.rays", "--set trace.rays: expected KEY=VALUE"),
-        ("trace.rays=", "expected KEY=VALUE"),
         ("=2", "expected KEY=VALUE"),
         ("trace.rays=0", "--set trace.rays=0: expected a whole number from 1 to 1024"),
         ("trace.rays=2.5", "expected a whole number from 1 to 1024"),
-        ("trace.rays=true", "expected a whole number"),
         ('trace.rays="2"', "expected a whole number"),
-        ("trace.rays=[1]", "expected a whole number"),
         ("mask.sparse=1", "expected true or false"),
-        ("mask.sparse=no", "expected true or false"),
         ("fading=nan", "expected a number from 0 to 1"),
         ("atrous.deviations=inf", "expected a number above 0 and at most 100"),
         ("method=ipbl", '--set method=ipbl: expected "iprt" or "dit"'),
@@ -143,7 +136,6 @@ def test_what_is_not_allowed_is_one_line(text: str, message: str) -> None:
         ("trace.rays = 2.0\n", "overrides.toml: trace.rays = 2.0: expected a whole number"),
         ("[trace]\nraiz = 1\n", "there is no setting 'trace.raiz'; did you mean trace.rays?"),
         ("[tracing]\nrays = 1\n", "there is no setting 'tracing'"),
-        ("trace = 1\n", "overrides.toml: trace = 1: 'trace' is a group"),
         ("[trace.rays]\na = 1\n", "overrides.toml: trace.rays = {...}: expected a whole number"),
         ("[trace\n", "overrides.toml: not valid TOML"),
         (b"\xff\xfe", "overrides.toml: line 1 is not UTF-8"),
@@ -224,13 +216,6 @@ def test_a_method_brings_its_defaults() -> None:
     assert changed(published, {"method": "iprt"}) == Settings()
     kept = changed(changed(Settings(), {"trace.rays": 7}), {"method": "iprt2023"})
     assert (kept.trace.rays, kept.trace.bounces) == (7, 1)
-
-
-def test_bounds_in_words() -> None:
-    assert allowed({"type": "number"}) == "a number"
-    assert allowed({"type": "number", "minimum": 0.5}) == "a number at least 0.5"
-    assert allowed({"type": "integer", "exclusiveMaximum": 4}) == "a whole number below 4"
-    assert allowed({"anyOf": [{"type": "string"}, {"type": "null"}]}) == "a text or nothing"
 
 
 def test_the_verb_prints_what_file_and_flags_come_to(

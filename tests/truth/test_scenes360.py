@@ -30,7 +30,7 @@ def test_manifest_and_files_fit(name: str) -> None:
     assert scene.name == name
     assert scene.instances
     frame = scene.frame()
-    assert frame.color.shape == (scene.height, scene.width, 3)
+    assert frame.color.shape == (*scene.source.size[::-1], 3)
     for view in scene.views.values():
         assert scene.instances_named(view.objects)
         size = (view.view.width, view.view.height)
@@ -136,7 +136,7 @@ def test_train_is_where_its_script_says() -> None:
     """In every frame the locomotive is seen at its place, and farther things where it is not."""
     scene = Scene.open(SCENES / "train")
     assert len(scene.frame_indices) == train.FRAMES
-    view = View(scene.width, scene.height, projection="equirect")
+    view = View(*scene.source.size, projection="equirect")
     with scene.stream(scene.frame_indices) as frames:
         for frame in frames:
             x = train.train_x(scene.time_of(frame.index))
@@ -153,7 +153,7 @@ def test_only_the_train_moves() -> None:
     depth = np.stack([scene.raw_frame(i).depth for i in (0, 8, 15, 23)])
     still = (depth == depth[0]).all(axis=0)
     assert 0.01 < 1.0 - still.mean() < 0.1
-    view = View(scene.width, scene.height, projection="equirect").directions()
+    view = View(*scene.source.size, projection="equirect").directions()
     moved = (view * depth[0][..., None])[~still]
     assert (moved[:, 1] < -0.9).mean() > 0.99
 

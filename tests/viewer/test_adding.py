@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.scene.adding import add_object
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.new_object import add_object
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from tests.geometry.test_stl import solid
 from tests.scene.files import MANIFEST, write_scene
 from tests.viewer.turns import SETTINGS, Turns
@@ -23,19 +23,19 @@ def no_device() -> ComputeDevice:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    "stance", [Stance(), Stance("z", 30.0, height_m=0.3), Stance("-x", -45.0, unit_m=0.1)]
+    "pose", [MeshPose(), MeshPose("z", 30.0, height_m=0.3), MeshPose("-x", -45.0, unit_m=0.1)]
 )
-def test_viewers_place_meshes_as_scene_add_does(stance: Stance, tmp_path: Path) -> None:
+def test_viewers_place_meshes_as_scene_add_does(pose: MeshPose, tmp_path: Path) -> None:
     room = write_scene(tmp_path / "room", MANIFEST, width=128)
     mesh = tmp_path / "m.stl"
     mesh.write_text(solid(x=2))
     turns = Turns(Scene.open(room), no_device, SETTINGS)
     turns.until(lambda: turns.core._video.frame is not None)
-    turns.core.add(ObjectEdit("m", path=mesh), (20.0, -50.0), stance)
+    turns.core.add(ObjectEdit("m", path=mesh), (20.0, -50.0), pose)
     turns.until(lambda: bool(turns.mailbox.world.edits))
     (edit,) = turns.mailbox.world.edits
     turns.core.close()
-    add_object(room, mesh, 20.0, -50.0, stance=stance)
+    add_object(room, mesh, 20.0, -50.0, pose=pose)
     (instance,) = Scene.open(room).instances
     assert edit.to_world is not None
     assert np.allclose(np.reshape(edit.to_world, (4, 4)), instance.to_world, atol=1e-6)

@@ -9,7 +9,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.renderer import Renderer
-from iprt.scene.edits import flat
+from iprt.scene.object_edits import flat
 from iprt.scene.scene import Scene
 from iprt.viewer.session import KEPT
 from tests.viewer.turns import SETTINGS, VIEW, turns

@@ -15,7 +15,7 @@ from iprt.footage.frame import Frame
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.material import Material
 from iprt.renderer import RenderedFrame, Renderer
-from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.viewer.state import Playback
 from tests.clips import write_clip

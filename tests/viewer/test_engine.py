@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer
-from iprt.scene.edits import ObjectEdit, flat
+from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.placement import bounds, set_on
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine

@@ -11,9 +11,9 @@ from PIL import Image
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.files import POLL_S
 from iprt.viewer.history import GESTURE_S
@@ -144,7 +144,7 @@ def test_a_saved_scene_is_what_was_shown(
         driver.answer(client)
         core, mailbox = driver.core, driver.mailbox
         core.add(
-            ObjectEdit("wedge", material=PLASTIC, path=path), (20.0, -40.0), Stance(height_m=0.3)
+            ObjectEdit("wedge", material=PLASTIC, path=path), (20.0, -40.0), MeshPose(height_m=0.3)
         )
         driver.settle()
         mailbox.edit("cube", lambda edit: replace(edit, removed=True))

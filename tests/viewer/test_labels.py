@@ -9,7 +9,7 @@ import pytest
 
 from iprt.geometry.material import MaterialKind
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.output.tone import Curve
+from iprt.output.display import Curve
 from iprt.settings.methods import methods
 from iprt.viewer import labels
 from iprt.viewer.displayed import Readout

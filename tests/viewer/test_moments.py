@@ -12,9 +12,9 @@ import pytest
 from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
 from iprt.viewer.state import Status
 from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
@@ -89,13 +89,13 @@ def test_a_mesh_that_cannot_be_read_is_told(
     with turns(scene, device) as driver:
         client = driver.join()
         first = driver.answer(client)
-        driver.core.add(ObjectEdit("bad", path=bad), (0.0, -40.0), Stance())
+        driver.core.add(ObjectEdit("bad", path=bad), (0.0, -40.0), MeshPose())
         driver.settle()
         (problem,) = problems(driver)
         assert "bad.ply" in problem
         assert driver.shown(client) is first
         driver.core.add(
-            ObjectEdit("good", path=scene.root / "cube.obj"), (40.0, -40.0), Stance(height_m=0.3)
+            ObjectEdit("good", path=scene.root / "cube.obj"), (40.0, -40.0), MeshPose(height_m=0.3)
         )
         driver.settle()
         assert problems(driver) == ()

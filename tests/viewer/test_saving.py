@@ -11,9 +11,9 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.scene.edits import SAVED_VIEW, Look, ObjectEdit, flat
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.object_edits import SAVED_VIEW, Look, ObjectEdit, flat
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.viewer.core import POLL_S
 from tests.scene.files import write_rgb
 from tests.viewer.turns import FEWEST, VIEW, Turns, turns
@@ -46,7 +46,7 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
         save(driver)
         assert 'kind = "plastic"' in path.read_text()
         mailbox.edit("cube", lambda edit: replace(edit, removed=True))
-        driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
+        driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), MeshPose(height_m=0.3))
         driver.settle()
         save(driver)
         assert [entry.name for entry in Scene.open(scene.root).objects] == ["other"]
@@ -120,7 +120,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
     mesh = judged.root / "cube.obj"
     with turns(judged, device, FEWEST) as driver:
         driver.answer(driver.join())
-        driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
+        driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), MeshPose(height_m=0.3))
         driver.settle()
         save(driver, look)
         driver.mailbox.edit("other", lambda edit: replace(edit, material=PLASTIC))
@@ -144,7 +144,7 @@ def test_no_view_is_made_where_all_is_seen(scene: Scene, device: ComputeDevice) 
     with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
         driver.core.add(
-            ObjectEdit("other", path=scene.root / "cube.obj"), (20.0, -40.0), Stance(height_m=0.3)
+            ObjectEdit("other", path=scene.root / "cube.obj"), (20.0, -40.0), MeshPose(height_m=0.3)
         )
         driver.settle()
         save(driver, Look(View(64, 48)))

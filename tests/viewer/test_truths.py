@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.viewer.developer import OUTDATED
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
@@ -66,8 +66,8 @@ def test_what_was_added_is_shown_in_views_that_list_objects(
     with Engine(judged, lambda: device, SETTINGS) as engine:
         viewport = Viewport(engine, LOOK, objects=("cube",), frames=1)
         at_rest(viewport)
-        mesh, stance = judged.root / "cube.obj", Stance(height_m=0.1)
-        name = engine.add(mesh, *viewport.aim(0.5, 0.9), stance=stance)
+        mesh, pose = judged.root / "cube.obj", MeshPose(height_m=0.1)
+        name = engine.add(mesh, *viewport.aim(0.5, 0.9), pose=pose)
         until(viewport, lambda s: s.shown.geometry is not None and name in s.shown.geometry.names)
         engine.save()
         until(viewport, lambda s: not engine.unsaved)

@@ -15,9 +15,9 @@ from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.mesh_pose import MeshPose
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance
 from iprt.viewer.plain import resampled
 from iprt.viewer.state import Status
 from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
@@ -172,7 +172,7 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
     (tmp_path / "shining.mtl").write_text("newmtl lamp\nKd 1 1 1\nKe 5 5 5\n")
     with turns(scene, device) as driver:
         driver.answer(driver.join())
-        driver.core.add(ObjectEdit("shining", path=path), (20.0, -40.0), Stance(height_m=0.3))
+        driver.core.add(ObjectEdit("shining", path=path), (20.0, -40.0), MeshPose(height_m=0.3))
         driver.settle()
         (note,) = driver.mailbox.status.notes
         assert note.startswith("shining.obj: ")

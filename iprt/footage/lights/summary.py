@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 from iprt.footage.frame import Frame
 from iprt.footage.lights.groups import Clipped, groups_of
 from iprt.geometry.equirect import solid_angles

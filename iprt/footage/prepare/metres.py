@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.files.wording import length
+from iprt.files.message_text import length
 from iprt.footage.prepare.enlarge import Grid
 from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, cube_factor, usable
 

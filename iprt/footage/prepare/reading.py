@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.wording import extent
+from iprt.files.message_text import extent
 from iprt.footage.prepare.enlarge import at_full_size
 from iprt.footage.prepare.metres import StoredDepth
 from iprt.footage.prepare.turn import turned_color, turned_geometry

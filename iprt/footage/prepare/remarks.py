@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from iprt.errors import FormatError
-from iprt.files.wording import extent
+from iprt.files.message_text import extent
 from iprt.footage.prepare.reading import RawFrames
 from iprt.footage.video.source import FrameSource
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from iprt.errors import FormatError
-from iprt.files.wording import counted
+from iprt.files.message_text import counted
 from iprt.footage.prepare.reading import FrameReader, Picture, RawFrame, RawFrames
 from iprt.footage.prepare.remarks import depth_doubts, video_remarks
 

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from iprt.errors import FormatError
-from iprt.files.kinds import READ, file_kind
-from iprt.files.problems import FRAME_PATTERN, PICTURE_SUFFIXES
-from iprt.files.untrusted import MAX_PIXELS, decoding, is_file, open_file, require_picture_size
+from iprt.files.kinds import FRAME_PATTERN, PICTURE_SUFFIXES, READ, file_kind
+from iprt.files.safe_reading import MAX_PIXELS, decoding, is_file, open_file, require_picture_size
 
 if TYPE_CHECKING:
     from av.container import InputContainer

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import require_picture_size
+from iprt.files.safe_reading import require_picture_size
 from iprt.files.xmp import gpano_crop
 
 Picture = NDArray[np.float32]

@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.problems import MAX_PROBLEMS
-from iprt.files.table import FARTHEST
-from iprt.files.toml_text import printable
-from iprt.files.untrusted import read_bytes
-from iprt.files.wording import counted
+from iprt.files.message_text import counted, printable
+from iprt.files.safe_reading import read_bytes
+from iprt.files.toml_tables import FARTHEST, MAX_PROBLEMS
 
 RIGID = 2e-3
 """Tolerance of the products of a rotation's columns, which allows for rounded numbers."""

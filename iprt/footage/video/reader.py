@@ -10,7 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from iprt.errors import FormatError
-from iprt.files.untrusted import MAX_PIXELS
+from iprt.files.safe_reading import MAX_PIXELS
 from iprt.footage.video.container import StreamInfo, ffmpeg_decoding, opened, stamp_of, time_base
 
 if TYPE_CHECKING:

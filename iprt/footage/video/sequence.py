@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import Header, read_color, read_depth, read_header
-from iprt.files.kinds import file_kind
-from iprt.files.path_safety import require_inside
-from iprt.files.problems import FRAME_PATTERN
-from iprt.files.untrusted import is_file
+from iprt.files.kinds import FRAME_PATTERN, file_kind
+from iprt.files.safe_reading import is_file, require_inside
 from iprt.footage.video.depth_code import DepthCode, DepthSamples, unit_problem
 from iprt.footage.video.reader import Streams
 

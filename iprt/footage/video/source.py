@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import Header
-from iprt.files.path_safety import require_inside
-from iprt.files.wording import extent
+from iprt.files.message_text import extent
+from iprt.files.safe_reading import require_inside
 from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.placement import Placement, placement_of
 from iprt.footage.video.poses import read_poses

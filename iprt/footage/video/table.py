@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from iprt.files.table import Degrees, Factor, FrameNumber, FramePath, RelativePath, Table
+from iprt.files.kinds import FRAME_PATTERN, PICTURE_SUFFIXES
+from iprt.files.toml_tables import Degrees, Factor, FrameNumber, FramePath, RelativePath, Table
 from iprt.footage.video.placement import Eye, Fit
 
 
@@ -43,7 +44,7 @@ class VideoTable(Table):
 
     color: FramePath
     color_layer: LayerName | None = None
-    depth: FramePath | None = None
+    depth: FramePath | None = Field(default=None, validate_default=True)
     depth_layer: LayerName | None = None
     depth_scale: Factor | None = None
     depth_range: (
@@ -63,3 +64,52 @@ class VideoTable(Table):
     fps: Factor | None = None
     loop: bool = False
     gloss: Literal["auto", "declared"] = "auto"
+
+    @field_validator("depth")
+    @classmethod
+    def _given(cls, depth: str | None, info: ValidationInfo) -> str | None:
+        if depth is None and _is_picture(info.data.get("color", "")):
+            raise ValueError(
+                "required key is missing; name a file of depth (see docs/footage.md), or the file "
+                "of color again if it is EXR and holds depth"
+            )
+        return depth
+
+    @field_validator("depth_range")
+    @classmethod
+    def _alone(cls, ends: list[float] | None, info: ValidationInfo) -> list[float] | None:
+        if info.data.get("depth_scale") is not None:
+            raise ValueError("depth_scale is given too; give one of them")
+        return ends
+
+    @field_validator("depth_encoding")
+    @classmethod
+    def _of_range(cls, encoding: str, info: ValidationInfo) -> str:
+        if info.data.get("depth_range", encoding) is None:
+            raise ValueError("has no effect without depth_range; give depth_range too")
+        return encoding
+
+    @field_validator("depth_sky")
+    @classmethod
+    def _not_invalid(cls, sky: list[float] | None, info: ValidationInfo) -> list[float] | None:
+        for value in sky or ():
+            if value in (info.data.get("depth_invalid") or ()):
+                raise ValueError(f"{value:g} is in depth_invalid too; leave it out of one")
+        return sky
+
+    @field_validator("frames")
+    @classmethod
+    def _ordered(cls, frames: list[int] | None, info: ValidationInfo) -> list[int] | None:
+        first, last = frames or (0, 0)
+        color = info.data.get("color", "")
+        if first > last:
+            raise ValueError(f"the first, {first}, is after the last, {last}")
+        if first < last and _is_picture(color) and not FRAME_PATTERN.search(color):
+            raise ValueError(
+                f"color = '{color}' is one picture; write a pattern such as color.%04d.exr"
+            )
+        return frames
+
+
+def _is_picture(name: str) -> bool:
+    return bool(FRAME_PATTERN.search(name)) or name.lower().endswith(PICTURE_SUFFIXES)

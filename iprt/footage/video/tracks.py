@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.images import Header, read_normal
-from iprt.files.path_safety import require_inside
-from iprt.files.table import LAST_FRAME
-from iprt.files.untrusted import is_file
+from iprt.files.safe_reading import is_file, require_inside
+from iprt.files.toml_tables import LAST_FRAME
 from iprt.footage.video.clock import Clock, disagreements, frame_count
 from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from iprt.settings.methods import MethodInfo, Needs
-from iprt.settings.paths import PATH_DEFAULTS, PathSettings
+from iprt.settings.path_tracing import PATH_DEFAULTS, PathSettings
 
 
 class OilSettings(PathSettings):

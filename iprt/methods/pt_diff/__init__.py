@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from iprt.settings.methods import MethodInfo
-from iprt.settings.paths import PATH_DEFAULTS, PathTracingSettings
+from iprt.settings.path_tracing import PATH_DEFAULTS, PathTracingSettings
 
 
 class PtDiffSettings(PathTracingSettings):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
-from iprt.output.tone import Bytes
+from iprt.output.display import Bytes
 from iprt.viewer.web.binding import show
 from iprt.viewer.web.camera import camera_of, quaternion
 

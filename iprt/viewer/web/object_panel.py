@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from iprt.errors import IprtError
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.scene.edit import free_name
+from iprt.scene.manifest_writing import free_name
 from iprt.viewer.fields import Field, material_fields, place_fields
 from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.web.binding import do_on, show

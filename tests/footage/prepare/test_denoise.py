@@ -13,8 +13,8 @@ from scipy.ndimage import gaussian_filter
 from iprt.footage.prepare.denoise import smoothed
 from iprt.geometry.camera import View
 from iprt.geometry.meshes import load_mesh
+from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.placement import RealSurfaces, set_down
-from iprt.scene.stance import Stance
 from tests.oracles.worlds import Box, World
 
 MESH = Path(__file__).parents[3] / "scenes360" / "room" / "meshes" / "pot.ply"
@@ -108,5 +108,5 @@ def test_objects_set_down_on_noisy_depth_stand_on_the_floor(pitch_deg: float) ->
     for noise in (0.0, 0.005, 0.01):
         depth = smoothed(noisy(frame.depth, noise))
         surfaces = RealSurfaces(replace(frame, depth=depth, normal=None))
-        placed = set_down(surfaces, mesh, 30.0, pitch_deg, Stance()).to_world
+        placed = set_down(surfaces, mesh, 30.0, pitch_deg, MeshPose()).to_world
         assert placed[1, 3] + mesh.positions[:, 1].min() == pytest.approx(ROOM.low[1], abs=1e-3)

@@ -20,7 +20,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.output.tone import developed
+from iprt.output.display import developed
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine

@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 from iprt.device.compute import ComputeDevice
-from iprt.output.tone import developed
+from iprt.output.display import developed
 from iprt.renderer import Renderer
 from iprt.viewer.core import Core
 from iprt.viewer.engine import Engine

@@ -15,22 +15,11 @@ import tomlkit
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.files.atomic import replacing
-from iprt.files.path_safety import require_inside
+from iprt.files.safe_reading import require_inside
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
 from iprt.geometry.mesh_files import MeshFile
-from iprt.scene.edit import (
-    changing,
-    copied,
-    inline,
-    matrix_array,
-    mesh_copies,
-    object_text,
-    outdate_truths,
-    table_text,
-)
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     DiffuseTable,
@@ -38,7 +27,18 @@ from iprt.scene.manifest import (
     manifest_text,
     parse_manifest,
 )
-from iprt.scene.objects import AnyMesh, SceneObject, made_of
+from iprt.scene.manifest_writing import (
+    changing,
+    extended,
+    inline,
+    matrix_array,
+    mesh_copies,
+    object_text,
+    outdate_truths,
+    table_text,
+    write_manifest,
+)
+from iprt.scene.objects import AnyMesh, SceneObject, painted
 from iprt.scene.scene import Scene
 
 SAVED_VIEW = "saved"
@@ -122,7 +122,7 @@ def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
         to_world = np.reshape(np.array(edit.to_world, np.float64), (4, 4))
         entry = replace(entry, motion=replace(entry.motion, to_world=to_world))
     if edit.material is not None:
-        entry = replace(entry, mesh=made_of(entry.mesh, edit.material))
+        entry = replace(entry, mesh=painted(entry.mesh, edit.material))
     return entry
 
 
@@ -203,17 +203,8 @@ def _save(
         texts += _keep(document, look, needed=not all(shown))
     for copy in copies:
         require_inside(copy, scene.within)
-    text = tomlkit.dumps(document)
-    if texts:
-        text = "\n".join([text.rstrip("\r\n") + "\n", *texts])
-    try:
-        parse_manifest(text, str(path))
-    except SceneError as error:
-        raise SceneError(
-            f"{path}: the edits do not fit into it: {error}", several_lines=error.several_lines
-        ) from error
-    with copied(copies), replacing(path) as temporary:
-        temporary.write_bytes(text.encode("utf-8"))
+    text = extended(tomlkit.dumps(document), texts) if texts else tomlkit.dumps(document)
+    write_manifest(scene.root, text, f"{path}: the edits do not fit into it", copies)
     return added
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from iprt.errors import SceneError
-from iprt.files.table import FARTHEST
+from iprt.files.toml_tables import FARTHEST
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ FLAT = 1e-3
 
 
 @dataclass(frozen=True)
-class Stance:
+class MeshPose:
     """The orientation and size of a mesh in a scene.
 
     Attributes
@@ -126,7 +126,7 @@ def parse_unit(text: str) -> float:
         ) from None
 
 
-def hints(suffix: str, corners: tuple[Array, Array], stance: Stance) -> list[str]:
+def hints(suffix: str, corners: tuple[Array, Array], pose: MeshPose) -> list[str]:
     """Return the flags that a mesh may need, judged by its size and position in its file.
 
     Parameters
@@ -135,19 +135,19 @@ def hints(suffix: str, corners: tuple[Array, Array], stance: Stance) -> list[str
         Suffix of the file's name, in lower case.
     corners : pair of (3,) float64
         Lowest and highest corner, in the file's axes and units.
-    stance : Stance
-        The chosen stance.
+    pose : MeshPose
+        The chosen pose.
     """
     low, high = corners
     extent = high - low
     found = []
     longest = float(extent.max())
-    if stance.unit_m is None and stance.height_m is None and longest >= 10.0:
+    if pose.unit_m is None and pose.height_m is None and longest >= 10.0:
         sizes = " or ".join(
             f"--unit {unit} ({longest * UNITS_M[unit]:.3g} m)" for unit in ("cm", "mm")
         )
         found.append(f"its longest side is {longest:.6g} units of its file; is it {sizes}?")
-    if stance.up == "y" and suffix not in (".gltf", ".glb"):
+    if pose.up == "y" and suffix not in (".gltf", ".glb"):
         # Most models stand on 0, centred around their up axis.
         stands = np.abs(low) <= 0.02 * extent
         if suffix == ".stl" or (stands[2] and not stands[1]):

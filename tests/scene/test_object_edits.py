@@ -13,8 +13,8 @@ from PIL import Image
 from iprt.errors import FormatError, SceneError
 from iprt.geometry.material import Material
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.edit import free_name
-from iprt.scene.edits import ObjectEdit, edited_objects, flat, require_place, save_edits
+from iprt.scene.manifest_writing import free_name
+from iprt.scene.object_edits import ObjectEdit, edited_objects, flat, require_place, save_edits
 from iprt.scene.objects import AnyMesh, objects_at
 from iprt.scene.scene import Scene
 from tests.scene.files import CUBE, IDENTITY, MANIFEST, snapshot, write_rgb, write_scene
@@ -224,15 +224,6 @@ def test_nothing_is_put_where_it_cannot_be(x: float) -> None:
         require_place("thing", placed(x))
     with pytest.raises(SceneError, match="flattens"):
         require_place("thing", np.diag([1.0, 0.0, 1.0, 1.0]))
-
-
-def test_a_file_that_may_only_be_read(scene: Scene) -> None:
-    path = scene.root / "scene.toml"
-    path.chmod(0o444)
-    before = snapshot(scene.root)
-    with pytest.raises(SceneError, match="read-only"):
-        save_edits(scene, [ObjectEdit("last", removed=True)])
-    assert snapshot(scene.root) == before
 
 
 def test_edits_tell_of_textures(scene: Scene) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +10,9 @@ import pytest
 
 from iprt.errors import FormatError
 from iprt.geometry.camera import View
+from iprt.output.frames import PictureSequence, is_pattern, is_video, numbered, read_metadata
 from iprt.output.metadata import difference, picture_metadata
 from iprt.output.picture import write_picture
-from iprt.output.sequence import PictureSequence, is_pattern, is_video, numbered, read_metadata
 from iprt.renderer import RenderedFrame
 from iprt.settings.model import Settings
 
@@ -127,8 +125,3 @@ def test_one_number_in_a_name() -> None:
     assert numbered(Path("o/%03d.png"), 12) == Path("o/012.png")
     with pytest.raises(FormatError, match=r"expected one %d or %04d and no other %"):
         numbered(Path("%d-%d.png"), 1)
-
-
-def test_metadata_are_json_where_they_are_values() -> None:
-    values: Mapping[str, str] = metadata(3)
-    assert json.loads(values["iprt:view"])["yaw_deg"] == 6.0

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from iprt.device.profile import Key, Kind, Span
-from iprt.output.trace import DEVICE, FRAMES, HOST, trace_events, write_trace
+from iprt.output.timeline import DEVICE, FRAMES, HOST, trace_events, write_trace
 
 US = 1000
 

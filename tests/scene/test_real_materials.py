@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from iprt import cli
 from iprt.footage.frame import Frame
 from iprt.footage.real_material import Evidence, Plane, RealMaterial
 from iprt.geometry.material import Material
-from iprt.scene import found_gloss
+from iprt.scene import real_materials
 from iprt.scene.scene import Scene
 from tests.scene.files import MANIFEST, write_scene
 
@@ -34,12 +34,12 @@ def looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[frozenset[str
     def find(
         frame: Frame, taken: frozenset[str], later: Iterable[Frame]
     ) -> tuple[RealMaterial, ...]:
-        assert frame.height >= found_gloss.MIN_HEIGHT
+        assert frame.height >= real_materials.MIN_HEIGHT
         calls.append(taken)
         return (FLOOR,)
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(found_gloss, "find_gloss", find)
+    monkeypatch.setattr(real_materials, "find_gloss", find)
     return calls
 
 
@@ -143,13 +143,8 @@ def test_nothing_found_is_said(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(found_gloss, "find_gloss", lambda *_: ())
+    monkeypatch.setattr(real_materials, "find_gloss", lambda *_: ())
     folder = scene_with(tmp_path / "a")
     assert cli.main(["scene", "gloss", str(folder), "--write"]) == 0
     assert capsys.readouterr().out == "# box: no surface shows a reflection that is surely one\n"
     assert "real_materials" not in (folder / "scene.toml").read_text()
-
-
-def test_a_wrong_value_is_one_line(tmp_path: Path, fails: Callable[..., str]) -> None:
-    folder = scene_with(tmp_path / "a", video='gloss = "always"')
-    assert "video.gloss: expected 'auto' or 'declared'" in fails("scene", "info", folder)

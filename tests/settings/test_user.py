@@ -12,8 +12,8 @@ from iprt import cli
 from iprt.errors import IprtError
 from iprt.measure.protocol import scene_hash
 from iprt.scene.scene import Scene
-from iprt.settings.layers import environment_settings, user_file, user_settings, variable
 from iprt.settings.overrides import all_settings
+from iprt.settings.user import environment_settings, user_file, user_settings, variable
 
 Effective = Callable[..., dict[str, tuple[object, str]]]
 

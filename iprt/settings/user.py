@@ -1,4 +1,4 @@
-"""Settings that hold below the flags of a command: of the user, of a scene, of the environment."""
+"""Settings of the user, which hold below the flags of a command: a file and the environment."""
 
 from __future__ import annotations
 

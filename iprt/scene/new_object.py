@@ -1,4 +1,4 @@
-"""Add a mesh to a scene, with a view of it: copy the mesh and extend `scene.toml`."""
+"""Addition of a mesh to a scene, with a view of it: copies the mesh and extends `scene.toml`."""
 
 from __future__ import annotations
 
@@ -11,29 +11,27 @@ import tomlkit
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.files.atomic import replacing
-from iprt.files.path_safety import anywhere, require_inside
-from iprt.files.toml_text import parse_toml
-from iprt.files.untrusted import MAX_OBJECTS
+from iprt.files.safe_reading import MAX_OBJECTS, anywhere, require_inside
 from iprt.geometry.animated_mesh import load_animated_mesh
 from iprt.geometry.gltf_clip import animation_names
-from iprt.geometry.mesh import Instance, Mesh, transformed
+from iprt.geometry.mesh import Instance, Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.edit import (
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text
+from iprt.scene.manifest_writing import (
     VIEW_SIZE,
     changing,
-    copied,
+    extended,
     free_name,
     mesh_copies,
     object_text,
     outdate_truths,
     table_text,
+    write_manifest,
 )
-from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+from iprt.scene.mesh_pose import MeshPose, hints
 from iprt.scene.placement import RealSurfaces, bounds, metres, set_down
 from iprt.scene.scene import Scene
-from iprt.scene.stance import Stance, hints
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -73,7 +71,7 @@ def add_object(
     yaw_deg: float,
     pitch_deg: float,
     *,
-    stance: Stance | None = None,
+    pose: MeshPose | None = None,
     material: dict[str, Any] | None = None,
     animation: str | int | None = None,
     name: str | None = None,
@@ -85,7 +83,7 @@ def add_object(
     ----------
     yaw_deg, pitch_deg : float
         Direction from the capture centre: to the right and up.
-    stance : Stance or None
+    pose : MeshPose or None
         Default: +Y up, and its longest side a fifth of the distance.
     material : dict or None
         As in the manifest; by default the mesh file's own.
@@ -102,7 +100,7 @@ def add_object(
     SceneError, FormatError
         The mesh cannot be added; nothing has been written.
     """
-    stance = stance or Stance()
+    pose = pose or MeshPose()
     with changing(scene_path.parent if scene_path.name == MANIFEST_NAME else scene_path):
         scene = Scene.open(scene_path, allow_outside=allow_outside)
         chosen = _name(scene, mesh_path, name)
@@ -110,56 +108,66 @@ def add_object(
         file = MeshFile(mesh_path, anywhere(mesh_path.parent) if allow_outside else None)
         mesh = _mesh(file, animation, allow_outside=allow_outside)
         surfaces = RealSurfaces(scene.frame())
-        placed = set_down(surfaces, mesh, yaw_deg, pitch_deg, stance)
+        placed = set_down(surfaces, mesh, yaw_deg, pitch_deg, pose)
         to_world = placed.to_world
-        upright = bounds(mesh, stance.rotation)
+        upright = bounds(mesh, pose.rotation)
         added = Added(
             chosen,
             view_name,
-            _base(bounds(mesh), to_world),
-            _size(mesh, upright, to_world, stance),
-            (*hints(file.suffix, bounds(mesh), stance), *_animation_hints(file, animation)),
+            placed.foot,
+            _size(mesh, upright, to_world, pose),
+            (
+                *hints(file.suffix, bounds(mesh), pose),
+                *_animation_hints(file, animation),
+            ),
             (
                 *placed.warnings(),
-                *surfaces.standing(Instance(chosen, mesh, to_world)).warnings(),
+                *surfaces.placement_faults(Instance(chosen, mesh, to_world)),
             ),
             mesh.dropped,
         )
         copies, target = mesh_copies(scene.root, file, chosen)
         for copy in copies:
             require_inside(copy, scene.within)
-        # Appending text keeps every comment; TOML allows [[objects]] after other tables.
-        path = scene.root / MANIFEST_NAME
-        before = manifest_text(path)
-        document = tomlkit.parse(before)
-        if outdate_truths(document, [chosen]):
-            before = tomlkit.dumps(document)
-        text = "\n".join(
-            [
-                before.rstrip("\r\n") + "\n",
-                object_text(chosen, target, to_world, material, animation),
-                _view_text(view_name, chosen, bounds(mesh), to_world),
-            ]
-        )
-        _check(path, text, f"{mesh_path}: cannot be added as {chosen}")
-        with copied(copies), replacing(path) as temporary:
-            temporary.write_bytes(text.encode("utf-8"))
+        document = tomlkit.parse(manifest_text(scene.root / MANIFEST_NAME))
+        outdate_truths(document, [chosen])
+        tables = [
+            object_text(chosen, target, to_world, material, animation),
+            _view_text(view_name, chosen, bounds(mesh), to_world),
+        ]
+        text = extended(tomlkit.dumps(document), tables)
+        write_manifest(scene.root, text, f"{mesh_path}: cannot be added as {chosen}", copies)
     return added
 
 
-def _check(path: Path, text: str, complaint: str) -> None:
-    """Raise SceneError if the new text is not a valid `scene.toml`."""
+def parse_material(text: str) -> dict[str, Any]:
+    """Parse a material into a manifest table.
+
+    The forms are `diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]` and `mirror`.
+
+    Raises
+    ------
+    SceneError
+        The text has another form or numbers outside [0, 1].
+    """
+    if text == "mirror":
+        return {"kind": "conductor", "reflectance": [0.95, 0.95, 0.95], "alpha": 0.0}
+    kind, *fields = text.split(":")
+    most = {"diffuse": 1, "conductor": 2, "plastic": 2}.get(kind, 0)
     try:
-        parse_toml(text)
-    except ValueError as error:
+        color = [float(value) for value in fields[0].split(",")]
+        alpha = [float(value) for value in fields[1:]]
+        if not (len(color) == 3 and 1 <= len(fields) <= most):
+            raise ValueError
+        if not all(0.0 <= value <= 1.0 for value in [*color, *alpha]):
+            raise ValueError
+    except (ValueError, IndexError):
         raise SceneError(
-            f"{path}: cannot be extended; write objects and views as [[objects]] and [[views]] "
-            "tables"
-        ) from error
-    try:
-        parse_manifest(text, str(path))
-    except SceneError as error:
-        raise SceneError(f"{complaint}: {error}", several_lines=error.several_lines) from error
+            f"--material {text}: expected diffuse:R,G,B or conductor:R,G,B:ALPHA or "
+            "plastic:R,G,B:ALPHA with numbers from 0 to 1, or mirror"
+        ) from None
+    key = "reflectance" if kind == "conductor" else "albedo"
+    return {"kind": kind, key: color} | ({"alpha": alpha[0]} if alpha else {})
 
 
 def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
@@ -187,21 +195,12 @@ def _mesh(file: MeshFile, animation: str | int | None, *, allow_outside: bool) -
     return load_animated_mesh(file.path, animation, within=within).at(0.0)
 
 
-def _base(corners: Corners, to_world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the centre of the bottom of the box around the placed mesh."""
-    ends = np.stack(np.meshgrid(*np.transpose(corners), indexing="ij"), axis=-1).reshape(-1, 3)
-    placed = transformed(to_world, ends)
-    middle: NDArray[np.float64] = 0.5 * (placed.min(axis=0) + placed.max(axis=0))
-    middle[1] = placed[:, 1].min()
-    return middle
-
-
-def _size(mesh: Mesh, upright: Corners, to_world: NDArray[np.float64], stance: Stance) -> str:
+def _size(mesh: Mesh, upright: Corners, to_world: NDArray[np.float64], pose: MeshPose) -> str:
     scale = float(np.linalg.norm(to_world[:3, 0]))
     low, high = bounds(mesh)
     sides = " x ".join(f"{side:.4g}" for side in high - low)
-    turned = f", turned by {stance.turn_deg:g} degrees" if stance.turn_deg else ""
-    sign = stance.up if stance.up.startswith("-") else f"+{stance.up}"
+    turned = f", turned by {pose.turn_deg:g} degrees" if pose.turn_deg else ""
+    sign = pose.up if pose.up.startswith("-") else f"+{pose.up}"
     return (
         f"{metres((upright[1] - upright[0]) * scale)} (width, height, depth); in its file "
         f"{sides} units of {scale:.4g} m, {sign.upper()} up{turned}"

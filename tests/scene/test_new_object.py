@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from iprt import cli
 from iprt.errors import FormatError, SceneError
-from iprt.files.untrusted import MAX_OBJECTS
-from iprt.scene import edit
-from iprt.scene.adding import add_object
-from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
+from iprt.files.safe_reading import MAX_OBJECTS
+from iprt.scene import manifest_writing
+from iprt.scene.manifest import MANIFEST_NAME
+from iprt.scene.mesh_pose import UP_AXES, MeshPose
+from iprt.scene.new_object import add_object
 from iprt.scene.scene import Scene
-from iprt.scene.stance import UP_AXES, Stance
 from tests.geometry.gltf_files import bar
 from tests.scene.files import (
     CUBE,
@@ -74,7 +74,7 @@ def test_the_axis_that_is_up_points_up(up: str, room: Path, tmp_path: Path) -> N
 @pytest.mark.thorough
 @pytest.mark.parametrize("degrees", [90.0, -30.0, 400.0])
 def test_objects_turn_to_the_left(degrees: float, room: Path, tmp_path: Path) -> None:
-    added = add_object(room, wedge(tmp_path / "w.ply"), 0, -50, stance=Stance(turn_deg=degrees))
+    added = add_object(room, wedge(tmp_path / "w.ply"), 0, -50, pose=MeshPose(turn_deg=degrees))
     (instance,) = Scene.open(room).instances
     linear = instance.to_world[:3, :3]
     turn = Rotation.from_matrix(linear / np.cbrt(np.linalg.det(linear))).as_rotvec(degrees=True)
@@ -100,29 +100,14 @@ def test_units(
 
 
 def test_a_turned_object_is_measured_as_it_stands(room: Path, tmp_path: Path) -> None:
-    stance = Stance(up="z", height_m=0.3)
-    added = add_object(room, wedge(tmp_path / "w.ply"), 0, -50, stance=stance)
+    pose = MeshPose(up="z", height_m=0.3)
+    added = add_object(room, wedge(tmp_path / "w.ply"), 0, -50, pose=pose)
     assert added.size == (
         "0.10 x 0.30 x 0.20 m (width, height, depth); in its file 1 x 2 x 3 units of 0.1 m, +Z up"
     )
     corners = placed(room, "w")
     assert np.allclose(added.base[[0, 2]], 0.5 * (corners.min(0) + corners.max(0))[[0, 2]])
     assert added.base[1] == pytest.approx(corners[:, 1].min())
-
-
-def test_scene_toml_needs_no_new_keys(room: Path, tmp_path: Path) -> None:
-    words = [
-        str(room),
-        str(wedge(tmp_path / "w.ply")),
-        *LOOK,
-        "--up=z",
-        "--rotate=90",
-        "--unit=0.1",
-    ]
-    assert cli.main(["scene", "add", *words]) == 0
-    (table,) = Scene.open(room).manifest.objects
-    assert table.model_fields_set == {"name", "mesh", "to_world"}
-    assert sorted(map(abs, table.to_world[:3])) == [0.0, 0.0, 0.1]
 
 
 @pytest.mark.thorough
@@ -248,16 +233,6 @@ def many(count: int) -> str:
     )
 
 
-@pytest.mark.parametrize("verb", ["info", "check"])
-def test_too_many_objects_are_told_before_any_is_read(
-    verb: str, tmp_path: Path, fails: Callable[..., str]
-) -> None:
-    folder = write_scene(tmp_path / "s", many(MAX_OBJECTS + 1))
-    line = fails("scene", verb, folder)
-    assert f"objects: {MAX_OBJECTS + 1} of them; at most {MAX_OBJECTS} are read; join" in line
-    assert len(parse_manifest(many(MAX_OBJECTS), "scene.toml").objects) == MAX_OBJECTS
-
-
 def test_one_object_too_many_is_not_added(
     tmp_path: Path, fails: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -307,19 +282,10 @@ def _add(room: Path, mesh: Path) -> str:
 
 
 @pytest.mark.thorough
-def test_objects_added_at_the_same_time_are_all_there(room: Path, tmp_path: Path) -> None:
-    (tmp_path / "m.obj").write_text(CUBE)
-    with multiprocessing.get_context("spawn").Pool(2) as pool:
-        names = pool.starmap(_add, [(room, tmp_path / "m.obj")] * 3)
-    assert sorted(names) == ["m", "m-2", "m-3"]
-    assert {table.name for table in Scene.open(room).manifest.objects} == set(names)
-
-
-@pytest.mark.thorough
 def test_one_who_changes_a_scene_keeps_others_waiting(room: Path, tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(CUBE)
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        with edit.changing(room):
+        with manifest_writing.changing(room):
             waiting = pool.apply_async(_add, (room, tmp_path / "m.obj"))
             with pytest.raises(multiprocessing.TimeoutError):
                 waiting.get(timeout=0.0)

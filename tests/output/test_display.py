@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iprt.output.display import display
-from iprt.output.tone import Curve, developed, level
+from iprt.output.display import Curve, developed, display, level
 
 EXPOSURES = (1e-30, 1e-3, 0.7, 1.0, 3.7, 1e6)
 

@@ -1,6 +1,7 @@
-"""Reading of untrusted files: limits on their size, and one error for all damage.
+"""Reading of untrusted files: limits on sizes and links, and one error for all damage.
 
-Declared sizes are checked before memory is allocated.
+Declared sizes are checked before memory is allocated. A scene's files stay in its folder; links
+that lead out of it need permission.
 """
 
 from __future__ import annotations
@@ -8,11 +9,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
 from iprt.errors import FormatError
-from iprt.files.toml_text import printable
+from iprt.files.message_text import printable
 
 MAX_SIDE = 16384
 """Limit for the sides of a picture in pixels."""
@@ -93,3 +94,32 @@ def decoding(path: Path, complaint: str) -> Iterator[None]:
         lines = str(error).splitlines()
         reason = f" ({printable(lines[0])})" if lines else ""
         raise FormatError(f"{path}: {complaint}{reason}") from error
+
+
+def stays_inside(name: str) -> bool:
+    """Return True if a relative path, with slashes or backslashes, never leaves its folder."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    depth = 0
+    for part in path.parts:
+        depth += -1 if part == ".." else 1
+        if depth < 0:
+            return False
+    return not path.is_absolute() and not PureWindowsPath(name).drive
+
+
+def require_inside(path: Path, folder: Path) -> None:
+    """Raise FormatError unless `path`, with links resolved, lies in `folder`.
+
+    The root of the file system as `folder` permits everything.
+    """
+    real, home = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
+    if not real.is_relative_to(home):
+        raise FormatError(
+            f"{path}: is a link to {real}, outside its folder; copy it there, or give "
+            "--allow-outside"
+        )
+
+
+def anywhere(folder: Path) -> Path:
+    """Return a folder for `require_inside` that permits every file."""
+    return Path(Path(os.path.realpath(folder)).anchor)

@@ -1,4 +1,10 @@
-"""Wording of quantities in messages."""
+"""Texts in messages: quantities with their units, and untrusted text."""
+
+from __future__ import annotations
+
+import re
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 def counted(number: int, noun: str) -> str:
@@ -16,3 +22,9 @@ def length(metres: float) -> str:
 def extent(size: tuple[int, int]) -> str:
     """Return a width and height as text."""
     return f"{size[0]} x {size[1]}"
+
+
+def printable(text: str, most: int = 300) -> str:
+    """Return a text for an error message, without control characters and of limited length."""
+    shown = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text[: 2 * most])
+    return shown if len(shown) <= most else f"{shown[: most - 3]}..."
