@@ -133,7 +133,7 @@ def _measured(
     from iprt.measure.calibration import (
         SSIM_FRAMES,
         TIMES_S,
-        Subject,
+        TimedView,
         measure_ssim,
         measure_times,
         tradeoff_of,
@@ -142,11 +142,11 @@ def _measured(
     from iprt.settings.ladder import LADDER
 
     frame = scene.frame()
-    subjects = [
-        Subject(name, frame, scene.instances_of(name), scene.views[name].view) for name in names
+    views = [
+        TimedView(name, frame, scene.instances_of(name), scene.views[name].view) for name in names
     ]
     with progress_bar("timing", round(TIMES_S), "s") as progress:
-        times = measure_times(compute, subjects, progress=lambda seconds: progress(int(seconds)))
+        times = measure_times(compute, views, progress=lambda seconds: progress(int(seconds)))
     if not targets:
         known = shipped()
         ssim = {entry.name: entry.ssim for entry in known.entries}

@@ -294,9 +294,8 @@ def _report(
     """Print the output's path and, if asked for, the times of the passes of frame `index`."""
     from iprt.commands.standard_streams import reporting
     from iprt.film import view_at
-    from iprt.measure.cost_report import CostReport
-    from iprt.measure.profile_file import write_profile
-    from iprt.measure.table import pass_grid
+    from iprt.measure.cost_report import CostReport, write_report
+    from iprt.measure.cost_tables import pass_grid
     from iprt.output.grid import print_grid
 
     with reporting(f"{output} has been written nevertheless"):
@@ -314,6 +313,6 @@ def _report(
                 prepare_ms=film.prepare_ms,
             )
             if profile is not None:
-                write_profile(profile, report)
+                write_report(profile, report)
             print_grid(pass_grid(report))
         print(output)

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from iprt.errors import IprtError
 from iprt.measure.compare import scored
 from iprt.measure.intervals import Estimate
-from iprt.measure.sweep import Combination, cut_estimates, still_settings
-from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
-
-if TYPE_CHECKING:
-    from iprt.device.compute import ComputeDevice
-    from iprt.footage.frame import Frame
-    from iprt.scene.scene import Scene
-    from iprt.settings.model import Settings
+from iprt.measure.measurement import Measurement
+from iprt.measure.timed_renderers import timed_iprt
+from iprt.measure.view_truth import ScoreEstimates, Scores
 
 MAX_COUNT = 2**16
 
@@ -33,20 +26,13 @@ class Point:
     count : int
         Accumulated frames, or samples per pixel of a path tracer.
     seconds : Estimate
-        Time from the loaded scene to the picture: preparation and all frames so far, without
-        compiling kernels.
-    ssim, ssim_cuts : Estimate, tuple of Estimate
-        SSIM of the view, and of each cut.
+        Time from the scene in memory to the picture; see `TimedRenderer.picture`.
+    scores : ScoreEstimates
     """
 
     count: int
     seconds: Estimate
-    ssim: Estimate
-    ssim_cuts: tuple[Estimate, ...]
-
-    def reached(self, cut: int | None) -> float:
-        """Return the mean SSIM of a cut, or of the whole view for None."""
-        return self.ssim.mean if cut is None else self.ssim_cuts[cut].mean
+    scores: ScoreEstimates
 
 
 @dataclass(frozen=True)
@@ -57,9 +43,15 @@ class Curve:
     label: str
     points: tuple[Point, ...]
 
-    def record(self) -> dict[str, object]:
-        """Return the curve as plain data."""
-        return asdict(self)
+    @property
+    def cuts(self) -> list[str]:
+        """Names of the view's cuts, such as `cut 1`, or `whole view` if it has none."""
+        count = len(self.points[0].scores.ssim_cuts)
+        return [f"cut {number}" for number in range(1, count + 1)] or ["whole view"]
+
+    def best(self, cut: int) -> float:
+        """Return the highest SSIM of the cut with an index in `cuts`."""
+        return max(point.scores.cuts[cut].mean for point in self.points)
 
 
 def parse_counts(text: str) -> list[int]:
@@ -93,14 +85,7 @@ def parse_counts(text: str) -> list[int]:
 
 
 def run_convergence(
-    scene: Scene,
-    targets: Sequence[Target],
-    chosen: Sequence[Combination],
-    counts: Sequence[int],
-    *,
-    device: ComputeDevice,
-    seeds: int,
-    progress: Callable[[int], None] | None = None,
+    plan: Measurement, counts: Sequence[int], progress: Callable[[int], None] | None = None
 ) -> Iterator[Curve]:
     """Measure a curve per view and combination of settings.
 
@@ -108,30 +93,22 @@ def run_convergence(
     ----------
     counts : sequence of int
         Numbers of frames after which the picture is scored, rising.
-    seeds : int
-        Number of runs to average, with consecutive seeds from the settings' seed on.
     progress : callable, optional
         Called with the number of frames rendered so far.
     """
     done = 0
-
-    def forward(count: int) -> None:
-        if progress is not None:
-            progress(done + count)
-
-    for target, frame in with_frames(scene, targets):
-        for combination in chosen:
-            # Drivers compile when a kernel first runs; do this before the clock starts.
-            _pictures(scene, frame, target, still_settings(combination.settings, 0), [1], device)
-            runs = []
-            for seed in range(seeds):
-                settings = still_settings(combination.settings, seed)
-                pictures = _pictures(scene, frame, target, settings, counts, device, forward)
-                runs.append(
-                    [(spent, scored(target, color, combination.label)) for spent, color in pictures]
-                )
-                done += counts[-1]
-            yield curve(target.name, combination.label, counts, runs)
+    for target, combination, renderer in timed_iprt(plan):
+        runs = []
+        for seed in range(plan.seeds):
+            pictures = []
+            for count in counts:
+                seconds, color = renderer.picture(count, seed)
+                pictures.append((seconds, scored(target, color, combination.label)))
+                if progress is not None:
+                    progress(done + count)
+            runs.append(pictures)
+            done += counts[-1]
+        yield curve(target.name, combination.label, counts, runs)
 
 
 def curve(
@@ -140,66 +117,23 @@ def curve(
     """Average runs, each of which has (seconds, scores) per count."""
     points = []
     for count, at in zip(counts, zip(*runs, strict=True), strict=True):
-        scores = [score for _, score in at]
-        points.append(
-            Point(
-                count=count,
-                seconds=Estimate.of([seconds for seconds, _ in at]),
-                ssim=Estimate.of([score.ssim for score in scores]),
-                ssim_cuts=cut_estimates(scores),
-            )
-        )
+        seconds, scores = zip(*at, strict=True)
+        points.append(Point(count, Estimate.of(seconds), ScoreEstimates.of(scores)))
     return Curve(view, label, tuple(points))
 
 
-def _pictures(
-    scene: Scene,
-    frame: Frame,
-    target: Target,
-    settings: Settings,
-    counts: Sequence[int],
-    device: ComputeDevice,
-    progress: Callable[[int], None] | None = None,
-) -> list[tuple[float, Radiance]]:
-    """Render (seconds, linear picture) after each count of frames, without scoring."""
-    from iprt.memory import require_memory
-    from iprt.renderer import Renderer
-
-    instances = scene.instances_named(target.objects)
-    require_memory(device, frame, instances, target.view, settings)
-    profile = device.profile
-    compiled = profile.compile_ms
-    pictures = []
-    start = time.perf_counter()
-    with Renderer(
-        device, frame, instances, target.view, settings, background=target.background
-    ) as renderer:
-        done = 0
-        for count in counts:
-            color = renderer.render(count - done).color
-            done = count
-            elapsed = time.perf_counter() - start - (profile.compile_ms - compiled) * 1e-3
-            pictures.append((elapsed, color))
-            profile.reset()  # else it would keep the events of all frames
-            if progress is not None:
-                progress(done)
-    return pictures
-
-
-def seconds_to(points: Sequence[Point], cut: int | None, ssim: float) -> float | None:
-    """Return the seconds after which a curve first reaches an SSIM; None if it never does.
+def seconds_to(curve: Curve, cut: int, ssim: float) -> float | None:
+    """Return the seconds after which a cut first reaches an SSIM; None if it never does.
 
     Between two pictures, SSIM is interpolated linearly in the logarithm of time.
     """
-    before: Point | None = None
-    for point in sorted(points, key=lambda point: point.seconds.mean):
-        high = point.reached(cut)
+    before: tuple[float, float] | None = None
+    for seconds, high in sorted((p.seconds.mean, p.scores.cuts[cut].mean) for p in curve.points):
         if high >= ssim:
             if before is None:
-                return point.seconds.mean
-            low = before.reached(cut)
+                return seconds
+            time, low = before
             share = (ssim - low) / (high - low)
-            times = math.log(before.seconds.mean), math.log(point.seconds.mean)
-            return math.exp(times[0] + share * (times[1] - times[0]))
-        before = point
+            return math.exp((1.0 - share) * math.log(time) + share * math.log(seconds))
+        before = seconds, high
     return None

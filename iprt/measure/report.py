@@ -76,21 +76,20 @@ class Report:
             temporary.write_text(self.html(), encoding="utf-8")
 
 
-def compared_figures(compared: Compared) -> Figures:
+def compared_figures(compared: Compared) -> tuple[Figures, ...]:
     """Show render, truth, difference and FLIP map of a comparison."""
-    result = compared.comparison
-    scores = result.scores
+    result, scores = compared.comparison, compared.comparison.scores
     flip = "" if scores.flip is None else f", FLIP {scores.flip:.4f}"
-    cuts = " / ".join(f"{value:.4f}" for value in scores.ssim_cuts)
-    return Figures(
+    cuts = " / ".join(f"{value:.4f}" for value in scores.cuts)
+    figures = Figures(
         title=f"{result.view}, method {result.method}",
         caption=(
-            f"over the background of the {result.background}: SSIM {scores.ssim:.4f}"
-            + (f", cuts {cuts}" if cuts else "")
-            + f", PSNR {scores.psnr:.2f} dB, MSE {scores.mse:.2e}, RMSE {scores.rmse:.4g}{flip}"
+            f"over the background of the {result.background}: SSIM {scores.ssim:.4f}, cuts {cuts}, "
+            f"PSNR {scores.psnr:.2f} dB, MSE {scores.mse:.2e}, RMSE {scores.rmse:.4g}{flip}"
         ),
         pictures=scored_pictures(compared.target, compared.color),
     )
+    return (figures,)
 
 
 def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> tuple[Picture, ...]:

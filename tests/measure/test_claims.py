@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from iprt import cli
-from iprt.measure.claims import Claim, Found, Subject, Verdict, claims_grid
+from iprt.measure.claims import Claim, ClaimView, Found, Verdict, claims_grid
 from iprt.measure.intervals import Ratio
 from iprt.measure.learned import Learned
 from iprt.measure.published import CLAIMS
@@ -27,7 +27,7 @@ class Known:
         self, ms: dict[str, float], ssim: dict[str, float], learned: Learned | None = None
     ) -> None:
         self._ms, self._ssim = ms, ssim
-        self._learned = learned or Learned(0.1, 0.2, 0.05, (1.0, 2.0, 2.1), 50.0, 1.0)
+        self.learned = learned or Learned(0.1, 0.2, 0.05, (1.0, 2.0, 2.1), 50.0, 1.0)
         self.asked: list[dict[str, Any]] = []
 
     def _of(self, values: dict[str, Any], table: dict[str, float]) -> float:
@@ -49,9 +49,6 @@ class Known:
         near = self._of(values, self._ssim)
         return near, 0.9
 
-    def learned(self) -> Learned:
-        return self._learned
-
     def likeness(self, values: dict[str, Any], other: dict[str, Any]) -> float:
         self.asked += [values, other]
         return 0.97
@@ -61,7 +58,7 @@ def found(
     text: str, ms: dict[str, float], ssim: dict[str, float], learned: Learned | None = None
 ) -> Found:
     (claim,) = (claim for claim in CLAIMS if claim.text.startswith(text))
-    return claim.measure(cast(Subject, Known(ms, ssim, learned)))
+    return claim.measure(cast(ClaimView, Known(ms, ssim, learned)))
 
 
 def test_times_decide() -> None:
@@ -126,7 +123,7 @@ def test_what_was_learned_decides() -> None:
 def test_claims_are_of_installed_methods_and_settings() -> None:
     known = Known(dict.fromkeys(["method"], 1.0), dict.fromkeys(["method"], 0.9))
     for claim in CLAIMS:
-        claim.measure(cast(Subject, known))
+        claim.measure(cast(ClaimView, known))
     methods_asked = {values["method"] for values in known.asked}
     assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em", "vct", "dvct"}
     for values in known.asked:
@@ -136,8 +133,8 @@ def test_claims_are_of_installed_methods_and_settings() -> None:
 
 def test_a_claim_that_does_not_hold_says_why() -> None:
     claim = Claim("Paper", "claim", "2x", lambda _: Found("1x", False), "slow")
-    held = Verdict(claim, "near", Found("2x", True))
-    grid = claims_grid([held, Verdict(claim, "near", Found("1x", False))])
+    found = (Found("2x", True), Found("1x", False))
+    grid = claims_grid([Verdict.of(claim, "near", each) for each in found])
     assert [row[-2:] for row in grid.rows] == [("yes", ""), ("no", "slow")]
 
 

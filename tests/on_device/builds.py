@@ -71,8 +71,7 @@ def _planned(device: ComputeDevice, name: str) -> dict[str, Program]:
     footage = footage_of(scene, frame, settings)
     found: dict[str, Program] = {}
     for of_view in (*scene.views, "equirect"):
-        view, names = choose_view(scene, of_view)
-        objects = scene.instances if names is None else scene.instances_named(names)
+        view, objects = choose_view(scene, of_view)
         plan = RenderPlan.of(frame, objects, view, settings, footage, is_cpu=device.is_cpu)
         for kernel in plan.kernels:
             program = Program.of(kernel.file, kernel.defines)

@@ -77,7 +77,7 @@ def measured(device: ComputeDevice, reel: Reel, frames: int) -> list[Row]:
     """A row; its first column is the time by the clock while nothing is recorded."""
     (walls,) = timed_together(device, [reel], lambda count: count >= frames)
     # Recording takes the host long beside the frames of a fast GPU.
-    report = timed(device, reel, scene="", frames=frames)
+    report, _ = timed(device, reel, scene="", frames=frames)
     return [{"ms": median(walls), **row(report)}]
 
 
@@ -107,8 +107,7 @@ def _reel(size: tuple[int, int], motion: str, settings: Settings) -> Reel:
         moving, objects = moving_view(scene, name, size=size)
         return Playback(scene, moving, objects, settings)
     scene = opened("room")
-    view, objects = choose_view(scene, name, size=size)
-    instances = scene.instances if objects is None else scene.instances_named(objects)
+    view, instances = choose_view(scene, name, size=size)
     kind = Turn if motion == TURNING else Rest
     return cast(Reel, kind(first_frame("room"), instances, view, settings))
 
