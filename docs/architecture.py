@@ -1,6 +1,6 @@
-"""Draws which packages import which into docs/architecture.md: python docs/architecture.py
+"""Draw the imports between packages into docs/architecture.md: `python docs/architecture.py`.
 
-Fails where the page was not up to date, which `./run lint` notices. An arrow that others imply is
+Fails if the page was outdated, which `./run lint` notices. An arrow that others imply is
 left out: if A uses B and B uses C, A may use C as well.
 """
 
@@ -18,7 +18,7 @@ START, END = "<!-- drawn by docs/architecture.py -->", "<!-- end -->"
 
 
 def packages() -> nx.DiGraph[str]:
-    """What imports what, by the names below `iprt`; `world` is shown by its parts."""
+    """Build the graph of imports by the names below `iprt`; `world` is shown by its parts."""
     modules = grimp.build_graph("iprt", cache_dir=None)
     found: nx.DiGraph[str] = nx.DiGraph()
     for importer in modules.modules:
@@ -37,7 +37,7 @@ def _package(module: str) -> str:
 
 
 def drawing() -> str:
-    """A Mermaid flowchart."""
+    """Return a Mermaid flowchart."""
     arrows = sorted(nx.transitive_reduction(packages()).edges)
     lines = [f"    {_node(a)} --> {_node(b)}" for a, b in arrows]
     return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
@@ -48,7 +48,7 @@ def _node(name: str) -> str:
 
 
 def main() -> int:
-    """The command."""
+    """Update the page; return 1 if it was outdated."""
     text = PAGE.read_text(encoding="utf-8")
     pattern = f"{re.escape(START)}.*?{re.escape(END)}"
     drawn = re.sub(pattern, f"{START}\n{drawing()}\n{END}", text, flags=re.DOTALL)

@@ -34,8 +34,8 @@ def bench(
     scene
         Scene folder.
     view
-        Name of a view of the scene, or `equirect` for the whole panorama, which is rendered anew
-        for every frame instead of turning. Default: the scene's first view.
+        Name of a view of the scene, or `equirect` for the whole panorama, which does not turn but
+        is rendered again for every frame. Default: the scene's first view.
     size
         Width and height in pixels. Default: the view's own.
     repeat

@@ -27,8 +27,8 @@ FEWEST_ROUNDS, MOST_ROUNDS = 4, 1000
 """Limits for the number of frames of each of several interleaved reels."""
 
 Progress = Callable[[int], None]
-"""Function called with the number of frames done so far, including the warm-up and not those of a
-base."""
+"""Function called with the number of frames done so far, with the warm-up and without a base's
+frames."""
 
 
 @dataclass

@@ -128,7 +128,9 @@ def test_a_scene_has_the_hash_of_its_contents(room: Path, tmp_path: Path) -> Non
     copy = shutil.copytree(room, tmp_path / "copy")
     manifest = copy / "scene.toml"
     text = manifest.read_text()
-    manifest.write_text("# A comment.\n" + text.replace('name = "box"', 'name = "copy"', 1))
+    other = text.replace('name = "box"', 'name = "copy"', 1)
+    default = other.replace("pitch_deg", "yaw_deg = 0.0\npitch_deg", 1)
+    manifest.write_text(f"# A comment.\n{default}")
     own = scene_hash(Scene.open(room))
     assert scene_hash(Scene.open(copy)) == own
     changed = {own}
