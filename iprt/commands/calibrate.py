@@ -78,6 +78,7 @@ def calibrate(
     from iprt.files.atomic import require_writable
     from iprt.measure.tradeoff_cache import TimedDevice, keep
     from iprt.measure.tradeoff_report import tradeoff_grid
+    from iprt.measure.view_truth import read_target, views_with_truth
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
@@ -86,7 +87,9 @@ def calibrate(
     opened = Scene.open(scene, allow_outside=allow_outside)
     view = listed(view)
     names = _views(opened, view)
-    targets = _targets(opened, view) if ssim else []
+    # Pictures are scored over the truth's own background.
+    scored = views_with_truth(opened, view) if ssim else []
+    targets = [read_target(opened, name, "truth") for name in scored]
     handle = choose_device(device)
     timed = TimedDevice.of(handle)
     path = output or timed.file
@@ -113,13 +116,6 @@ def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
     if not found:
         raise IprtError(f"{scene.name}: has no view to time; add one to its scene.toml")
     return found
-
-
-def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
-    """Read the truths of views; pictures are scored over their own background."""
-    from iprt.measure.view_truth import read_target, views_with_truth
-
-    return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]
 
 
 def _measured(

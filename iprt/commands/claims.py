@@ -36,7 +36,7 @@ def claims(
     check_count("--accumulate", accumulate)
     from iprt.commands.progress import progress_bar
     from iprt.measure.claims import Verdict, claims_grid, run_claims
-    from iprt.measure.published import CLAIMS
+    from iprt.measure.paper_claims import CLAIMS
     from iprt.measure.report import Report
 
     plan = measurement_flags.plan(scene, BALANCED)

@@ -111,41 +111,33 @@ def compare(
         opened.require_not_ours(save / "x.png")
     if pictures and moving and (method or video != NO_VIDEO):
         raise IprtError(f"--pictures: of a video, {NOTHING_ELSE}")
-    html, frames = measurement_flags.html, accumulate or ACCUMULATED
-    output, made = measurement_flags.output, provenance(opened)
+    flags, frames, made = measurement_flags, accumulate or ACCUMULATED, provenance(opened)
     with nullcontext() if save is None else locked(save):
         if moving and not pictures:
-            if html is not None:
-                raise IprtError(f"--html {html}: is for stills; --save shows frames of a video")
+            if flags.html is not None:
+                raise IprtError(
+                    f"--html {flags.html}: is for stills; --save shows frames of a video"
+                )
             chosen = combinations_of(opened, setting_flags, seed, asked, video)
-            played = output.collect(
-                (
-                    (result, tuple)
-                    for result in play_views(
-                        opened, views, chosen, video, measurement_flags, frames, made, save
-                    )
-                ),
+            films = play_views(opened, views, chosen, video, flags, frames, made, save)
+            played = flags.output.collect(
+                ((film, tuple) for film in films),
                 "results",
                 made,
-                lambda done: Report("", grids=[stability_grid(done, measurement_flags.background)]),
+                lambda done: Report("", grids=[stability_grid(done, flags.background)]),
             )
-            ssim = [scores.ssim for result in played for scores in result.scores.values()]
+            ssim = [scores.ssim for film in played for scores in film.scores.values()]
             return int(_any_below(ssim, fail_under_ssim) or video.missed(played))
         if not moving:
             video.require_none(opened.name)
-        found = _compared(
-            opened, views, pictures, variants if method or not pictures else [],
-            measurement_flags, frames,
-        )  # fmt: skip
-        results = output.collect(
+        rendered = variants if method or not pictures else []
+        found = _compared(opened, views, pictures, rendered, flags, frames)
+        title = f"{opened.name}: compared with its truth"
+        results = flags.output.collect(
             ((one.comparison, partial(compared_figures, one)) for one in _saved(found, save, made)),
             "results",
             made,
-            lambda done: Report(
-                f"{opened.name}: compared with its truth",
-                [provenance_line(made)],
-                [score_grid(done)],
-            ),
+            lambda done: Report(title, [provenance_line(made)], [score_grid(done)]),
         )
     return int(_any_below([result.scores.ssim for result in results], fail_under_ssim))
 

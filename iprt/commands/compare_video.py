@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from iprt.commands.frames import frame_range
+from iprt.commands.frame_range import frame_range
 from iprt.commands.help import plain_default
 from iprt.errors import IprtError
 

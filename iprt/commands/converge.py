@@ -47,7 +47,7 @@ def converge(
     """
     from iprt.commands.measurement import parse_levels
     from iprt.commands.progress import progress_bar
-    from iprt.measure.convergence import Curve, parse_counts, run_convergence
+    from iprt.measure.convergence_curves import Curve, parse_counts, run_convergence
     from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
     from iprt.measure.report import Report
 

@@ -57,11 +57,11 @@ def race(
     """
     from iprt.commands.measurement import parse_levels
     from iprt.commands.progress import progress_bar
-    from iprt.measure.convergence import parse_counts
+    from iprt.measure.convergence_curves import parse_counts
     from iprt.measure.convergence_report import convergence_grid, convergence_plots
     from iprt.measure.protocol import provenance_line
     from iprt.measure.report import Report
-    from iprt.measure.time_to_accuracy import Result, run_race
+    from iprt.measure.time_to_accuracy import RaceResult, run_race
     from iprt.measure.time_to_accuracy_report import race_figures, race_grid
     from iprt.measure.timed_renderers import RacedView, raced_iprt, raced_mitsuba
     from iprt.truth.backend import require_reference
@@ -85,7 +85,7 @@ def race(
         f"{counted(os.cpu_count() or 1, 'core')}; {counted(plan.seeds, 'seed')}."
     )
 
-    def page(race: list[list[Result]]) -> Report:
+    def page(race: list[list[RaceResult]]) -> Report:
         curves = [result.curve for results in race for result in results]
         grids = [race_grid(race, levels, how)]
         if not measurement_flags.markdown:

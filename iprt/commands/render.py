@@ -157,9 +157,9 @@ def render(
         )
     _check_files(output, profile, aov, video=video)
 
-    from iprt.commands.frames import frame_range
+    from iprt.commands.frame_range import frame_range
     from iprt.commands.render_job import RenderJob
-    from iprt.commands.video import check_video, render_video
+    from iprt.commands.render_video import check_video, render_video
     from iprt.commands.views import moving_view
     from iprt.geometry.camera import View
     from iprt.scene.scene import Scene

@@ -14,7 +14,7 @@ from iprt import __version__
 from iprt.measure.bench import timed_together
 from iprt.measure.camera_motion import Turn
 from iprt.measure.combinations import Combination
-from iprt.measure.convergence import run_convergence
+from iprt.measure.convergence_curves import run_convergence
 from iprt.measure.intervals import Ratio
 from iprt.measure.measurement import Measurement
 from iprt.measure.tradeoff import Entry, Tradeoff

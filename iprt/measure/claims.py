@@ -17,7 +17,7 @@ from iprt.measure.camera_motion import Turn
 from iprt.measure.combinations import still_settings
 from iprt.measure.compare import render_target, scored
 from iprt.measure.intervals import Ratio
-from iprt.measure.learned import Learned, learn_frame
+from iprt.measure.learned_accuracy import LearnedAccuracy, learn_frame
 from iprt.measure.measurement import Measurement
 from iprt.measure.results import grid_of
 from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
@@ -42,7 +42,7 @@ SEEN = 0.02
 
 
 @dataclass(frozen=True)
-class Found:
+class Finding:
     """The measurement of a claim.
 
     Attributes
@@ -76,7 +76,7 @@ class Claim:
     paper: str
     text: str
     published: str
-    measure: Callable[[ClaimView], Found]
+    measure: Callable[[ClaimView], Finding]
     unless: str
 
 
@@ -93,7 +93,7 @@ class Verdict:
     why: str
 
     @classmethod
-    def of(cls, claim: Claim, view: str, found: Found) -> Verdict:
+    def of(cls, claim: Claim, view: str, found: Finding) -> Verdict:
         """Build the verdict from a measurement."""
         why = "" if found.holds else claim.unless
         return cls(claim.paper, claim.text, claim.published, view, found.measured, found.holds, why)
@@ -175,7 +175,7 @@ class ClaimView:
             return renderer.render(1, ["coverage"]).aovs["coverage"]
 
     @cached_property
-    def learned(self) -> Learned:
+    def learned(self) -> LearnedAccuracy:
         """The radiance models that `oil` learns of the panorama in `frames` frames."""
         own, exposure = LearningSettings(), self.target.exposure
         return learn_frame(self.device, self.frame, own, self.frames, exposure)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from iprt.measure.convergence import Curve, seconds_to
+from iprt.measure.convergence_curves import Curve, seconds_to
 from iprt.measure.intervals import OVER_SEEDS
 from iprt.measure.plot import Mark, Plot, Series
 from iprt.measure.results import grid_of

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Picture:
+class EmbeddedPicture:
     """A PNG in the page; `data` is its data URI."""
 
     label: str
@@ -41,7 +41,7 @@ class Figures:
 
     title: str
     caption: str
-    pictures: tuple[Picture, ...]
+    pictures: tuple[EmbeddedPicture, ...]
 
 
 @dataclass
@@ -92,7 +92,9 @@ def compared_figures(compared: Compared) -> tuple[Figures, ...]:
     return (figures,)
 
 
-def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> tuple[Picture, ...]:
+def scored_pictures(
+    target: Target, color: Radiance, *, crop: bool = False
+) -> tuple[EmbeddedPicture, ...]:
     """Show a picture, its truth, their difference, and the FLIP map if FLIP is installed.
 
     Parameters
@@ -120,14 +122,14 @@ def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> t
     )
 
 
-def png_picture(label: str, image: metrics.Image) -> Picture:
+def png_picture(label: str, image: metrics.Image) -> EmbeddedPicture:
     """Encode a display-referred image (H, W, 3) in [0, 1] as an 8-bit PNG."""
     from PIL import Image
 
     stream = io.BytesIO()
     Image.fromarray(np.rint(image * 255.0).astype(np.uint8)).save(stream, "PNG", optimize=True)
     data = "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
-    return Picture(label, image.shape[1], image.shape[0], data)
+    return EmbeddedPicture(label, image.shape[1], image.shape[0], data)
 
 
 @cache

@@ -15,7 +15,7 @@ from statistics import median
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
 from iprt.measure.compare import scored
-from iprt.measure.convergence import Curve, curve
+from iprt.measure.convergence_curves import Curve, curve
 from iprt.measure.timed_renderers import RacedRenderer, RacedView
 from iprt.measure.view_truth import Radiance, Scores, Target
 
@@ -26,8 +26,8 @@ QUICK_S, TRIES = 4.0, 3
 
 
 @dataclass(frozen=True)
-class Result:
-    """Result of one renderer on a view.
+class RaceResult:
+    """RaceResult of one renderer on a view.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class RendererProcess:
     Attributes
     ----------
     once : float
-        One-time cost; see `Result`.
+        One-time cost; see `RaceResult`.
     """
 
     def __init__(self, label: str, pipe: Connection, start: float) -> None:
@@ -131,7 +131,7 @@ def run_race(
     enough: float,
     seeds: int,
     progress: Callable[[int], None] | None = None,
-) -> Iterator[tuple[list[Result], Target, list[Radiance]]]:
+) -> Iterator[tuple[list[RaceResult], Target, list[Radiance]]]:
     """Measure all renderers on each view; yield results with the last pictures, linear.
 
     Renderers are interleaved picture by picture, so that a slowdown of the machine affects all.
@@ -164,7 +164,7 @@ def run_race(
                         if progress is not None:
                             progress(done)
         results = [
-            Result(process.once, track.curve(target.name, process.label))
+            RaceResult(process.once, track.curve(target.name, process.label))
             for process, track in zip(processes, tracks, strict=True)
         ]
         yield results, target, [track.color for track in tracks]

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from iprt.measure.convergence import seconds_to
+from iprt.measure.convergence_curves import seconds_to
 from iprt.measure.report import Figures, scored_pictures
 from iprt.measure.results import grid_of
-from iprt.measure.time_to_accuracy import Result
+from iprt.measure.time_to_accuracy import RaceResult
 from iprt.measure.timed_renderers import FULL
 from iprt.measure.view_truth import Radiance, Target
 from iprt.output.grid import Grid
 
 
-def race_grid(race: Sequence[Sequence[Result]], levels: Sequence[float], *how: str) -> Grid:
+def race_grid(race: Sequence[Sequence[RaceResult]], levels: Sequence[float], *how: str) -> Grid:
     """Build a table of the seconds per picture to reach each SSIM level in each cut.
 
     Parameters
     ----------
-    race : sequence of sequence of Result
+    race : sequence of sequence of RaceResult
         Results of each view, at least one; iprt first.
     levels : sequence of float
     how : str
@@ -49,7 +49,7 @@ def race_grid(race: Sequence[Sequence[Result]], levels: Sequence[float], *how: s
     )
 
 
-def _cells(results: Sequence[Result], cut: int, level: float) -> dict[str, str]:
+def _cells(results: Sequence[RaceResult], cut: int, level: float) -> dict[str, str]:
     cells = {}
     ours = seconds_to(results[0].curve, cut, level)
     for result in results:
@@ -65,7 +65,7 @@ def _cells(results: Sequence[Result], cut: int, level: float) -> dict[str, str]:
 
 
 def race_figures(
-    results: Sequence[Result], target: Target, colors: Sequence[Radiance]
+    results: Sequence[RaceResult], target: Target, colors: Sequence[Radiance]
 ) -> list[Figures]:
     """Show the last picture of each renderer with the truth."""
     figures = []

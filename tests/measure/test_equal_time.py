@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -80,7 +81,8 @@ def test_costs_belong_to_the_frames_that_have_them(
     slow("step", 1.0)
     slow("load", 2.0)
     slow("move", 4.0)
-    monkeypatch.setattr(bench.time, "perf_counter", lambda: now[0])
+    clock = SimpleNamespace(perf_counter=lambda: now[0], thread_time=lambda: 0.0)
+    monkeypatch.setattr(bench, "time", clock)
     settings = Settings(method="ibl")
     frame, view = scene.frame(0), scene.views["near"].view
     costs = costs_of(device, frame, scene.instances, view, settings)

@@ -19,9 +19,9 @@ from iprt import cli
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError, SceneError
 from iprt.measure.combinations import combinations, still_settings
-from iprt.measure.convergence import Curve, Point
+from iprt.measure.convergence_curves import Curve, Point
 from iprt.measure.intervals import Estimate
-from iprt.measure.time_to_accuracy import Result, Track, run_race
+from iprt.measure.time_to_accuracy import RaceResult, Track, run_race
 from iprt.measure.time_to_accuracy_report import race_grid
 from iprt.measure.timed_renderers import (
     FULL,
@@ -82,13 +82,13 @@ def test_a_view_without_cuts_counts_as_a_whole() -> None:
     assert track.counts == [1]
 
 
-def result(label: str, once: float, *points: tuple[float, float]) -> Result:
+def result(label: str, once: float, *points: tuple[float, float]) -> RaceResult:
     """Of (seconds, SSIM of the cut)."""
     made = tuple(
         Point(2**i, Estimate(s, None), ScoreEstimates.of([scores(ssim)]))
         for i, (s, ssim) in enumerate(points)
     )
-    return Result(once, Curve("near", label, made))
+    return RaceResult(once, Curve("near", label, made))
 
 
 def test_table_of_levels() -> None:

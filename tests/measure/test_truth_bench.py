@@ -23,7 +23,7 @@ from iprt.errors import DeviceError, IprtError
 from iprt.files.images import read_color
 from iprt.measure import sweep
 from iprt.measure.combinations import combinations, still_settings
-from iprt.measure.convergence import Curve, Point, parse_counts, seconds_to
+from iprt.measure.convergence_curves import Curve, Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
 from iprt.measure.view_truth import ScoreEstimates, read_target
 from iprt.scene.scene import Scene

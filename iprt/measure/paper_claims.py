@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from iprt.measure.claims import Claim, ClaimView, Found
+from iprt.measure.claims import Claim, ClaimView, Finding
 from iprt.settings.trace import LearningSettings
 
 IPRT = "IPRT (Wu and Wang 2023)"
@@ -20,25 +20,25 @@ OIL = "OIL (Lee et al. 2022)"
 DVCT = "DVCT (Franke 2014)"
 
 
-def _faster(view: ClaimView, *, surfaces: str, bounces: Sequence[int], least: float) -> Found:
+def _faster(view: ClaimView, *, surfaces: str, bounces: Sequence[int], least: float) -> Finding:
     ratios = []
     for count in bounces:
         delta, one_pass = (_paths(method, surfaces, count) for method in ("dpt", "pt-diff"))
         ratios.append(view.ratio(one_pass, delta))
     measured = ", ".join(f"{r.value:.2f}x at {n}" for n, r in zip(bounces, ratios, strict=True))
-    return Found(f"{measured} (surfaces={surfaces})", min(r.value for r in ratios) >= least)
+    return Finding(f"{measured} (surfaces={surfaces})", min(r.value for r in ratios) >= least)
 
 
 def _paths(method: str, surfaces: str, bounces: int) -> dict[str, Any]:
     return {"method": method, f"{method}.surfaces": surfaces, f"{method}.bounces": bounces}
 
 
-def _as_exact(view: ClaimView) -> Found:
+def _as_exact(view: ClaimView) -> Finding:
     delta, one_pass = (
         view.scores({"method": name, f"{name}.surfaces": "all"}).rmse for name in ("dpt", "pt-diff")
     )
     holds = abs(delta / one_pass - 1.0) < 0.05
-    return Found(f"RMSE {delta:.4g} and {one_pass:.4g} (surfaces=all)", holds)
+    return Finding(f"RMSE {delta:.4g} and {one_pass:.4g} (surfaces=all)", holds)
 
 
 def _line(counts: Sequence[int], times: Sequence[float]) -> tuple[float, float]:
@@ -47,18 +47,18 @@ def _line(counts: Sequence[int], times: Sequence[float]) -> tuple[float, float]:
     return float(line[0]), float(np.abs(np.polyval(line, counts) - times).max())
 
 
-def _linear(view: ClaimView) -> Found:
+def _linear(view: ClaimView) -> Finding:
     counts = (3, 5, 7, 10)
     times = [median(t) for t in view.times(*(_paths("dpt", "all", n) for n in counts))]
     off = _line(counts, times)[1] / times[0]
     measured = ", ".join(f"{t:.1f} ms at {n}" for n, t in zip(counts, times, strict=True))
-    return Found(f"{measured}: {100 * off:.0f}% off a line (surfaces=all)", off < 0.05)
+    return Finding(f"{measured}: {100 * off:.0f}% off a line (surfaces=all)", off < 0.05)
 
 
-def _sampling(view: ClaimView) -> Found:
+def _sampling(view: ClaimView) -> Finding:
     mixed = _paths("dpt", "all", 3)
     ratio = view.ratio(mixed, {**mixed, "trace.light_sampling": False})
-    return Found(f"{100 * (ratio.value - 1):+.0f}% (surfaces=all)", ratio.value < 1.05)
+    return Finding(f"{100 * (ratio.value - 1):+.0f}% (surfaces=all)", ratio.value < 1.05)
 
 
 def _cuts(
@@ -69,33 +69,33 @@ def _cuts(
     return pairs, ", ".join(f"{a:.{digits}f} against {b:.{digits}f}" for a, b in pairs)
 
 
-def _above(view: ClaimView, *, ours: str, theirs: str) -> Found:
+def _above(view: ClaimView, *, ours: str, theirs: str) -> Finding:
     pairs, measured = _cuts(view, {"method": ours}, {"method": theirs})
-    return Found(measured, all(a > b for a, b in pairs))
+    return Finding(measured, all(a > b for a, b in pairs))
 
 
-def _sparse(view: ClaimView) -> Found:
+def _sparse(view: ClaimView) -> Finding:
     dense = {"method": "iprt2023", "mask.sparse": False}
     sparse = {"method": "iprt2023", "mask.sparse": True}
     saved = 1.0 - view.ratio(sparse, dense).value
     alike = view.likeness(sparse, dense)
-    return Found(f"{100 * saved:.0f}% less time, SSIM {alike:.3f}", saved > 0.0 and alike > 0.96)
+    return Finding(f"{100 * saved:.0f}% less time, SSIM {alike:.3f}", saved > 0.0 and alike > 0.96)
 
 
-def _back_faces(view: ClaimView) -> Found:
+def _back_faces(view: ClaimView) -> Finding:
     found, without = ({"method": "iprt2023", "trace.back_faces": on} for on in (True, False))
     pairs, measured = _cuts(view, found, without, digits=4)
-    return Found(measured, math.fsum(a - b for a, b in pairs) > 0.0)
+    return Finding(measured, math.fsum(a - b for a, b in pairs) > 0.0)
 
 
-def _impostor_costs(view: ClaimView) -> Found:
+def _impostor_costs(view: ClaimView) -> Finding:
     rays = {"trace.rays": 16, "trace.object_rays": 16}
     impostor = {"method": "dit", "dit.directions": "boxes", **rays}
     ratio = view.ratio(impostor, {"method": "em", **rays})
-    return Found(f"{ratio.value:.2f}x at 16 samples, of whole frames", 1.0 < ratio.value < 1.5)
+    return Finding(f"{ratio.value:.2f}x at 16 samples, of whole frames", 1.0 < ratio.value < 1.5)
 
 
-def _cache_costs(view: ClaimView) -> Found:
+def _cache_costs(view: ClaimView) -> Finding:
     """Compare the marginal cost of a direction, which excludes the fixed costs of a frame."""
     few, many = 32, 128
     cost = {}
@@ -105,44 +105,44 @@ def _cache_costs(view: ClaimView) -> Found:
         first, last = (median(t) for t in times)
         cost[way] = (last - first) / (many - few)
     measured = f"{cost['cached']:.3f} ms a direction with the cache, {cost['all']:.3f} without"
-    return Found(measured, cost["cached"] < 0.9 * cost["all"])
+    return Finding(measured, cost["cached"] < 0.9 * cost["all"])
 
 
-def _finer_than_voxels(view: ClaimView) -> Found:
+def _finer_than_voxels(view: ClaimView) -> Finding:
     found = view.learned
-    return Found(
+    return Finding(
         f"RMSE {found.error:.4f}; voxels of {found.megabytes[-1]:.2f} MB or more: dense "
         f"{found.dense_error:.4f}, only those with samples {found.sparse_error:.4f}",
         found.error < found.dense_error,
     )
 
 
-def _learns_fast(view: ClaimView) -> Found:
+def _learns_fast(view: ClaimView) -> Finding:
     ms = view.learned.ms
-    return Found(f"{ms:.0f} ms for {LearningSettings().samples} samples", ms < 100.0)
+    return Finding(f"{ms:.0f} ms for {LearningSettings().samples} samples", ms < 100.0)
 
 
-def _flattens(view: ClaimView) -> Found:
+def _flattens(view: ClaimView) -> Finding:
     memory = view.learned.megabytes
     middle = memory[len(memory) // 2]
-    return Found(
+    return Finding(
         f"{memory[0]:.2f} MB after the first frame, {middle:.2f} after half of them, "
         f"{memory[-1]:.2f} after all {len(memory)}",
         memory[-1] - middle < 0.5 * (middle - memory[0]),
     )
 
 
-def _dearer(view: ClaimView) -> Found:
+def _dearer(view: ClaimView) -> Finding:
     ratio = view.ratio({"method": "vct"}, {"method": "em"}).value
-    return Found(f"{ratio:.2f}x the time of em", ratio > 1.0)
+    return Finding(f"{ratio:.2f}x the time of em", ratio > 1.0)
 
 
-def _with_place(view: ClaimView) -> Found:
+def _with_place(view: ClaimView) -> Finding:
     cones, distant = (view.scores({"method": name}).rmse for name in ("vct", "em"))
-    return Found(f"RMSE {cones:.4g} against {distant:.4g}", cones < distant)
+    return Finding(f"RMSE {cones:.4g} against {distant:.4g}", cones < distant)
 
 
-def _grows(view: ClaimView) -> Found:
+def _grows(view: ClaimView) -> Finding:
     """Fit a line to the time over the number of cones, equal for real surfaces and objects."""
     counts = (2, 4, 8, 16)
     variants = [
@@ -153,24 +153,24 @@ def _grows(view: ClaimView) -> Found:
     slope, off = _line(counts, times)
     measured = ", ".join(f"{t:.1f} ms with {n}" for n, t in zip(counts, times, strict=True))
     off /= times[-1]
-    return Found(f"{measured}: {100 * off:.0f}% off a line", off < 0.05 and slope > 0.0)
+    return Finding(f"{measured}: {100 * off:.0f}% off a line", off < 0.05 and slope > 0.0)
 
 
-def _near_contact(view: ClaimView) -> Found:
+def _near_contact(view: ClaimView) -> Finding:
     near, far = view.errors({"method": "dvct"})
-    return Found(f"{near:.4f} near objects, {far:.4f} elsewhere", near > far)
+    return Finding(f"{near:.4f} near objects, {far:.4f} elsewhere", near > far)
 
 
-def _finer(view: ClaimView) -> Found:
+def _finer(view: ClaimView) -> Finding:
     counts = (32, 64, 128)
     means = [fmean(view.scores({"method": "dvct", "dvct.voxels": n}).cuts) for n in counts]
     measured = ", ".join(f"{m:.4f} with {n}³" for n, m in zip(counts, means, strict=True))
-    return Found(measured, means[0] < means[1] < means[2])
+    return Finding(measured, means[0] < means[1] < means[2])
 
 
-def _quicker_than_paths(view: ClaimView) -> Found:
+def _quicker_than_paths(view: ClaimView) -> Finding:
     ratio = view.ratio(_paths("pt-diff", "all", 1), {"method": "dvct"}).value
-    return Found(f"{ratio:.2f}x (pt-diff, surfaces=all, 1 bounce)", ratio > 1.0)
+    return Finding(f"{ratio:.2f}x (pt-diff, surfaces=all, 1 bounce)", ratio > 1.0)
 
 
 RTX_3080 = "RTX 3080, 1280x720"

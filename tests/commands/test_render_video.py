@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from iprt.commands.render_video import WARM_UP, runs, warm_up
 from iprt.commands.setting_flags import SettingFlags
-from iprt.commands.video import WARM_UP, runs, warm_up
 from iprt.errors import DeviceLostError, FormatError
 from iprt.files.lock import locked
 from iprt.output.spherical import XML_ID
