@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from iprt.commands.lists import listed
+from iprt.commands.flag_types import listed
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import tyro
 
 from iprt.commands.compare_video import NO_VIDEO, Video, combinations_of, play_views
-from iprt.commands.lists import listed
+from iprt.commands.flag_types import listed
 from iprt.commands.measurement_flags import Measured, MeasurementFlags, check_count
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError

@@ -1,11 +1,12 @@
-"""Types of flags that take several numbers, separated by spaces.
+"""Types of flags with several values.
 
-Help and errors name each of them.
+Numbers are separated by spaces, and help and errors name each of them. Names may be repeated or
+separated by commas.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Annotated, TypeVar
 
 from tyro.constructors import PrimitiveConstructorSpec
@@ -39,3 +40,8 @@ DepthRange = Annotated[tuple[float, float] | None, _numbers(float, "two numbers"
 Direction = Annotated[tuple[float, float], _numbers(float, "degrees", "YAW", "PITCH")]
 Position = Annotated[tuple[float, float, float] | None, _numbers(float, "metres", "X", "Y", "Z")]
 Values = Annotated[tuple[float, ...] | None, _numbers(float, "numbers")]
+
+
+def listed(values: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of a repeated flag in order: `a,b` twice is a, b, a, b."""
+    return tuple(part.strip() for value in values for part in value.split(","))

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from iprt.commands.flag_types import Size
+from iprt.commands.flag_types import Size, listed
 from iprt.commands.help import plain_default
-from iprt.commands.lists import listed
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:

@@ -139,10 +139,14 @@ def _print(report: CostReport, old: CostReport | None, file: str, *, json: bool)
     from iprt.measure.results import json_text
     from iprt.output.grid import print_grid
 
-    found = None if old is None else changes(old, report)
+    found = [] if old is None else changes(old, report)
     if json:
-        print(json_text({**vars(report), "changes": found}))
-    elif old is not None and found is not None:
+        since = [
+            {**vars(c), "difference_ms": c.difference_ms, "beyond_noise": c.beyond_noise}
+            for c in found
+        ]
+        print(json_text({**vars(report), "changes": since}))
+    elif old is not None:
         print_grid(change_grid(found, changed_settings(old, report), file))
     else:
         for grid in (part_grid(report), memory_grid(report), compile_grid(report)):

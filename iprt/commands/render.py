@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from iprt.commands.flag_types import Size
-from iprt.commands.lists import listed
+from iprt.commands.flag_types import Size, listed
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.commands.tradeoff_flags import TradeoffGoal
 from iprt.errors import IprtError

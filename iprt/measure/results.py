@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 
-from pydantic_core import to_json
+from pydantic_core import to_jsonable_python
 
 from iprt.output.grid import Grid
 
 
 def json_text(results: object) -> str:
     """Format plain data, dataclasses and pydantic models as JSON; NaN and infinity become null."""
-    return to_json(results, indent=2, inf_nan_mode="null").decode()
+    # Not pydantic's own `to_json`, which refuses file names that are no text.
+    return json.dumps(to_jsonable_python(results, inf_nan_mode="null"), indent=2)
 
 
 def grid_of(title: str, rows: Sequence[Mapping[str, str]], *notes: str, words: int = 1) -> Grid:
