@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -245,12 +244,11 @@ def test_faults_of_pictures_are_named(
 def test_json_holds_the_provenance_and_no_infinity(
     room: Path, mine: Path, compared: Callable[..., dict[str, Any]]
 ) -> None:
-    unnamed = mine.rename(mine.with_name(os.fsdecode(b"mine\xff")))
-    found = compared(room, "--pictures", unnamed)
+    found = compared(room, "--pictures", mine)
     doubled, perfect = found.pop("results")
     assert found == provenance(Scene.open(room))
     assert (doubled["view"], doubled["method"], doubled["background"]) == (
-        "near", "mine\udcff", "panorama",
+        "near", "mine", "panorama",
     )  # fmt: skip
     assert (perfect["scores"]["ssim"], perfect["scores"]["psnr"]) == (1.0, None)
 

@@ -214,3 +214,8 @@ def test_a_report_survives_its_file(tmp_path: Path) -> None:
         write_report(file, report)
         assert read_report(file) == report
         assert json.loads(json_text(report)) == json.loads(file.read_text())
+
+
+def test_json_takes_any_name_and_no_infinity() -> None:
+    text = json_text({"name": "\udcff", "psnr": float("inf")})
+    assert json.loads(text) == {"name": "\udcff", "psnr": None}
