@@ -1,6 +1,6 @@
-"""Draws the packages and lists the passes of a frame in docs/architecture.md.
+"""Draw the packages and list the passes of a frame in docs/architecture.md.
 
-`python docs/architecture.py` fails where the page was not up to date, which `./run lint` notices.
+`python docs/architecture.py` fails if the page was outdated, which `./run lint` notices.
 An arrow that others imply is left out: if A uses B and B uses C, A may use C as well.
 """
 
@@ -25,7 +25,7 @@ END = "<!-- end -->"
 
 
 def packages() -> nx.DiGraph[str]:
-    """What imports what, by the names below `iprt`; `world` is shown by its parts."""
+    """Build the graph of imports by the names below `iprt`; `world` is shown by its parts."""
     modules = grimp.build_graph("iprt", cache_dir=None)
     found: nx.DiGraph[str] = nx.DiGraph()
     for importer in modules.modules:
@@ -44,7 +44,7 @@ def _package(module: str) -> str:
 
 
 def drawing() -> str:
-    """A Mermaid flowchart."""
+    """Return a Mermaid flowchart."""
     arrows = sorted(nx.transitive_reduction(packages()).edges)
     lines = [f"    {_node(a)} --> {_node(b)}" for a, b in arrows]
     return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
@@ -68,7 +68,7 @@ def passes() -> str:
 
 
 def main() -> int:
-    """Update the page; return 1 if it was not up to date."""
+    """Update the page; return 1 if it was outdated."""
     text = drawn = PAGE.read_text(encoding="utf-8")
     for start, made in ((PACKAGES, drawing()), (PASSES, passes())):
         pattern = f"{re.escape(start)}.*?{re.escape(END)}"

@@ -1,7 +1,7 @@
-"""A model of the time that frames take on GPUs: `python -m docs.gpu` fills the table of `gpu.md`.
+"""Model of frame times on GPUs: `python -m docs.gpu` fills the tables of `gpu.md`.
 
 It takes Oclgrind, clang-19 with libclc-19, ptxas (see `tests.oclgrind` and `tests.gpu`), and some
-five minutes. Columns of what was measured come from `gpu_measured.json`, if there is one, which
+five minutes. Columns of measured times come from `gpu_measured.json`, if there is one, which
 `tests.on_device` writes.
 """
 
@@ -29,16 +29,16 @@ HEADINGS = {FRAME: "### A frame of a head that turns", VIDEO: "### A new frame o
 START, END = "<!-- measured -->", "<!-- end -->"
 
 LAUNCH_S = 2e-6
-"""From the end of one kernel to the begin of the next that needs its results."""
+"""Time between the end of a kernel and the start of the next one that needs its results."""
 IN_FLIGHT = 16
 """Bytes that a thread of a streaming kernel waits for at a time: four loads of a float."""
 RAY_BYTES, PIXEL_BYTES = 256, 64
-"""From and to memory: of a ray, eight sectors of 32 bytes, as the finest cells, the surface and the
-light at its end are in no cache; and of the pixel that sends it."""
+"""Bytes from and to memory: of a ray, eight sectors of 32 bytes, as the finest cells, the surface
+and the light at its end are in no cache; and of the pixel that sends it."""
 LANES = 0.5
 """Share of the lanes of a warp that march while the longest of its rays is under way."""
 OPTIMISED = 0.65
-"""Instructions that ptxas leaves of those that Oclgrind counts, in kernels without loops."""
+"""Share of the instructions counted by Oclgrind that ptxas leaves in kernels without loops."""
 WINDOWS = {
     "resample_panorama": 4,
     "resample_glossy": 4,
@@ -106,12 +106,12 @@ GPUS = (
 )
 
 Registers = dict[tuple[str, str, str], int]
-"""By GPU, program and kernel."""
+"""Registers by GPU, program and kernel."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Times of a device in milliseconds, by what was played.
+    """Times of a device in milliseconds, by the kind of frame, `FRAME` or `VIDEO`.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class Measured:
     kernels : dict of str to dict
         Times by the device's clock, by pass and kernel.
     wall : dict of str to float
-        Of all of it, by the host's clock.
+        Time of all kernels, by the host's clock.
     """
 
     name: str
@@ -134,7 +134,7 @@ class Estimate:
     Attributes
     ----------
     limits : dict of str to float
-        By what limits it; the largest counts.
+        Time by limiting resource; the largest counts.
     launches : float
         Time between kernels.
     """
@@ -152,7 +152,7 @@ class Estimate:
 
 
 def estimate(gpu: Gpu, kernel: str, count: Count, registers: Registers) -> Estimate:
-    """The least time of the launches of a kernel."""
+    """Estimate the least time of the launches of a kernel."""
     resident = gpu.resident(registers.get((gpu.target, count.program, kernel), 0))
     waiting = resident * gpu.multiprocessors * IN_FLIGHT
     memory = min(gpu.memory, waiting / gpu.memory_s)
@@ -170,7 +170,7 @@ def estimate(gpu: Gpu, kernel: str, count: Count, registers: Registers) -> Estim
 
 
 def moved(count: Count, kernel: str) -> float:
-    """Bytes from and to memory, if caches keep all that is needed again."""
+    """Return the bytes from and to memory, if caches keep everything that is needed again."""
     window = WINDOWS.get(kernel, 1)
     if "-DTAPS=5" in count.program:
         window = 25
@@ -186,7 +186,7 @@ def moved(count: Count, kernel: str) -> float:
 def table(
     counts: Counts, registers: Registers, measured: Mapping[str, Mapping[Key, float]]
 ) -> list[str]:
-    """A row for each kernel of a pass, and their sum; `measured` times by device and kernel."""
+    """Build a row per kernel of a pass, and their sum; `measured` times by device and kernel."""
     head = ["pass", "kernel", "launches", "items", "rays", "steps/ray", "MB", "MB asked for"]
     head += ["MFLOP", "M instr.", *(f"regs {gpu.target}" for gpu in GPUS)]
     for gpu in GPUS:
@@ -223,12 +223,12 @@ def table(
 
 
 def total(gpu: Gpu, counts: Counts, registers: Registers) -> float:
-    """Milliseconds of all kernels."""
+    """Return the milliseconds of all kernels."""
     return sum(estimate(gpu, kernel, count, registers).ms for (_, kernel), count in counts.items())
 
 
 def verdict(what: str, counts: Counts, registers: Registers, goals: Iterable[float]) -> list[str]:
-    """For each GPU how far the goal is, and which kernels take most."""
+    """Describe for each GPU the distance to the goal, and the slowest kernels."""
     lines = []
     for gpu, goal in zip(GPUS, goals, strict=True):
         times = {key: estimate(gpu, key[1], count, registers).ms for key, count in counts.items()}
@@ -253,7 +253,7 @@ def _thousands(number: int) -> str:
 def page_part(
     video: Counts, frame: Counts, registers: Registers, measured: Sequence[Measured] = ()
 ) -> str:
-    """What stands between `START` and `END`."""
+    """Build the text between `START` and `END`."""
     scene = {key: count for key, count in video.items() if key[0] in PREPARING}
     goals, video_goals = ([getattr(g, n) for g in GPUS] for n in ("goal_ms", "video_goal_ms"))
     lines = [
@@ -272,7 +272,7 @@ def page_part(
 
 
 def modelled(page: str, what: str) -> dict[Key, dict[str, float]]:
-    """The model's times in the page, of what is played: pass and kernel -> name of GPU -> ms."""
+    """Read the model's times of a kind of frame from the page: pass and kernel -> GPU -> ms."""
     _, _, text = page.partition(f"{HEADINGS[what]}\n")
     rows = [line.split("|")[1:-1] for line in text.split("\n#")[0].splitlines() if "|" in line]
     lines = [[cell.strip() for cell in row] for row in rows]
@@ -284,11 +284,11 @@ def modelled(page: str, what: str) -> dict[Key, dict[str, float]]:
     return found
 
 
-# What was measured --------------------------------------------------------------------------
+# Measured times -----------------------------------------------------------------------------
 
 
 def read_measured(path: Path = MEASURED) -> list[Measured]:
-    """What `tests.on_device` wrote, of frames as large as the model's; none without a file."""
+    """Read the output of `tests.on_device` for frames of the model's size; none without a file."""
     if not path.exists():
         return []
     devices = json.loads(path.read_text(encoding="utf-8"))["devices"]
@@ -307,7 +307,7 @@ def read_measured(path: Path = MEASURED) -> list[Measured]:
 
 
 def registers_of(programs: Iterable[str]) -> Registers:
-    """Of all kernels of programs, by the compilers that `tests.gpu` uses."""
+    """Compile programs as `tests.gpu` does; return the registers of all kernels."""
 
     def compiled(program: str) -> Registers:
         with TemporaryDirectory() as folder:
@@ -322,7 +322,7 @@ def registers_of(programs: Iterable[str]) -> Registers:
 
 
 def main() -> None:
-    """The command."""
+    """Fill the page."""
     if not compilers.installed():
         sys.exit(compilers.MISSING)
     small = simulated(SMALL)

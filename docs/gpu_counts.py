@@ -1,4 +1,4 @@
-"""What kernels have to do in a frame, counted: launches, work items, buffers, rays, their steps.
+"""Counts of the work of kernels in a frame: launches, work items, buffers, rays, their steps.
 
 For `docs/gpu.py`. Kernels are built as for a device that is no CPU, whatever plays them.
 """
@@ -29,12 +29,12 @@ from tests.like_gpu import LikeGpu
 
 ROOT = Path(__file__).resolve().parents[1]
 VIDEO, FRAME = "video", "frame"
-"""What is played: preparing a frame of a video, and a frame of a head that turns."""
+"""Kinds of frame: preparing a frame of a video, and a frame of a head that turns."""
 
 BANDED = frozenset(("upload", "surface"))
 """Passes that go through a panorama in bands: `iprt.world.real.surfaces`."""
 FILL = "fill"
-"""The kernel of what clears a buffer, in a table of kernels."""
+"""Name for clearing a buffer in tables of kernels."""
 
 Key = tuple[str, str]
 """Pass and kernel."""
@@ -44,7 +44,7 @@ Seen = TypeVar("Seen")
 
 @dataclass(frozen=True)
 class Size:
-    """How large a run is.
+    """Size of a run.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Size:
     warm_up : int
         Frames before the one that counts.
     settings : dict
-        Those that differ from the defaults.
+        Settings that differ from the defaults.
     """
 
     view: int
@@ -74,7 +74,7 @@ SMALL = Size(
 
 @dataclass
 class Count:
-    """What the launches of a kernel in a pass had to do together.
+    """Work of all launches of a kernel in a pass.
 
     Attributes
     ----------
@@ -82,8 +82,8 @@ class Count:
         File and defines.
     launches, items : int
     bound : int
-        Bytes of the buffers that are bound, each once a launch; where a pass works in bands, those
-        that hold more than a band once.
+        Bytes of the bound buffers, each once per launch; where a pass works in bands, buffers that
+        hold more than a band count once.
     active, rays, steps : int
         Where rays are traced: work items that trace, rays, and the steps of their marches.
     loaded, stored : int
@@ -111,11 +111,11 @@ class Count:
 
     @property
     def amount(self) -> int:
-        """What the cost of a launch grows with: steps of rays, or work items."""
+        """Steps of rays, or work items, in proportion to which the cost of a launch grows."""
         return self.steps or self.items
 
     def scaled(self, small: Count) -> Count:
-        """With the costs of a smaller run in proportion."""
+        """Return the count with the costs of a smaller run in proportion."""
         if not self.program:
             return self
         ratio = self.amount / max(small.amount, 1)
@@ -132,16 +132,16 @@ Counts = dict[Key, Count]
 
 
 class CountingGpu(LikeGpu, CountingDevice):
-    """Counts, and builds what a device that is no CPU gets."""
+    """Counting device that builds the kernels of a device that is no CPU."""
 
 
 # Playing ------------------------------------------------------------------------------------
 
 
 def play(device: ComputeDevice, size: Size, mark: Mark = lambda _: None) -> dict[str, Counts]:
-    """Counts of `VIDEO` and of `FRAME`, without what instructions do.
+    """Count `VIDEO` and `FRAME`, without instructions.
 
-    `mark` is called with the names of what is played, pass and kernel before each launch, which is
+    `mark` is called with the kind of frame, pass and kernel before each launch, which is
     done before the next one; and with nothing before launches that do not count.
     """
     counting = CountingGpu(device)
@@ -161,7 +161,7 @@ def playing(
     watch: Callable[[str], AbstractContextManager[Seen]],
     count: int = 1,
 ) -> dict[str, Seen]:
-    """What `watch` yields while `VIDEO` and `FRAME` are played, `count` times in a row each."""
+    """Play `VIDEO` and `FRAME`, `count` times in a row each; return the values from `watch`."""
     scene = Scene.open(ROOT / "scenes360" / "room")
     frame = resized(scene.frame(), size.rows)
     view = replace(next(iter(scene.views.values())).view, width=size.view, height=size.view)
@@ -186,7 +186,7 @@ def playing(
 
 @contextmanager
 def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
-    """What is launched meanwhile; `mark` is called with pass and kernel before each launch."""
+    """Count the launches in the block; `mark` is called with pass and kernel before each."""
     counts: Counts = {}
     buffers: dict[Key, list[cla.Array]] = {}
     launch, fill = Kernel.__call__, ComputeDevice.fill_zero
@@ -228,13 +228,13 @@ def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
 
 
 def _bound(arrays: list[cla.Array], whole: int) -> int:
-    """Bytes of the buffers of launches; of those of at least `whole` elements, unless 0, once."""
+    """Sum the bytes of the buffers of launches; ones of at least `whole` elements count once."""
     once = {id(array): array.nbytes for array in arrays if 0 < whole <= array.size}
     return sum(once.values()) + sum(array.nbytes for array in arrays if id(array) not in once)
 
 
 def resized(frame: Frame, rows: int) -> Frame:
-    """The panorama with another number of rows: colour and inverse depth blended, masks not."""
+    """Resize a panorama to a number of rows: color and inverse depth blended, masks not."""
     with np.errstate(divide="ignore"):
         depth = 1.0 / _blended(1.0 / frame.depth, rows)
     return replace(

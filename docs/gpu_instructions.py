@@ -1,4 +1,4 @@
-"""What the instructions of kernels do, as Oclgrind counts them: for `docs/gpu.py`."""
+"""Costs of the instructions of kernels, as Oclgrind counts them: for `docs/gpu.py`."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ MOVE = re.compile(
     r"(?:AS1|CLglobal)K?(?:Dh|f)\("
 )
 """Functions that move floats, whole or in half precision, to and from global memory: Oclgrind does
-not tell their bytes. Those of vectors of int read what all items of a row share."""
+not tell their bytes. Functions for vectors of int read values that all items of a row share."""
 
 FLOATS = frozenset(("fadd", "fsub", "fmul", "fdiv", "fneg", "fcmp"))
 MERGED = re.compile(
     r"alloca|getelementptr|load|store|phi|ret|bitcast|sext|zext|trunc|fneg|extractelement"
     r"|insertelement|shufflevector|addrspacecast"
 )
-"""What an optimiser removes, or merges into its neighbours."""
+"""Instructions that an optimiser removes, or merges into their neighbours."""
 
 DIVISION, FUNCTION = 8, 20
 """Instructions of a division or square root, and of a sine or the like: their unit is four times as
-slow, and others correct what it finds."""
+slow, and others correct its result."""
 LONG_FUNCTION = re.compile(r"sin|cos|tan|exp|log|pow")
 COSTS = {
     # (floating point operations, instructions) for each component
@@ -59,12 +59,12 @@ COSTS = {
 
 
 def simulated(size: Size) -> dict[str, Counts]:
-    """`play` on Oclgrind, with what instructions do.
+    """Run `play` on Oclgrind and count instructions too.
 
     Raises
     ------
     SystemExit
-        It is not installed.
+        Oclgrind is not installed.
     """
     if not LIBRARY.exists():
         sys.exit(MISSING)
@@ -123,14 +123,14 @@ def add(count: Count, histogram: str) -> None:
 
 
 def cost(instruction: str, width: Mapping[str, float]) -> tuple[float, float]:
-    """Floating point operations of an instruction of a work item, and what a GPU issues for it.
+    """Return the floating point operations and the GPU instructions of one instruction.
 
     Parameters
     ----------
     instruction : str
         As Oclgrind names it.
     width : mapping of str to float
-        Mean number of components of those that do not tell it.
+        Mean number of components of instructions whose names do not state it.
     """
     name, _, rest = instruction.partition(" ")
     if name == "call":
@@ -147,7 +147,7 @@ def cost(instruction: str, width: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _call_cost(function: str) -> tuple[float, float]:
-    """Of a function of OpenCL or LLVM; our own are what they consist of."""
+    """Return the cost of a function of OpenCL or LLVM; our own functions are counted by parts."""
     if match := re.fullmatch(r"llvm\.(\w+)\.(?:v(\d+))?f32", function):
         name, components = match[1], int(match[2] or 1)
     elif match := re.match(r"_Z\d+([a-z_]+)", function):
@@ -173,7 +173,7 @@ def program_named(name: str) -> Program:
 
 @cache
 def widths(program: str) -> dict[str, float]:
-    """Mean number of components of floating point instructions, as the program has them."""
+    """Return the mean number of components of the program's floating point instructions."""
     source = program_named(f"{program} -DWITHOUT_INLINING=1")
     command = [CLANG, "-x", "cl", "-cl-std=CL1.2", "-Xclang", "-finclude-default-header"]
     target = ["-target", "spir64-unknown-unknown", "-O0", "-S", "-emit-llvm", "-o", "-"]

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Fill the tables of a page: `python docs/measure.py docs/tradeoff.md [PART OF A COMMAND]`.
 
-Each bash block of the page holds one `iprt` command that prints Markdown. What stands between the
-lines `<!-- measured -->` and `<!-- end -->` after it is replaced by what the command prints. After
+Each bash block of the page holds one `iprt` command that prints Markdown. The lines between
+`<!-- measured -->` and `<!-- end -->` after it are replaced by the command's output. After
 `<!-- measured, plots NAME -->` the plots of its report follow the table; they are written to
 `NAME-1.svg` and so on in the folder of the page's name. The page is written after every command:
 an interrupt loses nothing that was measured. With a second argument, only commands that contain it
@@ -31,12 +31,12 @@ PLOT = re.compile(r'data="data:image/svg\+xml;base64,([^"]+)" role="img" aria-la
 
 
 def commands(page: str) -> dict[str, str | None]:
-    """The commands of a page that have a table, in their order, with the name of their plots."""
+    """Return the commands of a page that have a table, in order, with the name of their plots."""
     return {match["command"]: match["plots"] for match in BLOCK.finditer(page)}
 
 
 def write_plots(report: str, page: Path, name: str) -> str:
-    """Write the plots of an HTML report beside the page; Markdown that shows them."""
+    """Write the plots of an HTML report beside the page; return Markdown that shows them."""
     folder = page.with_suffix("")
     folder.mkdir(exist_ok=True)
     shown = []
@@ -49,7 +49,7 @@ def write_plots(report: str, page: Path, name: str) -> str:
 
 
 def filled(page: str, command: str, table: str) -> str:
-    """The page with the table of one of its commands."""
+    """Return the page with the table of one of its commands replaced."""
 
     def replace(match: re.Match[str]) -> str:
         if match["command"] != command:
@@ -60,7 +60,7 @@ def filled(page: str, command: str, table: str) -> str:
 
 
 def measured(command: str, page: Path, plots: str | None) -> str:
-    """What the command prints, and its plots."""
+    """Run a command; return its output with its plots."""
     words = [sys.executable, "-m", *shlex.split(command.replace("\\\n", " "))]
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder, "report.html")
@@ -79,7 +79,7 @@ def main(path: Path, only: str = "") -> None:
         print(f"\n{command}", file=sys.stderr)
         start = time.monotonic()
         table = measured(command, path, plots)
-        # Read anew: the page may have been edited in the meantime.
+        # Read again: the page may have been edited in the meantime.
         page = filled(path.read_text(encoding="utf-8"), command, table)
         with replacing(path) as temporary:
             temporary.write_text(page, encoding="utf-8")

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Make the picture of the viewer in docs/viewer.md: `python -m docs.viewer` writes docs/viewer.png.
 
-It is what the viewer's window shows, on a screen of its own; Xvfb and the extras `view` and
-`screen` are needed.
+The viewer's window is opened on a screen of its own. Needs Xvfb and the extras `view` and
+`screen`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.viewer.screen.x11 import Screen, xvfb
 FOLDER = Path(__file__).resolve().parent
 SIZE = (1280, 800)
 FRAMES = 32
-"""To which the picture is refined."""
+"""Number of frames accumulated in the picture."""
 COLORS = 256
 
 

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Make the picture of the web viewer in docs/viewer.md: `python docs/web.py` writes docs/web.png.
 
-Opens `scenes360/lounge` in headless Chromium, clicks the pot, waits until the picture is refined.
+Opens `scenes360/lounge` in headless Chromium, waits until the picture is refined, and clicks the
+pot.
 Needs the extras `view` and `screen`, and Chromium.
 """
 
@@ -43,7 +44,7 @@ def main() -> None:
         chrome = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         page = chrome.new_page(viewport=WINDOW)
         page.goto(host.url)
-        # What it says of software rendering.
+        # Hides viser's warning about software rendering.
         page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         shot = _shot(page, host)
         chrome.close()

@@ -34,8 +34,8 @@ def bench(
     scene
         Scene folder.
     view
-        Name of a view of the scene, or `equirect` for the whole panorama, which is rendered anew
-        for every frame instead of turning. Default: the scene's first view.
+        Name of a view of the scene, or `equirect` for the whole panorama, which does not turn but
+        is rendered again for every frame. Default: the scene's first view.
     size
         Width and height in pixels. Default: the view's own.
     repeat
@@ -62,24 +62,23 @@ def bench(
     from iprt.device.compute import ComputeDevice
     from iprt.measure.bench import WARM_UP, timed
     from iprt.measure.camera_motion import Turn
-    from iprt.measure.profile_file import json_text
-    from iprt.measure.table import pass_grid
+    from iprt.measure.cost_tables import pass_grid
+    from iprt.measure.results import json_text
     from iprt.memory import require_memory
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
     opened = Scene.open(scene, allow_outside=allow_outside)
     settings = setting_flags.resolved(opened, method=method)
-    chosen, objects = choose_view(opened, view, size=size)
-    instances = opened.instances if objects is None else opened.instances_named(objects)
+    chosen, instances = choose_view(opened, view, size=size)
     frame = opened.frame()
     compute = ComputeDevice(choose_device(device))
     require_memory(compute, frame, instances, chosen, settings)
     with progress_bar("timing", WARM_UP + repeat) as progress:
         turn = Turn(frame, instances, chosen, settings)
-        result = timed(compute, turn, scene=opened.name, frames=repeat, progress=progress)
+        report, _ = timed(compute, turn, scene=opened.name, frames=repeat, progress=progress)
     if json:
-        print(json_text(result))
+        print(json_text(report))
     else:
-        print_grid(pass_grid(result))
+        print_grid(pass_grid(report))
     return 0

@@ -55,12 +55,11 @@ def bench_video(
     check_count("--repeat", repeat)
     if size is not None and size[0] != 2 * size[1]:
         raise IprtError(f"--size {size[0]} {size[1]}: a panorama is twice as wide as high")
-    from json import dumps
-
     from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
-    from iprt.measure.frame_preparation import WARM_UP, time_preparation
+    from iprt.measure.frame_preparation import WARM_UP, preparation_grid, time_preparation
+    from iprt.measure.results import json_text
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
@@ -72,7 +71,7 @@ def bench_video(
             compute, opened, settings, frames=repeat, size=size, progress=progress
         )
     if json:
-        print(dumps(times.record(), indent=2))
+        print(json_text(times))
     else:
-        print_grid(times.grid())
+        print_grid(preparation_grid(times))
     return 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from iprt.commands.lists import listed
+from iprt.commands.flag_types import listed
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ def calibrate(
     from iprt.files.atomic import require_writable
     from iprt.measure.tradeoff_cache import TimedDevice, keep
     from iprt.measure.tradeoff_report import tradeoff_grid
+    from iprt.measure.view_truth import read_target, views_with_truth
     from iprt.output.grid import print_grid
     from iprt.scene.scene import Scene
 
@@ -86,7 +87,9 @@ def calibrate(
     opened = Scene.open(scene, allow_outside=allow_outside)
     view = listed(view)
     names = _views(opened, view)
-    targets = _targets(opened, view) if ssim else []
+    # Pictures are scored over the truth's own background.
+    scored = views_with_truth(opened, view) if ssim else []
+    targets = [read_target(opened, name, "truth") for name in scored]
     handle = choose_device(device)
     timed = TimedDevice.of(handle)
     path = output or timed.file
@@ -115,13 +118,6 @@ def _views(scene: Scene, names: tuple[str, ...]) -> list[str]:
     return found
 
 
-def _targets(scene: Scene, names: tuple[str, ...]) -> list[Target]:
-    """Read the truths of views; pictures are scored over their own background."""
-    from iprt.measure.view_truth import read_target, views_with_truth
-
-    return [read_target(scene, name, "truth") for name in views_with_truth(scene, names)]
-
-
 def _measured(
     scene: Scene,
     names: Sequence[str],
@@ -133,7 +129,7 @@ def _measured(
     from iprt.measure.calibration import (
         SSIM_FRAMES,
         TIMES_S,
-        Subject,
+        TimedView,
         measure_ssim,
         measure_times,
         tradeoff_of,
@@ -142,11 +138,11 @@ def _measured(
     from iprt.settings.ladder import LADDER
 
     frame = scene.frame()
-    subjects = [
-        Subject(name, frame, scene.instances_of(name), scene.views[name].view) for name in names
+    views = [
+        TimedView(name, frame, scene.instances_of(name), scene.views[name].view) for name in names
     ]
     with progress_bar("timing", round(TIMES_S), "s") as progress:
-        times = measure_times(compute, subjects, progress=lambda seconds: progress(int(seconds)))
+        times = measure_times(compute, views, progress=lambda seconds: progress(int(seconds)))
     if not targets:
         known = shipped()
         ssim = {entry.name: entry.ssim for entry in known.entries}

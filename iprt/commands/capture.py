@@ -51,8 +51,8 @@ def capture(
         all frames are matched to the first one.
     poses
         Camera convention of the poses: opencv (x right, y down, z forward) or opengl (x right, y
-        up, z backward), camera to world or, with -from-world, world to camera. Default: that of
-        the data set's format, or the one that agrees with depth.
+        up, z backward), camera to world or, with -from-world, world to camera. Default: the
+        data set's convention, or the one that agrees with depth.
     json
         Print the findings as a JSON object instead of text.
 
@@ -113,14 +113,14 @@ def capture(
         if captured.left_out:
             findings.warn(
                 [
-                    f"{counted(captured.left_out, 'frame')} of {frames} left out: colours do not "
+                    f"{counted(captured.left_out, 'frame')} of {frames} left out: colors do not "
                     "match the other frames'; --no-compensate uses them"
                 ]
             )
         if not captured.matched:
             findings.warn(
                 [
-                    "colours of most frames do not match at any exposure; all frames are used as "
+                    "colors of most frames do not match at any exposure; all frames are used as "
                     "they are"
                 ]
             )

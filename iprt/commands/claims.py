@@ -34,32 +34,21 @@ def claims(
         Exit status 0.
     """
     check_count("--accumulate", accumulate)
-    from iprt.commands.measurement import printed_at_last
     from iprt.commands.progress import progress_bar
     from iprt.measure.claims import Verdict, claims_grid, run_claims
-    from iprt.measure.published import CLAIMS
+    from iprt.measure.paper_claims import CLAIMS
     from iprt.measure.report import Report
 
-    plan = measurement_flags.measurement(measurement_flags.open(scene), BALANCED)
+    plan = measurement_flags.plan(scene, BALANCED)
     plan.announce("claims of papers")
-    report = Report(f"{plan.scene.name}: claims of papers", plan.lines())
-    verdicts: list[Verdict] = []
 
-    def finish() -> None:
-        record = {**plan.record(), "claims": [verdict.record() for verdict in verdicts]}
-        plan.output.print(record, [claims_grid(verdicts)])
+    def page(verdicts: list[Verdict]) -> Report:
+        title = f"{plan.scene.name}: claims of papers"
+        return Report(title, plan.lines(), [claims_grid(verdicts)])
 
-    total = len(plan.targets) * len(CLAIMS)
-    with printed_at_last(verdicts, finish), progress_bar("measuring", total) as progress:
-        for verdict in run_claims(
-            plan.scene,
-            plan.targets,
-            CLAIMS,
-            device=plan.device,
-            frames=accumulate,
-            progress=progress,
-        ):
-            verdicts.append(verdict)
-            report.grids = [claims_grid(verdicts)]
-            plan.output.write(report)
+    with progress_bar("measuring", len(plan.targets) * len(CLAIMS)) as progress:
+        verdicts = run_claims(plan, CLAIMS, accumulate, progress)
+        measurement_flags.output.collect(
+            ((verdict, tuple) for verdict in verdicts), "claims", plan.record(), page
+        )
     return 0

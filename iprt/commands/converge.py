@@ -45,38 +45,26 @@ def converge(
     int
         Exit status 0.
     """
-    from iprt.commands.measurement import parse_levels, printed_at_last
+    from iprt.commands.measurement import parse_levels
     from iprt.commands.progress import progress_bar
-    from iprt.measure.convergence import Curve, parse_counts, run_convergence
+    from iprt.measure.convergence_curves import Curve, parse_counts, run_convergence
     from iprt.measure.convergence_report import convergence_grid, convergence_plots, reach_grid
     from iprt.measure.report import Report
 
     counts, levels = parse_counts(accumulate), parse_levels(reach)
-    plan = measurement_flags.measurement(
-        measurement_flags.open(scene), setting_flags, method=method, sweep=sweep_flags, seeds=seeds
+    plan = measurement_flags.plan(
+        scene, setting_flags, method=method, sweep=sweep_flags, seeds=seeds
     )
     plan.announce(f"{counted(counts[-1], 'frame')} each")
-    report = Report(f"{plan.scene.name}: accuracy against time", plan.lines())
-    curves: list[Curve] = []
 
-    def finish() -> None:
-        record = {**plan.record(), "curves": [curve.record() for curve in curves]}
-        plan.output.print(record, [convergence_grid(curves), reach_grid(curves, levels)])
+    def page(curves: list[Curve]) -> Report:
+        title = f"{plan.scene.name}: accuracy against time"
+        grids = [convergence_grid(curves), reach_grid(curves, levels)]
+        return Report(title, plan.lines(), grids, convergence_plots(curves))
 
-    runs = len(plan.targets) * plan.seeds
-    total = len(plan.chosen) * runs * counts[-1]
-    with printed_at_last(curves, finish), progress_bar("rendering", total) as progress:
-        for curve in run_convergence(
-            plan.scene,
-            plan.targets,
-            plan.chosen,
-            counts,
-            device=plan.device,
-            seeds=plan.seeds,
-            progress=progress,
-        ):
-            curves.append(curve)
-            report.grids = [reach_grid(curves, levels), convergence_grid(curves)]
-            report.plots = convergence_plots(curves)
-            plan.output.write(report)
+    with progress_bar("rendering", plan.runs * counts[-1]) as progress:
+        curves = run_convergence(plan, counts, progress)
+        measurement_flags.output.collect(
+            ((curve, tuple) for curve in curves), "curves", plan.record(), page
+        )
     return 0

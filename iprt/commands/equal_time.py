@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import tyro
@@ -44,7 +45,6 @@ def equal_time(
         Exit status 0.
     """
     check_count("--accumulate", accumulate)
-    from iprt.commands.measurement import printed_at_last
     from iprt.commands.progress import progress_bar
     from iprt.measure.equal_time import (
         EqualTime,
@@ -57,32 +57,22 @@ def equal_time(
     from iprt.measure.report import Report
 
     budgets = parse_seconds(seconds)
-    plan = measurement_flags.measurement(
-        measurement_flags.open(scene), setting_flags, method=method, sweep=sweep_flags
-    )
-    output = plan.output
+    plan = measurement_flags.plan(scene, setting_flags, method=method, sweep=sweep_flags)
     plan.announce(f"{seconds} s per picture, then {counted(accumulate, 'frame')}")
-    report = Report(f"{plan.scene.name}: accuracy at equal time", plan.lines())
-    results: list[EqualTime] = []
 
-    def finish() -> None:
-        record = {**plan.record(), "results": [result.record() for result in results]}
-        output.print(record, [costs_grid(results), equal_time_grid(results)])
+    def page(results: list[EqualTime]) -> Report:
+        title = f"{plan.scene.name}: accuracy at equal time"
+        return Report(title, plan.lines(), [costs_grid(results), equal_time_grid(results)])
 
-    total = len(plan.targets) * len(plan.chosen)
-    with printed_at_last(results, finish), progress_bar("rendering", total) as progress:
-        for result, colors in run_equal_time(
-            plan.scene,
-            plan.targets,
-            plan.chosen,
-            budgets,
-            device=plan.device,
-            frames=accumulate,
-            progress=progress,
-        ):
-            results.append(result)
-            if output.html is not None:
-                report.grids = [costs_grid(results), equal_time_grid(results)]
-                report.figures.append(equal_time_figures(result, colors))
-                output.write(report)
+    with progress_bar("rendering", plan.runs) as progress:
+        found = run_equal_time(plan, budgets, accumulate, progress)
+        measurement_flags.output.collect(
+            (
+                (one, partial(equal_time_figures, one, target, colors))
+                for one, target, colors in found
+            ),
+            "results",
+            plan.record(),
+            page,
+        )
     return 0

@@ -1,11 +1,12 @@
-"""Types of flags that take several numbers, separated by spaces.
+"""Types of flags with several values.
 
-Help and errors name each of them.
+Numbers are separated by spaces, and help and errors name each of them. Names may be repeated or
+separated by commas.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Annotated, TypeVar
 
 from tyro.constructors import PrimitiveConstructorSpec
@@ -13,43 +14,34 @@ from tyro.constructors import PrimitiveConstructorSpec
 Number = TypeVar("Number", int, float)
 
 
-def _vector(
+def _numbers(
     number: Callable[[str], Number], kind: str, *names: str
 ) -> PrimitiveConstructorSpec[tuple[Number, ...] | None]:
+    """Return the type of a flag that takes a number for each of `names`; without, any number."""
+
     def parsed(words: list[str]) -> tuple[Number, ...]:
         try:
             return tuple(number(word) for word in words)
         except ValueError:
-            expected = f"expected {' '.join(names)}, {kind}"
-            raise ValueError(f"{expected}; got {' '.join(words)}") from None
+            expected = ", ".join(filter(None, (" ".join(names), kind)))
+            raise ValueError(f"expected {expected}; got {' '.join(words)}") from None
 
     return PrimitiveConstructorSpec(
-        nargs=len(names),
-        metavar=" ".join(names),
-        instance_from_str=parsed,
-        is_instance=lambda value: value is None or isinstance(value, tuple),
-        str_from_instance=lambda vector: ["None"] if vector is None else list(map(str, vector)),
-    )
-
-
-def _any_number() -> PrimitiveConstructorSpec[tuple[float, ...] | None]:
-    def parsed(words: list[str]) -> tuple[float, ...]:
-        try:
-            return tuple(float(word) for word in words)
-        except ValueError:
-            raise ValueError(f"expected numbers; got {' '.join(words)}") from None
-
-    return PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="[VALUE ...]",
+        nargs=len(names) or "*",
+        metavar=" ".join(names) or "[VALUE ...]",
         instance_from_str=parsed,
         is_instance=lambda value: value is None or isinstance(value, tuple),
         str_from_instance=lambda values: ["None"] if values is None else list(map(str, values)),
     )
 
 
-Size = Annotated[tuple[int, int] | None, _vector(int, "two whole numbers", "WIDTH", "HEIGHT")]
-DepthRange = Annotated[tuple[float, float] | None, _vector(float, "two numbers", "LOW", "HIGH")]
-Direction = Annotated[tuple[float, float], _vector(float, "degrees", "YAW", "PITCH")]
-Position = Annotated[tuple[float, float, float] | None, _vector(float, "metres", "X", "Y", "Z")]
-Values = Annotated[tuple[float, ...] | None, _any_number()]
+Size = Annotated[tuple[int, int] | None, _numbers(int, "two whole numbers", "WIDTH", "HEIGHT")]
+DepthRange = Annotated[tuple[float, float] | None, _numbers(float, "two numbers", "LOW", "HIGH")]
+Direction = Annotated[tuple[float, float], _numbers(float, "degrees", "YAW", "PITCH")]
+Position = Annotated[tuple[float, float, float] | None, _numbers(float, "metres", "X", "Y", "Z")]
+Values = Annotated[tuple[float, ...] | None, _numbers(float, "numbers")]
+
+
+def listed(values: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of a repeated flag in order: `a,b` twice is a, b, a, b."""
+    return tuple(part.strip() for value in values for part in value.split(","))

@@ -1,94 +1,22 @@
-"""Subject and output of the verbs that score still pictures against the truth."""
+"""Output of the verbs that measure."""
 
 from __future__ import annotations
 
-import json
-import logging
 import math
-from collections.abc import Callable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from iprt.device.choose import choose_device
-from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
-from iprt.files.message_text import counted
 from iprt.files.termination import at_termination
-from iprt.measure.protocol import provenance, provenance_line
-from iprt.measure.report import Report
-from iprt.measure.sweep import Combination
-from iprt.measure.view_truth import Background, Target, read_target, views_with_truth
-from iprt.output.grid import Grid, print_grid
-from iprt.scene.scene import Scene
+from iprt.measure.protocol import provenance_line
+from iprt.measure.report import Figures, Report
+from iprt.measure.results import json_text
+from iprt.output.grid import print_grid
 
-LOG = logging.getLogger("iprt.bench")
-MANY = 10
-"""Largest number of results that a terminal shows with all their passes."""
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """Subject, device and output of a measurement; `made` is its `provenance`."""
-
-    scene: Scene
-    made: dict[str, Any]
-    targets: tuple[Target, ...]
-    chosen: tuple[Combination, ...]
-    seeds: int
-    background: Background
-    device: ComputeDevice
-    output: Output
-
-    @classmethod
-    def of(
-        cls,
-        scene: Scene,
-        views: Sequence[str],
-        size: tuple[int, int] | None,
-        background: Background,
-        device: str | None,
-        chosen: Sequence[Combination],
-        seeds: int,
-        output: Output,
-    ) -> Measurement:
-        """Read the truths and open the device."""
-        names = dict.fromkeys(views_with_truth(scene, views))
-        targets = tuple(read_target(scene, name, background, size) for name in names)
-        compute = ComputeDevice(choose_device(device))
-        made = provenance(scene)
-        return cls(scene, made, targets, tuple(chosen), seeds, background, compute, output)
-
-    def announce(self, what: str) -> None:
-        """Log the number of runs that follow; `what` describes each."""
-        LOG.info(
-            "%s: %s of settings, %s, %s; %s",
-            counted(len(self.chosen) * len(self.targets) * self.seeds, "run"),
-            counted(len(self.chosen), "combination"),
-            counted(len(self.targets), "view"),
-            counted(self.seeds, "seed"),
-            what,
-        )
-
-    def lines(self) -> list[str]:
-        """Return lines for a page about the conditions of the measurement."""
-        sizes = ", ".join(f"{t.name} {t.view.width}x{t.view.height}" for t in self.targets)
-        return [
-            f"{sizes}; on {self.device.name}.",
-            f"Scored over the background of the {self.background}, {counted(self.seeds, 'seed')}. "
-            "SSIM, FLIP: as displayed. RMSE: linear radiance.",
-            provenance_line(self.made),
-        ]
-
-    def record(self) -> dict[str, Any]:
-        """Return the conditions of the measurement as plain data."""
-        return {
-            **self.made,
-            "device": self.device.name,
-            "background": self.background,
-            "seeds": self.seeds,
-        }
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -99,17 +27,46 @@ class Output:
     markdown: bool
     html: Path | None
 
-    def write(self, report: Report) -> None:
-        """Write the page, if `html` names one."""
-        if self.html is not None:
-            report.write(self.html)
+    def collect(
+        self,
+        results: Iterable[tuple[Result, Callable[[], Sequence[Figures]]]],
+        key: str,
+        record: dict[str, Any],
+        page: Callable[[list[Result]], Report],
+    ) -> list[Result]:
+        """Collect results, write the page after each one, and print and return all at the end.
 
-    def print(self, record: dict[str, Any], grids: Sequence[Grid]) -> None:
-        """Print the JSON object or the tables; `record` includes the `provenance`."""
+        Results before an error or a signal are printed too.
+
+        Parameters
+        ----------
+        results : iterable of (result, callable)
+            Results with functions that draw their pictures for the page.
+        key : str
+            Key of the results in the JSON object.
+        record : dict
+            The other entries of the object, with the `provenance`.
+        page : callable
+            Builds the page, without pictures, of the results so far, at least one.
+        """
+        found: list[Result] = []
+        figures: list[Figures] = []
+        with printed_at_last(found, lambda: self.print({**record, key: found}, page(found))):
+            for result, draw in results:
+                found.append(result)
+                if self.html is not None:
+                    figures += draw()
+                    report = page(found)
+                    report.figures = figures
+                    report.write(self.html)
+        return found
+
+    def print(self, record: dict[str, Any], report: Report) -> None:
+        """Print the JSON object or the report's tables; `record` includes the `provenance`."""
         if self.json:
-            print(json.dumps(record, indent=2))
+            print(json_text(record))
             return
-        *others, last = grids
+        *others, last = report.grids
         grids = [*others, replace(last, notes=(*last.notes, provenance_line(record)))]
         for index, grid in enumerate(grids):
             if self.markdown and index:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from iprt.commands.flag_types import Size
+from iprt.commands.flag_types import Size, listed
 from iprt.commands.help import plain_default
-from iprt.commands.lists import listed
 from iprt.errors import IprtError
 
 if TYPE_CHECKING:
-    from iprt.commands.measurement import Measurement
+    from iprt.commands.measurement import Output
     from iprt.commands.setting_flags import SettingFlags
+    from iprt.measure.measurement import Measurement
     from iprt.scene.scene import Scene
 
 MAX_SEEDS = 100
@@ -43,6 +43,13 @@ class MeasurementFlags:
     allow_outside: Annotated[bool, plain_default()] = False
     """Follow symbolic links that lead out of the scene folder."""
 
+    @property
+    def output(self) -> Output:
+        """Output of the results."""
+        from iprt.commands.measurement import Output
+
+        return Output(self.json, self.markdown, self.html)
+
     def open(self, folder: Path) -> Scene:
         """Open the scene.
 
@@ -62,16 +69,16 @@ class MeasurementFlags:
             scene.require_not_ours(self.html)
         return scene
 
-    def measurement(
+    def plan(
         self,
-        scene: Scene,
+        folder: Path,
         setting_flags: SettingFlags,
         *,
         method: str | None = None,
         sweep: SweepFlags | None = None,
         seeds: int = 1,
     ) -> Measurement:
-        """Read the truths of the views and open the device.
+        """Open the scene, read the truths of the views and open the device.
 
         Parameters
         ----------
@@ -83,11 +90,16 @@ class MeasurementFlags:
         Raises
         ------
         IprtError
-            A setting, view, size or device cannot be used.
+            The scene cannot be opened (see `open`), or a setting, view, size or device cannot be
+            used.
         """
-        from iprt.commands.measurement import Measurement, Output
-        from iprt.measure.sweep import combinations
+        from iprt.device.choose import choose_device
+        from iprt.device.compute import ComputeDevice
+        from iprt.measure.combinations import combinations
+        from iprt.measure.measurement import Measurement
+        from iprt.measure.view_truth import read_target, views_with_truth
 
+        scene = self.open(folder)
         if not 1 <= seeds <= MAX_SEEDS:
             raise IprtError(f"--seeds {seeds}: expected 1 to {MAX_SEEDS}")
         sweep = sweep or SweepFlags()
@@ -98,16 +110,10 @@ class MeasurementFlags:
             sweep.sweep,
             one_at_a_time=sweep.one_at_a_time,
         )
-        return Measurement.of(
-            scene,
-            listed(self.view),
-            self.size,
-            self.background,
-            self.device,
-            chosen,
-            seeds,
-            Output(json=self.json, markdown=self.markdown, html=self.html),
-        )
+        names = dict.fromkeys(views_with_truth(scene, listed(self.view)))
+        targets = tuple(read_target(scene, name, self.background, self.size) for name in names)
+        device = ComputeDevice(choose_device(self.device))
+        return Measurement(scene, targets, tuple(chosen), device, seeds, self.background)
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,9 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
-    from iprt.geometry.camera import View
     from iprt.measure.camera_motion import Reel
     from iprt.measure.cost_report import CostReport
-    from iprt.measure.profile_file import OldReport
-    from iprt.scene.scene import Scene, SceneView
+    from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
 
 
@@ -35,7 +33,6 @@ def profile(
     compare: Path | None = None,
     trace: Path | None = None,
     json: bool = False,
-    csv: bool = False,
     allow_outside: bool = False,
 ) -> int:
     """Show how long every pass and kernel takes, the memory it moves, and the rays it traces.
@@ -71,8 +68,6 @@ def profile(
         JSON file to write a trace to: what ran when, for Perfetto or Chrome's about:tracing.
     json
         Print a JSON object instead of tables.
-    csv
-        Print comma-separated values, with a row for each pass, part of a pass, and program.
     allow_outside
         Follow symbolic links that lead out of the scene folder.
 
@@ -82,19 +77,15 @@ def profile(
         Exit status 0.
     """
     check_count("--repeat", repeat)
-    if json and csv:
-        raise IprtError("--json and --csv: give one of them")
-    if csv and compare is not None:
-        raise IprtError("--compare: is for a table or --json, not for --csv")
-
-    from iprt.commands.views import moving_view
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.files.atomic import require_writable
-    from iprt.measure.profile_file import read_profile
+    from iprt.measure.changes import require_comparable
+    from iprt.measure.cost_report import read_report
+    from iprt.output.timeline import write_trace
     from iprt.scene.scene import Scene
 
-    old = None if compare is None else read_profile(compare)
+    old = None if compare is None else read_report(compare)
     opened = Scene.open(scene, allow_outside=allow_outside)
     settings = setting_flags.resolved(opened, method=method)
     if trace is not None:
@@ -102,45 +93,31 @@ def profile(
         opened.require_not_ours(trace)
         if compare is not None and trace.resolve() == compare.resolve():
             raise IprtError(f"--trace {trace}: is the file of --compare; name another")
-    chosen, objects = moving_view(opened, view, size=size)
-    reel = _reel(opened, chosen, objects, settings)
+    reel = _reel(opened, view, size, settings)
     compute = ComputeDevice(choose_device(device))
     if old is not None:
-        _require_comparable(old, compare, opened, compute, reel)
+        try:
+            require_comparable(old, scene=opened.name, device=compute.name, view=reel.view)
+        except IprtError as error:
+            raise IprtError(f"--compare {compare}: {error}") from error
     if trace is not None:
         compute.profile.trace()
     report = _measure(compute, reel, opened.name, repeat)
     if trace is not None:
-        from iprt.output.timeline import write_trace
-
         write_trace(trace, compute.profile.spans(), compute.name)
-    _print(report, old, compare, json=json, csv=csv)
+    _print(report, old, str(compare), json=json)
     return 0
 
 
-def _reel(
-    scene: Scene, view: SceneView | View, objects: tuple[str, ...] | None, settings: Settings
-) -> Reel:
+def _reel(scene: Scene, name: str | None, size: tuple[int, int] | None, settings: Settings) -> Reel:
     """Return the video, if the scene has one, else a turn around the panorama."""
-    from iprt.geometry.camera import View
+    from iprt.commands.views import choose_view, moving_view
     from iprt.measure.camera_motion import Playback, Turn
 
     if len(scene.frame_indices) > 1:
-        return Playback(scene, view, objects, settings)
-    instances = scene.instances if objects is None else scene.instances_named(objects)
-    middle = view if isinstance(view, View) else view.view
-    return Turn(scene.frame(), instances, middle, settings)
-
-
-def _require_comparable(
-    old: OldReport, file: Path | None, scene: Scene, device: ComputeDevice, reel: Reel
-) -> None:
-    from iprt.measure.changes import require_comparable
-
-    try:
-        require_comparable(old, scene=scene.name, device=device.name, view=reel.view)
-    except IprtError as error:
-        raise IprtError(f"--compare {file}: {error}") from error
+        return Playback(scene, *moving_view(scene, name, size=size), settings)
+    view, instances = choose_view(scene, name, size=size)
+    return Turn(scene.frame(), instances, view, settings)
 
 
 def _measure(device: ComputeDevice, reel: Reel, scene: str, frames: int) -> CostReport:
@@ -149,29 +126,28 @@ def _measure(device: ComputeDevice, reel: Reel, scene: str, frames: int) -> Cost
 
     # The profile keeps the timed frames for the trace: time first, then count.
     with progress_bar("timing", WARM_UP + frames) as progress:
-        report = timed(device, reel, scene=scene, frames=frames, progress=progress)
+        report, _ = timed(device, reel, scene=scene, frames=frames, progress=progress)
     with progress_bar("counting", WARM_UP + COUNTED_FRAMES) as progress:
         counted = count_work(device, reel, progress)
     return report.with_work(device.profile, counted)
 
 
-def _print(
-    report: CostReport, old: OldReport | None, file: Path | None, *, json: bool, csv: bool
-) -> None:
-    """Print the results to stdout."""
+def _print(report: CostReport, old: CostReport | None, file: str, *, json: bool) -> None:
+    """Print the results to stdout, with the changes since the report `old` from `file`."""
     from iprt.measure.changes import changed_settings, changes
-    from iprt.measure.profile_file import csv_text, json_text
-    from iprt.measure.table import change_grid, compile_grid, memory_grid, part_grid
+    from iprt.measure.cost_tables import change_grid, compile_grid, memory_grid, part_grid
+    from iprt.measure.results import json_text
     from iprt.output.grid import print_grid
 
-    found = None if old is None else changes(old, report)
-    if csv:
-        print(csv_text(report), end="")
-    elif json:
-        since = None if found is None else [change.record() for change in found]
-        print(json_text(report, since))
-    elif old is not None and found is not None:
-        print_grid(change_grid(found, changed_settings(old, report), str(file)))
+    found = [] if old is None else changes(old, report)
+    if json:
+        since = [
+            {**vars(c), "difference_ms": c.difference_ms, "beyond_noise": c.beyond_noise}
+            for c in found
+        ]
+        print(json_text({**vars(report), "changes": since}))
+    elif old is not None:
+        print_grid(change_grid(found, changed_settings(old, report), file))
     else:
         for grid in (part_grid(report), memory_grid(report), compile_grid(report)):
             print_grid(grid)

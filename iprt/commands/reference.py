@@ -87,8 +87,7 @@ def reference(
 
     opened = Scene.open(scene, allow_outside=allow_outside)
     opened.require_not_ours(output)
-    chosen, objects = choose_view(opened, view, size=size)
-    instances = opened.instances if objects is None else opened.instances_named(objects)
+    chosen, instances = choose_view(opened, view, size=size)
     mitsuba()  # report a missing package before anything is read
     if model is not None:
         from iprt.truth.model import load_parts

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from iprt.commands.flag_types import Size
-from iprt.commands.lists import listed
+from iprt.commands.flag_types import Size, listed
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.commands.tradeoff_flags import TradeoffGoal
 from iprt.errors import IprtError
@@ -157,9 +156,9 @@ def render(
         )
     _check_files(output, profile, aov, video=video)
 
-    from iprt.commands.frames import frame_range
+    from iprt.commands.frame_range import frame_range
     from iprt.commands.render_job import RenderJob
-    from iprt.commands.video import check_video, render_video
+    from iprt.commands.render_video import check_video, render_video
     from iprt.commands.views import moving_view
     from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
@@ -294,9 +293,8 @@ def _report(
     """Print the output's path and, if asked for, the times of the passes of frame `index`."""
     from iprt.commands.standard_streams import reporting
     from iprt.film import view_at
-    from iprt.measure.cost_report import CostReport
-    from iprt.measure.profile_file import write_profile
-    from iprt.measure.table import pass_grid
+    from iprt.measure.cost_report import CostReport, write_report
+    from iprt.measure.cost_tables import pass_grid
     from iprt.output.grid import print_grid
 
     with reporting(f"{output} has been written nevertheless"):
@@ -314,6 +312,6 @@ def _report(
                 prepare_ms=film.prepare_ms,
             )
             if profile is not None:
-                write_profile(profile, report)
+                write_report(profile, report)
             print_grid(pass_grid(report))
         print(output)

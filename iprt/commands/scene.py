@@ -87,8 +87,8 @@ def check(
     """Read every file of a scene and report problems.
 
     Warnings are about unlikely depth, badly placed objects, surfaces that nothing matches, and
-    views that do not fit into the device's memory at the default settings. Notes say what is not
-    read from files.
+    views that do not fit into the device's memory at the default settings. Notes name the parts of
+    files that are not read.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def check(
     findings.note(video_remarks(opened.raw_frames))
     lost = 1.0 - float(np.isfinite(raw.color).all(axis=-1).mean())
     if lost > 0.0:
-        findings.warn([f"colour: {lost:.2%} of the picture is NaN or infinite and shown black"])
+        findings.warn([f"color: {lost:.2%} of the picture is NaN or infinite and shown black"])
     for material in report.real_materials:
         findings.warn(f"{material.name}: {phrase}" for phrase in material.warnings())
     if report.clipped is not None:
@@ -184,8 +184,8 @@ def new(
         HDR. For video a pattern such as color.%04d.png, or a video file.
     depth
         Its depth: EXR, PFM, NumPy, or grey PNG or TIFF of the same size or smaller, or a video
-        file of 16-bit grey. Default: in the same file as colour: a layer of EXR, a second stream,
-        or below colour in each picture.
+        file of 16-bit grey. Default: in the same file as color: a layer of EXR, a second stream,
+        or below color in each picture.
     depth_scale
         Metres per stored unit: 0.001 for millimetres. PNG and video need it or --depth-range.
     depth_range
@@ -202,7 +202,7 @@ def new(
         Stored values that mark the sky. Default, without --invalid: detected, such as 65535 and
         1e10. --sky without a value: there are none.
     normal
-        EXR file of world-space normals. Default: the normals in the colour's file, if there are any
+        EXR file of world-space normals. Default: the normals in the color's file, if there are any
         and they agree with depth; else they are estimated from depth.
     color_layer
         EXR layer of the picture. Default: found by its name.

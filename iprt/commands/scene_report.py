@@ -38,8 +38,7 @@ def add_memory(
 
     plans = {}
     for name in scene.views or (None,):
-        view, objects = choose_view(scene, name)
-        instances = scene.instances if objects is None else scene.instances_named(objects)
+        view, instances = choose_view(scene, name)
         label = "a view" if name is None else f"view {name}"
         plans[label] = film_plan(scene, frame, instances, view)
     largest = max(plans, key=lambda label: plans[label].bytes)

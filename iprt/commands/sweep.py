@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -65,46 +66,29 @@ def sweep(
     check_count("--accumulate", accumulate)
     if not values:
         raise IprtError("no setting to vary; add one, such as trace.rays=1,2")
-    from iprt.commands.measurement import printed_at_last
     from iprt.commands.progress import progress_bar
     from iprt.measure.report import Report
     from iprt.measure.sweep import Outcome, frames_per_view, run_sweep
     from iprt.measure.sweep_report import passes_grid, sweep_figures, sweep_grid, sweep_plots
 
-    plan = measurement_flags.measurement(
-        measurement_flags.open(scene),
-        setting_flags,
-        method=method,
-        sweep=SweepFlags(values, one_at_a_time),
-        seeds=seeds,
-    )
-    output = plan.output
+    swept = SweepFlags(values, one_at_a_time)
+    plan = measurement_flags.plan(scene, setting_flags, method=method, sweep=swept, seeds=seeds)
     plan.announce(f"{counted(accumulate, 'frame')} each")
-    report = Report(f"{plan.scene.name}: speed and accuracy", plan.lines())
-    outcomes: list[Outcome] = []
-    total = len(plan.targets) * frames_per_view(len(plan.chosen), accumulate, plan.seeds)
 
-    def finish() -> None:
+    def page(outcomes: list[Outcome]) -> Report:
         grids = [sweep_grid(outcomes)]
-        if len(outcomes) <= MANY and not output.markdown:
+        if len(outcomes) <= MANY and not measurement_flags.markdown:
             grids.append(passes_grid(outcomes))
-        rows = [outcome.record() for outcome in outcomes]
-        output.print({**plan.record(), "frames": accumulate, "rows": rows}, grids)
+        title = f"{plan.scene.name}: speed and accuracy"
+        return Report(title, plan.lines(), grids, sweep_plots(outcomes))
 
-    with printed_at_last(outcomes, finish), progress_bar("sweeping", total) as progress:
-        for outcome, color in run_sweep(
-            plan.scene,
-            plan.targets,
-            plan.chosen,
-            device=plan.device,
-            frames=accumulate,
-            seeds=plan.seeds,
-            progress=progress,
-        ):
-            outcomes.append(outcome)
-            if output.html is not None:
-                report.grids = [sweep_grid(outcomes), passes_grid(outcomes)]
-                report.plots = sweep_plots(outcomes)
-                report.figures.append(sweep_figures(len(outcomes), outcome, color))
-                output.write(report)
+    total = len(plan.targets) * frames_per_view(len(plan.chosen), accumulate, plan.seeds)
+    with progress_bar("sweeping", total) as progress:
+        found = enumerate(run_sweep(plan, accumulate, progress), start=1)
+        measurement_flags.output.collect(
+            ((one, partial(sweep_figures, n, one, view, color)) for n, (one, view, color) in found),
+            "rows",
+            {**plan.record(), "frames": accumulate},
+            page,
+        )
     return 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,18 +21,16 @@ LONGEST_S = 3600.0
 class TradeoffGoal:
     """Goal of a picture: a limit of time or a least accuracy.
 
-    Exactly one of the attributes is set.
-
     Attributes
     ----------
-    time_per_frame : float or None
-        Longest time of a frame, seconds.
-    ssim : float or None
-        Least mean SSIM.
+    flag : str
+        The flag and its value, as on the command line.
+    choose : callable
+        Chooses an entry of a table for a number of pixels and frames; see `Tradeoff.within`.
     """
 
-    time_per_frame: float | None
-    ssim: float | None
+    flag: str
+    choose: Callable[[Tradeoff, int, int], tuple[Entry, bool]]
 
     @classmethod
     def of(
@@ -45,31 +43,24 @@ class TradeoffGoal:
         IprtError
             A value is not allowed, or flags contradict each other.
         """
-        if time_per_frame is None and ssim is None:
-            return None
-        if time_per_frame is not None and ssim is not None:
-            raise IprtError(
-                f"--time-per-frame {time_per_frame:g} and --ssim {ssim:g}: give one of them"
-            )
-        # Written so that NaN, which compares false, is rejected too.
-        if time_per_frame is not None and not 0.0 < time_per_frame <= LONGEST_S:
-            raise IprtError(
-                f"--time-per-frame {time_per_frame:g}: expected seconds above 0, at most "
-                f"{LONGEST_S:g}"
-            )
-        if ssim is not None and not 0.0 < ssim <= 1.0:
-            raise IprtError(f"--ssim {ssim:g}: expected above 0 and at most 1")
-        goal = cls(time_per_frame, ssim)
-        if quality != "balanced":
-            raise IprtError(f"--quality {quality} and {goal.flag}: give one of them")
-        return goal
-
-    @property
-    def flag(self) -> str:
-        """The flag and its value, as on the command line."""
-        if self.time_per_frame is not None:
-            return f"--time-per-frame {self.time_per_frame:g}"
-        return f"--ssim {self.ssim:g}"
+        goals = []
+        # The comparisons are written so that NaN is rejected too.
+        if (seconds := time_per_frame) is not None:
+            flag = f"--time-per-frame {seconds:g}"
+            if not 0.0 < seconds <= LONGEST_S:
+                raise IprtError(f"{flag}: expected seconds above 0, at most {LONGEST_S:g}")
+            goals.append(cls(flag, lambda table, *size: table.within(seconds, *size)))
+        if (least := ssim) is not None:
+            flag = f"--ssim {least:g}"
+            if not 0.0 < least <= 1.0:
+                raise IprtError(f"{flag}: expected above 0 and at most 1")
+            goals.append(cls(flag, lambda table, *size: table.reaching(least, *size)))
+        flags = [goal.flag for goal in goals]
+        if flags and quality != "balanced":
+            flags.insert(0, f"--quality {quality}")
+        if len(flags) > 1:
+            raise IprtError(f"{' and '.join(flags[:2])}: give one of them")
+        return goals[0] if goals else None
 
     def require_method(self, method: str) -> None:
         """Refuse methods that the table does not cover.
@@ -103,7 +94,7 @@ class TradeoffGoal:
 
         timed = TimedDevice.of(choose_device(device))
         table = tradeoff_for(timed)
-        entry, granted = self._choice(table, pixels, frames)
+        entry, granted = self.choose(table, pixels, frames)
         told = _estimate(table, entry, pixels, frames)
         if granted:
             LOG.info("%s: %s", self.flag, told)
@@ -117,12 +108,6 @@ class TradeoffGoal:
         if over := dict.fromkeys(item.key for item in given if item.key in KEYS):
             LOG.info("%s: changed from the entry's, so the estimate is rough", ", ".join(over))
         return entry_assignments(entry.name)
-
-    def _choice(self, table: Tradeoff, pixels: int, frames: int) -> tuple[Entry, bool]:
-        if self.time_per_frame is not None:
-            return table.within(self.time_per_frame, pixels, frames)
-        assert self.ssim is not None
-        return table.reaching(self.ssim, pixels, frames)
 
 
 def _estimate(table: Tradeoff, entry: Entry, pixels: int, frames: int) -> str:

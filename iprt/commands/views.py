@@ -9,6 +9,7 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.geometry.camera import View
+    from iprt.geometry.mesh import Instance
     from iprt.scene.scene import Scene, SceneView
 
 MAX_SIZE = 16384
@@ -17,12 +18,13 @@ DEFAULT_SIZE = (1024, 1024)
 
 def choose_view(
     scene: Scene, name: str | None, *, size: tuple[int, int] | None = None
-) -> tuple[View, tuple[str, ...] | None]:
+) -> tuple[View, tuple[Instance, ...]]:
     """Return the view of `moving_view` at its start, and its objects."""
     from iprt.geometry.camera import View
 
     view, objects = moving_view(scene, name, size=size)
-    return (view if isinstance(view, View) else view.view), objects
+    instances = scene.instances if objects is None else scene.instances_named(objects)
+    return (view if isinstance(view, View) else view.view), instances
 
 
 def moving_view(

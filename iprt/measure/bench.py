@@ -27,7 +27,8 @@ FEWEST_ROUNDS, MOST_ROUNDS = 4, 1000
 """Limits for the number of frames of each of several interleaved reels."""
 
 Progress = Callable[[int], None]
-"""Function called with the number of frames done so far, including the warm-up."""
+"""Function called with the number of frames done so far, with the warm-up and without a base's
+frames."""
 
 
 @dataclass
@@ -87,59 +88,44 @@ def timed(
     *,
     scene: str,
     frames: int,
+    base: Reel | None = None,
     progress: Progress | None = None,
-) -> CostReport:
-    """Time `frames` frames of `reel` after a warm-up of `WARM_UP`; `scene` is a name."""
-    profile = device.profile
-    profile.reset()
-    count = WARM_UP + frames
-    with _Run.of(device, reel, count) as run:
-        prepare_ms = profile.prepared()
-        for index in range(count):
-            if index == WARM_UP:
-                profile.reset()
-            run.frame(counts=index >= WARM_UP)
-            if progress is not None:
-                progress(index + 1)
-    return run.report(reel, scene, prepare_ms)
+) -> tuple[CostReport, Ratio | None]:
+    """Time `frames` frames of `reel` after a warm-up of `WARM_UP`.
 
-
-def timed_against(
-    device: ComputeDevice,
-    base: Reel,
-    reel: Reel,
-    *,
-    scene: str,
-    frames: int,
-    progress: Progress | None = None,
-) -> tuple[CostReport, Ratio]:
-    """Time `reel` as `timed` does, interleaved with the frames of `base`.
-
-    A slowdown of the machine affects both, so the ratio is more reliable than the times.
+    Parameters
+    ----------
+    scene : str
+        Name for the report.
+    base : Reel, optional
+        Reel whose frames are interleaved. A slowdown of the machine affects both, so the ratio is
+        more reliable than the times.
 
     Returns
     -------
     report : CostReport
         Report of `reel` alone.
-    ratio : Ratio
-        Wall time of `reel` divided by the wall time of `base`.
+    ratio : Ratio or None
+        Wall time of `reel` divided by the wall time of `base`. None without a base.
     """
     profile = device.profile
-    profile.reset()
     count = WARM_UP + frames
-    with _Run.of(device, base, count) as beside:
+    with ExitStack() as stack:
+        beside = None if base is None else stack.enter_context(_Run.of(device, base, count))
         profile.reset()
-        with _Run.of(device, reel, count) as run:
-            prepare_ms = profile.prepared()
-            for index in range(count):
-                if index == WARM_UP:
-                    profile.reset()
+        run = stack.enter_context(_Run.of(device, reel, count))
+        prepare_ms = profile.prepared()
+        for index in range(count):
+            if index == WARM_UP:
+                profile.reset()
+            if beside is not None:
                 profile.recording = False  # until this frame ends
                 beside.frame(counts=index >= WARM_UP)
-                run.frame(counts=index >= WARM_UP)
-                if progress is not None:
-                    progress(2 * (index + 1))
-    return run.report(reel, scene, prepare_ms), Ratio.of(run.walls, beside.walls)
+            run.frame(counts=index >= WARM_UP)
+            if progress is not None:
+                progress(index + 1)
+    report = run.report(reel, scene, prepare_ms)
+    return report, None if beside is None else Ratio.of(run.walls, beside.walls)
 
 
 def timed_together(

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 from iprt import __version__
 from iprt.measure.bench import timed_together
 from iprt.measure.camera_motion import Turn
-from iprt.measure.convergence import run_convergence
+from iprt.measure.combinations import Combination
+from iprt.measure.convergence_curves import run_convergence
 from iprt.measure.intervals import Ratio
-from iprt.measure.sweep import Combination
+from iprt.measure.measurement import Measurement
 from iprt.measure.tradeoff import Entry, Tradeoff
 from iprt.measure.tradeoff_cache import TimedDevice
 from iprt.measure.view_truth import Target
@@ -51,7 +52,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Subject:
+class TimedView:
     """A view to time."""
 
     name: str
@@ -109,33 +110,33 @@ def ladder_settings(name: str) -> Settings:
 
 def measure_times(
     device: ComputeDevice,
-    subjects: Sequence[Subject],
+    views: Sequence[TimedView],
     *,
     progress: Progress,
     clock: Callable[[], float] = time.monotonic,
 ) -> dict[str, list[Times]]:
-    """Time all entries on each subject, and return the times by the subject's name.
+    """Time all entries on each view, and return the times by the view's name.
 
     Sizes are in rising order, at least two. The measurement takes at most `TIMES_S` including
     compilation, unless the fewest frames of the first two sizes take longer.
     """
     start, before_s = clock(), 0.0
-    found: dict[str, list[Times]] = {subject.name: [] for subject in subjects}
+    found: dict[str, list[Times]] = {view.name: [] for view in views}
     for number, side in enumerate(SIDES):
         begun = clock()
         if number >= 2:
-            needed = max(subject.bytes(side) for subject in subjects)
+            needed = max(view.bytes(side) for view in views)
             if 4.0 * before_s > start + TIMES_S - begun or needed > MEMORY_SHARE * device.memory:
                 break
-        for place, subject in enumerate(subjects):
+        for place, view in enumerate(views):
             left = start + TIMES_S * (FIRST_SHARE if number == 0 else 1.0) - clock()
-            until = clock() + left / (len(subjects) - place)
+            until = clock() + left / (len(views) - place)
 
             def enough(rounds: int, until: float = until) -> bool:
                 progress(clock() - start)
                 return rounds >= ROUNDS or clock() > until
 
-            found[subject.name].append(_timed(device, subject.reels(side), enough))
+            found[view.name].append(_timed(device, view.reels(side), enough))
         before_s = clock() - begun
     return found
 
@@ -157,16 +158,12 @@ def measure_ssim(
     progress: Callable[[int], None],
 ) -> dict[str, dict[str, list[float]]]:
     """Measure the mean SSIM of the cuts after each of `SSIM_FRAMES`, by entry and view."""
-    chosen = [Combination({"entry": name}, ladder_settings(name)) for name in LADDER]
-    curves = run_convergence(
-        scene, targets, chosen, SSIM_FRAMES, device=device, seeds=1, progress=progress
-    )
+    chosen = tuple(Combination({"entry": name}, ladder_settings(name)) for name in LADDER)
+    plan = Measurement(scene, tuple(targets), chosen, device)
     found: dict[str, dict[str, list[float]]] = {name: {} for name in LADDER}
+    curves = run_convergence(plan, SSIM_FRAMES, progress)
     for (target, name), curve in zip(product(targets, LADDER), curves, strict=True):
-        found[name][target.name] = [
-            round(fmean(cut.mean for cut in point.ssim_cuts or (point.ssim,)), 4)
-            for point in curve.points
-        ]
+        found[name][target.name] = [round(point.scores.accuracy, 4) for point in curve.points]
     return found
 
 

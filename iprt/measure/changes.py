@@ -8,9 +8,8 @@ from dataclasses import asdict, dataclass
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
-from iprt.measure.cost import BLOCKS
+from iprt.measure.cost import BLOCKS, Timing
 from iprt.measure.cost_report import CostReport
-from iprt.measure.profile_file import OldReport, OldTime
 from iprt.output.metadata import dotted
 
 FALSE_ALARMS = 0.05
@@ -54,16 +53,8 @@ class Change:
             return True
         return self.noise_ms is not None and abs(self.difference_ms) > self.noise_ms
 
-    def record(self) -> dict[str, object]:
-        """Return the change as plain data."""
-        return {
-            **asdict(self),
-            "difference_ms": self.difference_ms,
-            "beyond_noise": self.beyond_noise,
-        }
 
-
-def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -> None:
+def require_comparable(old: CostReport, *, scene: str, device: str, view: View) -> None:
     """Check that scene, device and view of an earlier report are the given ones.
 
     Raises
@@ -74,23 +65,23 @@ def require_comparable(old: OldReport, *, scene: str, device: str, view: View) -
     for what, before, now in (
         ("scene", old.scene, scene),
         ("device", old.device, device),
-        *((key, old.view.get(key), value) for key, value in asdict(view).items()),
+        *((key, getattr(old.view, key), value) for key, value in asdict(view).items()),
     ):
         if before != now:
             raise IprtError(f"was measured with {what} {before}, not {now}; measure it again")
 
 
-def changes(old: OldReport, new: CostReport) -> list[Change]:
+def changes(old: CostReport, new: CostReport) -> list[Change]:
     """Return the changes of all rows, in the order of `new`; rows only in `old` come last."""
-    before, after = (dict(_rows(of)) for of in (old, OldReport.model_validate(new.record())))
+    before, after = dict(_rows(old)), dict(_rows(new))
     places = [*after, *(place for place in before if place not in after)]
     count = sum(_error(before.get(place), after.get(place)) is not None for place in places)
     return [_change(place, before.get(place), after.get(place), count) for place in places]
 
 
-def changed_settings(old: OldReport, new: CostReport) -> list[str]:
+def changed_settings(old: CostReport, new: CostReport) -> list[str]:
     """Describe the settings that differ."""
-    before, after = dotted(old.settings), dotted(new.settings.model_dump(mode="json"))
+    before, after = dotted(old.settings), dotted(new.settings)
     return [
         f"{key} = {after.get(key)}, was {before.get(key)}"
         for key in dict.fromkeys([*after, *before])
@@ -99,7 +90,7 @@ def changed_settings(old: OldReport, new: CostReport) -> list[str]:
 
 
 def _change(
-    place: tuple[str, str], before: OldTime | None, after: OldTime | None, count: int
+    place: tuple[str, str], before: Timing | None, after: Timing | None, count: int
 ) -> Change:
     from scipy.stats import t
 
@@ -116,18 +107,18 @@ def _change(
     )
 
 
-def _error(before: OldTime | None, after: OldTime | None) -> float | None:
+def _error(before: Timing | None, after: Timing | None) -> float | None:
     """Return the standard error of the difference in ms, or None if unknown."""
     if before is None or after is None or before.error_ms is None or after.error_ms is None:
         return None
     return max(math.hypot(before.error_ms, after.error_ms), MIN_ERROR_MS)
 
 
-def _rows(report: OldReport) -> Iterator[tuple[tuple[str, str], OldTime]]:
-    if report.wall_ms is not None:
-        yield (WALL, ""), OldTime(ms=report.wall_ms, error_ms=report.wall_error_ms)
-    yield (FRAME, ""), OldTime(ms=report.ms, error_ms=report.error_ms)
+def _rows(report: CostReport) -> Iterator[tuple[tuple[str, str], Timing]]:
+    if report.wall is not None:
+        yield (WALL, ""), report.wall
+    yield (FRAME, ""), report.frame
     for row in report.passes:
-        yield (row.name, ""), row
+        yield (row.name, ""), row.timing
         for part in row.parts:
-            yield (row.name, part.name), part
+            yield (row.name, part.name), part.timing

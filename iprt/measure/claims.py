@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from scipy.ndimage import distance_transform_edt
 from iprt.measure import metrics
 from iprt.measure.bench import timed_together
 from iprt.measure.camera_motion import Turn
+from iprt.measure.combinations import still_settings
 from iprt.measure.compare import render_target, scored
 from iprt.measure.intervals import Ratio
-from iprt.measure.learned import Learned, learn_frame
-from iprt.measure.sweep import still_settings
+from iprt.measure.learned_accuracy import LearnedAccuracy, learn_frame
+from iprt.measure.measurement import Measurement
+from iprt.measure.results import grid_of
 from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
 from iprt.output.display import display
 from iprt.output.grid import Grid
@@ -26,6 +29,7 @@ from iprt.settings.trace import LearningSettings
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.footage.frame import Frame
+    from iprt.geometry.mesh import Instance
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
 
@@ -38,7 +42,7 @@ SEEN = 0.02
 
 
 @dataclass(frozen=True)
-class Found:
+class Finding:
     """The measurement of a claim.
 
     Attributes
@@ -72,53 +76,55 @@ class Claim:
     paper: str
     text: str
     published: str
-    measure: Callable[[Subject], Found]
+    measure: Callable[[ClaimView], Finding]
     unless: str
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The result of a claim on a view."""
+    """The result of a claim on a view. `why`: the reason if it does not hold; else empty."""
 
-    claim: Claim
+    paper: str
+    claim: str
+    published: str
     view: str
-    found: Found
+    measured: str
+    holds: bool
+    why: str
 
-    def record(self) -> dict[str, object]:
-        """Return the verdict as plain data."""
-        claim = self.claim
-        return {
-            "paper": claim.paper,
-            "claim": claim.text,
-            "published": claim.published,
-            "view": self.view,
-            **asdict(self.found),
-            "why": "" if self.found.holds else claim.unless,
-        }
+    @classmethod
+    def of(cls, claim: Claim, view: str, found: Finding) -> Verdict:
+        """Build the verdict from a measurement."""
+        why = "" if found.holds else claim.unless
+        return cls(claim.paper, claim.text, claim.published, view, found.measured, found.holds, why)
 
 
-class Subject:
+@dataclass
+class ClaimView:
     """A view to measure on. Each combination of settings is rendered once.
 
-    Parameters
+    Attributes
     ----------
     frames : int
         Number of timed frames, and of frames accumulated in a picture.
     """
 
-    def __init__(
-        self, scene: Scene, target: Target, frame: Frame, device: ComputeDevice, frames: int
-    ) -> None:
-        self._scene, self._target, self._frame = scene, target, frame
-        self._device, self._frames = device, frames
-        self._pictures: dict[str, Radiance] = {}
-        self._learned: Learned | None = None
+    scene: Scene
+    target: Target
+    frame: Frame
+    device: ComputeDevice
+    frames: int
+    _pictures: dict[str, Radiance] = field(default_factory=dict)
+
+    @property
+    def _instances(self) -> tuple[Instance, ...]:
+        return self.scene.instances_named(self.target.objects)
 
     def times(self, *variants: Values) -> list[list[float]]:
         """Time interleaved frames of each variant while the view turns; milliseconds."""
-        instances = self._scene.instances_named(self._target.objects)
-        reels = [Turn(self._frame, instances, self._target.view, _settings(v)) for v in variants]
-        return timed_together(self._device, reels, lambda count: count >= self._frames)
+        view, instances = self.target.view, self._instances
+        reels = [Turn(self.frame, instances, view, _settings(v)) for v in variants]
+        return timed_together(self.device, reels, lambda count: count >= self.frames)
 
     def ratio(self, values: Values, base: Values) -> Ratio:
         """Measure the ratio of frame times, `values` over `base`."""
@@ -131,13 +137,13 @@ class Subject:
         key = settings.model_dump_json()
         if key not in self._pictures:
             self._pictures[key] = render_target(
-                self._scene, self._frame, self._target, settings, self._device, self._frames
+                self.scene, self.frame, self.target, settings, self.device, self.frames
             ).color
         return self._pictures[key]
 
     def scores(self, values: Values) -> Scores:
         """Score the picture against the truth."""
-        return scored(self._target, self.picture(values), str(dict(values)))
+        return scored(self.target, self.picture(values), str(dict(values)))
 
     def errors(self, values: Values) -> tuple[float, float]:
         """Measure the error of real surfaces that objects change visibly.
@@ -148,7 +154,7 @@ class Subject:
             Mean absolute errors of displayed values: of pixels within `NEAR` of an object in the
             picture, and of all others.
         """
-        target = self._target
+        target = self.target
         truth = target.shown
         shown, plain = (
             display(self.picture(v), target.exposure) for v in (values, {"method": "ibl"})
@@ -164,25 +170,19 @@ class Subject:
         """Render the coverage of each pixel by objects, (H, W) in [0, 1]."""
         from iprt.renderer import Renderer
 
-        instances = self._scene.instances_named(self._target.objects)
-        settings = still_settings(_settings({"method": "ibl"}), 0)
-        with Renderer(
-            self._device, self._frame, instances, self._target.view, settings
-        ) as renderer:
+        view, settings = self.target.view, still_settings(_settings({"method": "ibl"}), 0)
+        with Renderer(self.device, self.frame, self._instances, view, settings) as renderer:
             return renderer.render(1, ["coverage"]).aovs["coverage"]
 
-    def learned(self) -> Learned:
-        """Measure the radiance models that `oil` learns of the panorama in `frames` frames."""
-        if self._learned is None:
-            exposure = self._target.exposure
-            self._learned = learn_frame(
-                self._device, self._frame, LearningSettings(), self._frames, exposure
-            )
-        return self._learned
+    @cached_property
+    def learned(self) -> LearnedAccuracy:
+        """The radiance models that `oil` learns of the panorama in `frames` frames."""
+        own, exposure = LearningSettings(), self.target.exposure
+        return learn_frame(self.device, self.frame, own, self.frames, exposure)
 
     def likeness(self, values: Values, other: Values) -> float:
         """Compute the SSIM of two displayed pictures."""
-        exposure = self._target.exposure
+        exposure = self.target.exposure
         return metrics.ssim(*(display(self.picture(v), exposure) for v in (values, other)))
 
 
@@ -191,17 +191,9 @@ def _settings(values: Values) -> Settings:
     return changed(resolved("balanced", method), values)
 
 
-def cuts(scores: Scores) -> tuple[float, ...]:
-    """Return the SSIM of each cut, or of the whole view if it has none."""
-    return scores.ssim_cuts or (scores.ssim,)
-
-
 def run_claims(
-    scene: Scene,
-    targets: Sequence[Target],
+    plan: Measurement,
     claims: Sequence[Claim],
-    *,
-    device: ComputeDevice,
     frames: int,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[Verdict]:
@@ -210,15 +202,15 @@ def run_claims(
     Parameters
     ----------
     frames : int
-        Number of timed and accumulated frames; see `Subject`.
+        Number of timed and accumulated frames; see `ClaimView`.
     progress : callable, optional
         Called with the number of claims measured so far.
     """
     done = 0
-    for target, frame in with_frames(scene, targets):
-        subject = Subject(scene, target, frame, device, frames)
+    for target, frame in with_frames(plan.scene, plan.targets):
+        view = ClaimView(plan.scene, target, frame, plan.device, frames)
         for claim in claims:
-            yield Verdict(claim, target.name, claim.measure(subject))
+            yield Verdict.of(claim, target.name, claim.measure(view))
             done += 1
             if progress is not None:
                 progress(done)
@@ -226,14 +218,19 @@ def run_claims(
 
 def claims_grid(verdicts: Sequence[Verdict]) -> Grid:
     """Build a table with a row per claim and view."""
-    rows = [verdict.record() for verdict in verdicts]
-    keys = ("paper", "claim", "published", "view", "measured")
-    return Grid(
-        title="Claims of papers",
-        columns=("paper", "claim", "published", "view", "here", "holds", "why not"),
-        rows=tuple(
-            (*(str(row[key]) for key in keys), "yes" if row["holds"] else "no", str(row["why"]))
-            for row in rows
-        ),
+    return grid_of(
+        "Claims of papers",
+        [
+            {
+                "paper": verdict.paper,
+                "claim": verdict.claim,
+                "published": verdict.published,
+                "view": verdict.view,
+                "here": verdict.measured,
+                "holds": "yes" if verdict.holds else "no",
+                "why not": verdict.why,
+            }
+            for verdict in verdicts
+        ],
         words=7,
     )

@@ -10,8 +10,10 @@ import numpy as np
 
 from iprt.errors import FormatError
 from iprt.measure import metrics
+from iprt.measure.results import grid_of
 from iprt.measure.view_truth import Background, Radiance, Scores, Target, read_target, with_frames
 from iprt.output.display import display
+from iprt.output.grid import Grid
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -43,17 +45,6 @@ class Comparison:
     scores: Scores
     ms: dict[str, float]
     bytes: int
-
-    def record(self) -> dict[str, object]:
-        """Return the comparison as plain data."""
-        return {
-            "view": self.view,
-            "method": self.method,
-            "background": self.background,
-            **self.scores.record(),
-            "ms": dict(self.ms),
-            "bytes": self.bytes,
-        }
 
 
 @dataclass(frozen=True)
@@ -104,7 +95,7 @@ def compare_views(
     size : (int, int) or None
         Width and height of the pictures; see `read_target`.
     progress : callable, optional
-        Called with the number of finished frames of the current picture.
+        Called with the number of frames rendered so far.
 
     Raises
     ------
@@ -113,9 +104,16 @@ def compare_views(
         has.
     """
     targets = [read_target(scene, name, background, size) for name in views]
+    done = 0
+
+    def forward(count: int) -> None:
+        if progress is not None:
+            progress(done + count)
+
     for target, frame in with_frames(scene, targets):
         for settings in variants:
-            drawn = render_target(scene, frame, target, settings, device, frames, progress)
+            drawn = render_target(scene, frame, target, settings, device, frames, forward)
+            done += frames
             scores = scored(target, drawn.color, f"method {settings.method}")
             comparison = Comparison(
                 target.name, settings.method, background, scores, drawn.ms, drawn.bytes
@@ -171,3 +169,32 @@ def scored(target: Target, color: Radiance, what: str) -> Scores:
     except FormatError as problem:
         message = f"{target.scene}: view '{target.name}', {what}: {problem}"
         raise FormatError(message) from problem
+
+
+def score_grid(results: Sequence[Comparison]) -> Grid:
+    """Build a table with one row per view and method.
+
+    `results` has at least one entry, all over the same background.
+    """
+    lacking = any(result.scores.flip is None for result in results)
+    return grid_of(
+        f"background: {results[0].background}",
+        [
+            {
+                "view": result.view,
+                "method": result.method,
+                "SSIM": f"{result.scores.ssim:.4f}",
+                "cuts": " ".join(f"{value:.3f}" for value in result.scores.ssim_cuts) or "-",
+                "PSNR": f"{result.scores.psnr:.2f}",
+                "MSE": f"{result.scores.mse:.1e}",
+                "RMSE": f"{result.scores.rmse:.3g}",
+                "FLIP": "-" if result.scores.flip is None else f"{result.scores.flip:.4f}",
+                "ms": f"{sum(result.ms.values()):.1f}" if result.ms else "-",
+                "MB": f"{result.bytes / 1e6:.0f}" if result.bytes else "-",
+            }
+            for result in results
+        ],
+        *(["FLIP: pip install 'iprt[metrics]'"] if lacking else []),
+        "ms: of a frame, all passes. MB: buffers on the device.",
+        words=2,
+    )

@@ -1,15 +1,17 @@
-"""Costs per frame of passes, kernels, transfers and host work."""
+"""Cost per frame of passes, kernels, transfers and host work."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from iprt.device.counting import Work
+from iprt.device.counting import Rays, Work
 from iprt.device.profile import Cost, FrameCosts, Key, Kind, by_pass, pass_time
 
 BLOCKS = 8
@@ -18,6 +20,9 @@ RESAMPLES = 400
 """Number of bootstrap samples, each of `BLOCKS` blocks drawn with replacement."""
 FEWEST_FRAMES = 2 * BLOCKS
 """Least number of frames for a standard error."""
+
+Milliseconds = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+"""A time; files with others are refused."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +39,10 @@ class Timing:
         frames, which accounts for correlated noise. None for fewer than `FEWEST_FRAMES` frames.
     """
 
-    ms: float
-    p95_ms: float
-    mean_ms: float
-    error_ms: float | None
+    ms: Milliseconds
+    p95_ms: Milliseconds
+    mean_ms: Milliseconds
+    error_ms: Milliseconds | None
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Timing:
@@ -57,6 +62,20 @@ def _median_error(values: NDArray[np.float64]) -> float:
 
 
 @dataclass(frozen=True)
+class RayRow:
+    """Rays of a kernel per frame, the average steps of a ray, and the most in all frames."""
+
+    count: float
+    steps: float
+    most: int
+
+    @classmethod
+    def of(cls, rays: Rays, frames: int) -> RayRow:
+        """Divide the sum over `frames` frames."""
+        return cls(rays.count / frames, rays.steps / max(rays.count, 1), rays.most_steps)
+
+
+@dataclass(frozen=True)
 class WorkRow:
     """Work of a kernel per frame; see `iprt.device.counting`.
 
@@ -64,40 +83,27 @@ class WorkRow:
     ----------
     items, active, groups, active_groups : float
         Work items and work groups: launched, and with work to do.
-    rays, object_rays : float
+    real, objects : RayRow
         Rays through the panorama, and rays towards objects.
-    steps, object_steps : float
-        Average steps of a ray.
-    most_steps, most_object_steps : int
-        Steps of the longest march in all frames.
     """
 
     items: float
     active: float
     groups: float
     active_groups: float
-    rays: float
-    steps: float
-    most_steps: int
-    object_rays: float
-    object_steps: float
-    most_object_steps: int
+    real: RayRow
+    objects: RayRow
 
     @classmethod
     def of(cls, work: Work, frames: int) -> WorkRow:
         """Divide the sum over `frames` frames."""
-        real, objects = work.real, work.objects
         return cls(
             items=work.items / frames,
             active=work.active / frames,
             groups=work.groups / frames,
             active_groups=work.active_groups / frames,
-            rays=real.count / frames,
-            steps=real.steps / max(real.count, 1),
-            most_steps=real.most_steps,
-            object_rays=objects.count / frames,
-            object_steps=objects.steps / max(objects.count, 1),
-            most_object_steps=objects.most_steps,
+            real=RayRow.of(work.real, frames),
+            objects=RayRow.of(work.objects, frames),
         )
 
 

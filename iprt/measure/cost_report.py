@@ -1,28 +1,25 @@
-"""Report of the costs of a sequence of frames, as a whole and by pass."""
+"""Report of the costs of a sequence of frames, as a whole and by pass, and its JSON file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import TypeAdapter, ValidationError
 
 from iprt import __version__
+from iprt.errors import FormatError
+from iprt.files.atomic import replacing
 from iprt.geometry.camera import View
-from iprt.measure.cost import (
-    Counted,
-    PassRow,
-    Timing,
-    frame_timing,
-    pass_rows,
-)
-from iprt.settings.model import Settings
+from iprt.measure.cost import Counted, PassRow, Timing, frame_timing, pass_rows
+from iprt.measure.results import json_text
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.device.profile import Profile
-
-SCHEMA = 1
-"""Version of the plain data. Raise it when the meaning of an existing field changes."""
+    from iprt.settings.model import Settings
 
 
 @dataclass(frozen=True)
@@ -35,6 +32,8 @@ class CostReport:
         Names.
     view : View
         View of the first frame.
+    settings : mapping of str to object
+        All settings, as plain data.
     wall : Timing or None
         Wall time from the request of a frame until the device has finished it: passes, Python and
         waiting. The picture stays on the device. None if pictures were read.
@@ -55,12 +54,16 @@ class CostReport:
         Bytes by name, including OpenGL's memory.
     memory : int
         Bytes of the device's memory.
+    schema : int
+        Version of the file. Raise it when the meaning of an existing field changes.
+    version : str
+        Version of iprt.
     """
 
     scene: str
     device: str
     view: View
-    settings: Settings
+    settings: Mapping[str, Any]
     frames: int
     wall: Timing | None
     host: Timing | None
@@ -73,6 +76,8 @@ class CostReport:
     passes: tuple[PassRow, ...]
     buffers: Mapping[str, int]
     memory: int
+    schema: Literal[2] = 2
+    version: str = __version__
 
     @classmethod
     def of(
@@ -103,7 +108,7 @@ class CostReport:
             scene=scene,
             device=device.name,
             view=view,
-            settings=settings,
+            settings=settings.model_dump(mode="json"),
             frames=profile.frames,
             wall=Timing.of(walls) if walls else None,
             host=Timing.of(hosts) if hosts else None,
@@ -138,74 +143,35 @@ class CostReport:
         assert self.wall is not None
         return self.wall.ms
 
-    def record(self) -> dict[str, Any]:
-        """Return the report as plain data for JSON."""
-        return {
-            "schema": SCHEMA,
-            "version": __version__,
-            "scene": self.scene,
-            "device": self.device,
-            "view": asdict(self.view),
-            "method": self.settings.method,
-            "width": self.view.width,
-            "height": self.view.height,
-            "frames": self.frames,
-            **_timing(self.wall, "wall_"),
-            **_timing(self.host, "host_"),
-            "synchronisations": self.synchronisations,
-            **_timing(self.frame),
-            "traced": self.traced,
-            "prepare_ms": self.prepare_ms,
-            "compile_ms": self.compile_ms,
-            "compiled": dict(self.compiled),
-            "first_launches": dict(self.first_launches),
-            "passes": [_pass_record(row) for row in self.passes],
-            "memory": self.memory,
-            "buffers": dict(self.buffers),
-            "settings": self.settings.model_dump(mode="json"),
-        }
 
-    def flat(self) -> list[dict[str, Any]]:
-        """Return rows of plain values per pass (no `part`), part and program (no `pass`).
+def write_report(path: Path, report: CostReport) -> None:
+    """Write a report as JSON, atomically.
 
-        All rows have the same keys.
-        """
-        rows: list[dict[str, Any]] = []
-        for row in map(_pass_record, self.passes):
-            parts = row.pop("parts")
-            name = row.pop("name")
-            rows.append({"pass": name, "part": "", "kind": "pass", **row})
-            rows += [
-                {"pass": name, "part": part.pop("name"), **part, **(part["work"] or {})}
-                for part in parts
-            ]
-        rows += [
-            {
-                "pass": "",
-                "part": program,
-                "kind": "program",
-                "build_ms": self.compiled.get(program, 0.0),
-                "first_launch_ms": self.first_launches.get(program, 0.0),
-            }
-            for program in {**self.compiled, **self.first_launches}
-        ]
-        names = dict.fromkeys(name for row in rows for name in row if name != "work")
-        return [{name: row.get(name) for name in names} for row in rows]
+    Raises
+    ------
+    FormatError
+        The file cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(json_text(report) + "\n", encoding="utf-8")
 
 
-def _pass_record(row: PassRow) -> dict[str, Any]:
-    record = asdict(row)
-    return _plain({**record, "parts": [_plain(part) for part in record["parts"]]})
+def read_report(path: Path) -> CostReport:
+    """Read a file of `iprt profile --json`, `iprt bench --json` or `iprt render --profile`.
 
-
-def _plain(record: dict[str, Any]) -> dict[str, Any]:
-    """Flatten a row: name and kind first, then the fields of its timing, then the others."""
-    named = {"name": record.pop("name")}
-    if "kind" in record:
-        named["kind"] = record.pop("kind").value
-    return {**named, **record.pop("timing"), **record}
-
-
-def _timing(timing: Timing | None, prefix: str = "") -> dict[str, float | None]:
-    names = ("ms", "p95_ms", "mean_ms", "error_ms")
-    return {prefix + name: getattr(timing, name, None) for name in names}
+    Raises
+    ------
+    FormatError
+        The file cannot be read, or has another format.
+    """
+    try:
+        return TypeAdapter(CostReport).validate_json(path.read_bytes())
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = "".join(f"{part}: " for part in first["loc"])
+        raise FormatError(
+            f"{path}: {place}{first['msg']}; expected the output of `iprt profile --json` by this "
+            "version"
+        ) from error

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from statistics import median
-from time import perf_counter
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.measure.bench import WARM_UP
-from iprt.measure.camera_motion import turned
+from iprt.measure.bench import timed_together
+from iprt.measure.camera_motion import Step, Turn, turned
+from iprt.measure.combinations import Combination
 from iprt.measure.compare import scored
+from iprt.measure.measurement import Measurement
 from iprt.measure.report import Figures, scored_pictures
-from iprt.measure.sweep import Combination
-from iprt.measure.timed_renderers import TimedIprt, TimedRenderer
-from iprt.measure.view_truth import Radiance, Scores, Target, with_frames
+from iprt.measure.results import grid_of
+from iprt.measure.timed_renderers import TimedRenderer, timed_iprt
+from iprt.measure.view_truth import Radiance, Scores, Target
 from iprt.memory import require_memory
 from iprt.output.grid import Grid
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from iprt.footage.frame import Frame
     from iprt.geometry.camera import View
     from iprt.geometry.mesh import Instance
-    from iprt.scene.scene import Scene
+    from iprt.renderer import Renderer
     from iprt.settings.model import Settings
 
 MAX_SECONDS = 3600.0
@@ -85,22 +86,10 @@ class TimedPicture:
 class EqualTime:
     """Result of one combination of settings on one view, with pictures by rising budget."""
 
+    view: str
     combination: Combination
-    target: Target
     costs: Costs
     pictures: tuple[TimedPicture, ...]
-
-    def record(self) -> dict[str, object]:
-        """Return the result as plain data."""
-        return {
-            "view": self.target.name,
-            "values": dict(self.combination.values),
-            "settings": self.combination.settings.model_dump(mode="json"),
-            "costs": asdict(self.costs),
-            "pictures": [
-                {**asdict(picture), "scores": picture.scores.record()} for picture in self.pictures
-            ],
-        }
 
 
 def parse_seconds(text: str) -> list[float]:
@@ -124,15 +113,11 @@ def parse_seconds(text: str) -> list[float]:
 
 
 def run_equal_time(
-    scene: Scene,
-    targets: Sequence[Target],
-    chosen: Sequence[Combination],
+    plan: Measurement,
     budgets: Sequence[float],
-    *,
-    device: ComputeDevice,
     frames: int,
     progress: Callable[[int], None] | None = None,
-) -> Iterator[tuple[EqualTime, list[Radiance]]]:
+) -> Iterator[tuple[EqualTime, Target, list[Radiance]]]:
     """Measure every combination on every view; yield results with their linear pictures.
 
     Parameters
@@ -144,23 +129,20 @@ def run_equal_time(
     progress : callable, optional
         Called with the number of combinations and views done so far.
     """
-    done = 0
-    for target, frame in with_frames(scene, targets):
-        instances = scene.instances_named(target.objects)
-        for combination in chosen:
-            costs = costs_of(device, frame, instances, target.view, combination.settings)
-            renderer = TimedIprt(combination, device, frame, instances, target)
-            renderer.prepare(0)
-            found = pictures_within(renderer, budgets)
-            found.append((frames, *renderer.picture(frames, 0)))
-            pictures = tuple(
-                TimedPicture(budget, count, seconds, scored(target, color, combination.label))
-                for budget, (count, seconds, color) in zip([*budgets, None], found, strict=True)
-            )
-            yield EqualTime(combination, target, costs, pictures), [color for *_, color in found]
-            done += 1
-            if progress is not None:
-                progress(done)
+    for done, (target, combination, renderer) in enumerate(timed_iprt(plan), start=1):
+        frame, instances = renderer.frame, renderer.instances
+        costs = costs_of(plan.device, frame, instances, target.view, combination.settings)
+        renderer.prepare(0)
+        found = pictures_within(renderer, budgets)
+        found.append((frames, *renderer.picture(frames, 0)))
+        pictures = tuple(
+            TimedPicture(budget, count, seconds, scored(target, color, combination.label))
+            for budget, (count, seconds, color) in zip([*budgets, None], found, strict=True)
+        )
+        result = EqualTime(target.name, combination, costs, pictures)
+        yield result, target, [color for *_, color in found]
+        if progress is not None:
+            progress(done)
 
 
 def pictures_within(
@@ -181,6 +163,25 @@ def pictures_within(
     return found
 
 
+@dataclass(frozen=True)
+class ChangingTurn(Turn):
+    """A turning view with a change every `AFTER` frames: `change` takes renderer and number."""
+
+    change: Callable[[Renderer, int], None]
+
+    @contextmanager
+    def steps(self, device: ComputeDevice, count: int) -> Iterator[Iterator[Step]]:
+        """Yield `count` steps."""
+        del device
+
+        def advance(index: int, renderer: Renderer) -> None:
+            if index % AFTER == 0:
+                self.change(renderer, index // AFTER)
+            renderer.look(turned(self.view, index))
+
+        yield (partial(advance, index) for index in range(count))
+
+
 def costs_of(
     device: ComputeDevice,
     frame: Frame,
@@ -195,55 +196,28 @@ def costs_of(
     DeviceError
         The picture needs more memory than the device has.
     """
-    from iprt.renderer import Renderer
-
     plan = require_memory(device, frame, instances, view, settings)
-    moved = [replace(instance, to_world=_nudge() @ instance.to_world) for instance in instances]
-    with Renderer(device, frame, instances, view, settings) as renderer:
-        count = 0
+    nudge = np.eye(4)
+    nudge[0, 3] = NUDGE_M
+    moved = [replace(instance, to_world=nudge @ instance.to_world) for instance in instances]
 
-        def step() -> None:
-            nonlocal count
-            count += 1
-            renderer.look(turned(view, count))
-            renderer.step()
-            device.wait()
+    def stay(renderer: Renderer, number: int) -> None:
+        pass
 
-        def with_video() -> None:
-            renderer.load(replace(frame))  # an equal frame, but a new object
+    def load(renderer: Renderer, number: int) -> None:
+        renderer.load(replace(frame))  # an equal frame, but a new object
 
-        def with_objects() -> None:
-            renderer.move(moved if renderer.instances[0] is instances[0] else instances)
+    def move(renderer: Renderer, number: int) -> None:
+        renderer.move(moved if number % 2 else instances)
 
-        changes = {"frame": lambda: None, "video": with_video}
-        if instances:
-            changes["objects"] = with_objects
-        times: dict[str, list[float]] = {name: [] for name in changes}
-        for _ in range(WARM_UP):
-            step()
-        for number in range(1 + ROUNDS):
-            for name, change in changes.items():
-                start = perf_counter()
-                change()
-                for _ in range(AFTER):
-                    step()
-                if number:  # the first round compiles kernels
-                    times[name].append(1e3 * (perf_counter() - start))
-        device.profile.reset()
-    medians = {name: median(values) for name, values in times.items()}
-    base = medians["frame"]
-    return Costs(
-        frame=base / AFTER,
-        video=medians["video"] - base,
-        objects=medians.get("objects", base) - base,
-        bytes=plan.bytes,
+    changes = [stay, load, *([move] if instances else [])]
+    turns = [ChangingTurn(frame, instances, view, settings, change) for change in changes]
+    walls = timed_together(device, turns, lambda rounds: rounds >= AFTER * ROUNDS)
+    base, video, *objects = (
+        float(np.median(np.reshape(times[: AFTER * ROUNDS], (ROUNDS, AFTER)).sum(axis=1)))
+        for times in walls
     )
-
-
-def _nudge() -> NDArray[np.float64]:
-    matrix = np.eye(4)
-    matrix[0, 3] = NUDGE_M
-    return matrix
+    return Costs(base / AFTER, video - base, sum(objects) - base if objects else 0.0, plan.bytes)
 
 
 # Tables ------------------------------------------------------------------------------------------
@@ -251,66 +225,60 @@ def _nudge() -> NDArray[np.float64]:
 
 def costs_grid(results: Sequence[EqualTime]) -> Grid:
     """Build a table with a row per combination and view. `results` must not be empty."""
-    return Grid(
-        title="Cost of a frame",
-        columns=("view", "settings", "ms/frame", "video ms", "objects ms", "MB"),
-        rows=tuple(
-            (
-                result.target.name,
-                result.combination.label,
-                f"{result.costs.frame:.1f}",
-                f"{result.costs.video:+.1f}",
-                f"{result.costs.objects:+.1f}",
-                f"{result.costs.bytes / 1e6:.0f}",
-            )
+    return grid_of(
+        "Cost of a frame",
+        [
+            {
+                "view": result.view,
+                "settings": result.combination.label,
+                "ms/frame": f"{result.costs.frame:.1f}",
+                "video ms": f"{result.costs.video:+.1f}",
+                "objects ms": f"{result.costs.objects:+.1f}",
+                "MB": f"{result.costs.bytes / 1e6:.0f}",
+            }
             for result in results
-        ),
-        notes=(
-            "ms/frame: a head turns, nothing else moves. video, objects: additional time until all "
-            "is at rest, after the video advances to an equal frame, or after all objects have "
-            "moved. MB: buffers on the device.",
-        ),
+        ],
+        "ms/frame: a head turns, nothing else moves. video, objects: additional time until all "
+        "is at rest, after the video advances to an equal frame, or after all objects have "
+        "moved. MB: buffers on the device.",
         words=2,
     )
 
 
 def equal_time_grid(results: Sequence[EqualTime]) -> Grid:
     """Build a table of SSIM and FLIP by time budget, with a row per combination and view."""
-    names = [_budget_name(picture) for picture in results[0].pictures]
     flip = any(p.scores.flip is not None for result in results for p in result.pictures)
-    return Grid(
-        title=f"Accuracy at equal time: SSIM of each cut{', FLIP' if flip else ''} [frames]",
-        columns=("view", "settings", *names),
-        rows=tuple(
-            (
-                result.target.name,
-                result.combination.label,
-                *(_cell(picture) for picture in result.pictures),
-            )
+    return grid_of(
+        f"Accuracy at equal time: SSIM of each cut{', FLIP' if flip else ''} [frames]",
+        [
+            {
+                "view": result.view,
+                "settings": result.combination.label,
+                **{_budget_name(picture): _cell(picture) for picture in result.pictures},
+            }
             for result in results
-        ),
-        notes=(
-            "SSIM of each cut, FLIP, [frames]. Seconds count from the scene in memory, with "
-            "kernels compiled, to the last picture that was finished in time, or the first one.",
-        ),
+        ],
+        "SSIM of each cut, FLIP, [frames]. Seconds count from the scene in memory, with "
+        "kernels compiled, to the last picture that was finished in time, or the first one.",
         words=2,
     )
 
 
-def equal_time_figures(result: EqualTime, colors: Sequence[Radiance]) -> Figures:
+def equal_time_figures(
+    result: EqualTime, target: Target, colors: Sequence[Radiance]
+) -> tuple[Figures, ...]:
     """Show the cuts of all pictures, the truth, and the last picture's difference from it."""
-    target = result.target
     *_, last = colors
     shown = [
         replace(scored_pictures(target, color, crop=True)[0], label=_budget_name(picture))
         for picture, color in zip(result.pictures, colors, strict=True)
     ]
-    _, truth, *others = scored_pictures(target, last, crop=True)
-    return Figures(
+    figures = Figures(
         title=f"{target.name}, {result.combination.label}",
         caption="; ".join(f"{_budget_name(p)}: {_cell(p)}" for p in result.pictures),
-        pictures=(*shown, truth, *others),
+        pictures=(*shown, *scored_pictures(target, last, crop=True)[1:]),
     )
+    return (figures,)
 
 
 def _budget_name(picture: TimedPicture) -> str:
@@ -319,7 +287,7 @@ def _budget_name(picture: TimedPicture) -> str:
 
 def _cell(picture: TimedPicture) -> str:
     scores = picture.scores
-    values = [f"{value:.3f}" for value in scores.ssim_cuts or (scores.ssim,)]
+    values = [f"{value:.3f}" for value in scores.cuts]
     if scores.flip is not None:
         values.append(f"{scores.flip:.3f}")
     if picture.budget is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,12 +9,13 @@ import numpy as np
 
 from iprt.measure import metrics
 from iprt.measure.compare import DIFFERENCE_GAIN, difference
+from iprt.measure.results import json_text
 from iprt.output.picture import write_display_png
 
 COLUMNS = 8
 
 
-class Strip:
+class FilmStrip:
     """Up to eight evenly spaced frames, cropped to the last of a view's cuts.
 
     Below each frame are its converged picture and their difference, if known.
@@ -56,6 +56,6 @@ class Strip:
             metadata={
                 "iprt:frames": ", ".join(map(str, sorted(self._columns))),
                 "iprt:rows": f"render, converged, absolute difference x{DIFFERENCE_GAIN:g}",
-                "iprt:figures": json.dumps(figures),
+                "iprt:figures": json_text(figures),
             },
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from statistics import fmean
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from iprt.footage.frame import Frame
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
+from iprt.measure.results import grid_of
 from iprt.output.grid import Grid
 from iprt.settings.features import Features
 from iprt.world.real.real_world import RealWorld
@@ -65,31 +66,23 @@ class PreparationTimes:
     loading_ms: float
     passes: tuple[PassTime, ...]
 
-    @property
-    def frames_per_s(self) -> float:
-        """Frames per second."""
-        return 1e3 / self.ms
 
-    def record(self) -> dict[str, Any]:
-        """Return the times as plain data for JSON."""
-        return {**asdict(self), "frames_per_s": self.frames_per_s}
-
-    def grid(self) -> Grid:
-        """Build a table of the times."""
-        width, height = self.size
-        rows = [
-            ("first frame", f"{self.first_ms:.0f}"),
-            ("each further frame", f"{self.ms:.1f}"),
-            ("  preparing it ahead", f"{self.preparing_ms:.1f}"),
-            ("  loading it", f"{self.loading_ms:.1f}"),
-        ]
-        rows += [(f"    {one.name} (device)", f"{one.device_ms:.1f}") for one in self.passes]
-        notes = (
-            f"{self.frames_per_s:.1f} frames a second without decoding, over {self.frames} frames",
-            "frames are prepared while others are loaded, so that times of parts do not add up",
-        )
-        title = f"{self.scene}, video of {width} x {height} on {self.device}"
-        return Grid(title, ("frame", "ms"), tuple(rows), notes)
+def preparation_grid(times: PreparationTimes) -> Grid:
+    """Build a table of the times."""
+    width, height = times.size
+    rows = {
+        "first frame": f"{times.first_ms:.0f}",
+        "each further frame": f"{times.ms:.1f}",
+        "  preparing it ahead": f"{times.preparing_ms:.1f}",
+        "  loading it": f"{times.loading_ms:.1f}",
+        **{f"    {one.name} (device)": f"{one.device_ms:.1f}" for one in times.passes},
+    }
+    return grid_of(
+        f"{times.scene}, video of {width} x {height} on {times.device}",
+        [{"frame": name, "ms": ms} for name, ms in rows.items()],
+        f"{1e3 / times.ms:.1f} frames a second without decoding, over {times.frames} frames",
+        "frames are prepared while others are loaded, so that times of parts do not add up",
+    )
 
 
 def time_preparation(
@@ -104,13 +97,11 @@ def time_preparation(
     """Time `frames` frames of a scene's video, resized to `size` (width, height) if given."""
     held = _decoded(scene, size)
     height, width = held[0].depth.shape
-    with_kernels = _world(device, scene, scene.preparation()(held[0]), settings)
-    device.wait()
-    del with_kernels
-    start = time.perf_counter()
-    world = _world(device, scene, scene.preparation()(held[0]), settings)
-    device.wait()
-    first_ms = (time.perf_counter() - start) * 1e3
+    for _ in range(2):  # the first one compiles kernels
+        start = time.perf_counter()
+        world = _world(device, scene, scene.preparation()(held[0]), settings)
+        device.wait()
+        first_ms = (time.perf_counter() - start) * 1e3
     preparing: list[float] = []
     loading: list[float] = []
     count = WARM_UP + frames
@@ -126,21 +117,19 @@ def time_preparation(
                 start = end
             if progress is not None:
                 progress(index + 1)
-    ms = (end - start) / frames * 1e3
-    passes = tuple(
-        replace(one, device_ms=one.device_ms / frames, host_ms=one.host_ms / frames)
-        for one in device.profile.passes()
-    )
     return PreparationTimes(
-        scene.name,
-        device.name,
-        (width, height),
-        frames,
-        first_ms,
-        ms,
-        fmean(preparing[WARM_UP:]) * 1e3,
-        fmean(loading[WARM_UP:]) * 1e3,
-        passes,
+        scene=scene.name,
+        device=device.name,
+        size=(width, height),
+        frames=frames,
+        first_ms=first_ms,
+        ms=(end - start) / frames * 1e3,
+        preparing_ms=fmean(preparing[WARM_UP:]) * 1e3,
+        loading_ms=fmean(loading[WARM_UP:]) * 1e3,
+        passes=tuple(
+            replace(one, device_ms=one.device_ms / frames, host_ms=one.host_ms / frames)
+            for one in device.profile.passes()
+        ),
     )
 
 

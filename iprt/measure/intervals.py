@@ -10,6 +10,7 @@ from statistics import fmean, stdev
 import numpy as np
 
 CONFIDENCE = 0.95
+OVER_SEEDS = f"±: {CONFIDENCE:.0%} confidence over seeds."
 BLOCKS = 8
 """Number of blocks of consecutive pairs that a ratio averages."""
 

@@ -49,7 +49,7 @@ def ssim(test: Image, truth: Image) -> float:
 
     Source: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
     structural similarity", IEEE TIP 2004, with its parameters (sigma 1.5, population covariance),
-    averaged over colour channels.
+    averaged over color channels.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def flip(test: Image, truth: Image) -> float | None:
 
     Source: Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
     """
-    evaluated = _evaluate_flip(test, truth, colours=False)
+    evaluated = _evaluate_flip(test, truth, colors=False)
     return None if evaluated is None else float(evaluated[1])
 
 
@@ -121,11 +121,11 @@ def flip_map(test: Image, truth: Image) -> Image | None:
 
     The result is None if the package `flip_evaluator` is not installed.
     """
-    evaluated = _evaluate_flip(test, truth, colours=True)
+    evaluated = _evaluate_flip(test, truth, colors=True)
     return None if evaluated is None else np.asarray(evaluated[0], np.float64)
 
 
-def _evaluate_flip(test: Image, truth: Image, *, colours: bool) -> Any:
+def _evaluate_flip(test: Image, truth: Image, *, colors: bool) -> Any:
     """Return error map, mean error and parameters; None if the evaluator is not installed."""
     # The evaluator silently drops NaN pixels from its mean, so both images are checked here.
     _require_comparable(test, truth)
@@ -138,7 +138,7 @@ def _evaluate_flip(test: Image, truth: Image, *, colours: bool) -> Any:
         np.ascontiguousarray(test, np.float32),
         "LDR",
         inputsRGB=True,
-        applyMagma=colours,
+        applyMagma=colors,
         parameters={"ppd": FLIP_PPD},
     )
 

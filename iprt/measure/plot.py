@@ -47,7 +47,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Series:
-    """Marks of one colour. A polyline or, with `steps`, a step line joins the solid ones."""
+    """Marks of one color. A polyline or, with `steps`, a step line joins the solid ones."""
 
     name: str
     marks: tuple[Mark, ...]
@@ -94,19 +94,19 @@ class Plot:
         axes.minorticks_off()
         identities = iter(self._identities())
         for number, series in enumerate(self.series):
-            colour = f"C{number}"
+            color = f"C{number}"
             line = sorted((mark.x, mark.y) for mark in series.marks if mark.solid)
             axes.plot(
                 [x for x, _ in line],
                 [y for _, y in line],
-                color=colour,
+                color=color,
                 drawstyle="steps-post" if series.steps else "default",
                 label=series.name,
             )
             for mark in series.marks:
-                axes.errorbar(mark.x, mark.y, mark.half or None, fmt="none", color=colour)
-                fill = colour if mark.solid else "white"
-                axes.plot(mark.x, mark.y, "o", color=colour, mfc=fill, gid=next(identities))
+                axes.errorbar(mark.x, mark.y, mark.half or None, fmt="none", color=color)
+                fill = color if mark.solid else "white"
+                axes.plot(mark.x, mark.y, "o", color=color, mfc=fill, gid=next(identities))
                 axes.annotate(
                     mark.label, (mark.x, mark.y), (6, 5), textcoords="offset points", fontsize=9
                 )

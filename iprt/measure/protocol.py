@@ -26,8 +26,9 @@ def scene_hash(scene: Scene) -> str:
     The hash covers the parsed manifest without name and settings, and the bytes of all files that
     it names, including truths. Copies of a scene have the same hash on any machine.
     """
-    said = scene.manifest.model_dump_json(exclude={"name", "settings"})
-    digest = hashlib.sha256(said.encode())
+    # Without defaults, so that a new key of the format changes no hash.
+    text = scene.manifest.model_dump_json(exclude={"name", "settings"}, exclude_defaults=True)
+    digest = hashlib.sha256(text.encode())
     for file in sorted(input_files(scene) | _truths(scene)):
         if file.is_file() and file.name != MANIFEST_NAME:
             with file.open("rb") as opened:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Picture:
+class EmbeddedPicture:
     """A PNG in the page; `data` is its data URI."""
 
     label: str
@@ -41,7 +41,7 @@ class Figures:
 
     title: str
     caption: str
-    pictures: tuple[Picture, ...]
+    pictures: tuple[EmbeddedPicture, ...]
 
 
 @dataclass
@@ -76,24 +76,25 @@ class Report:
             temporary.write_text(self.html(), encoding="utf-8")
 
 
-def compared_figures(compared: Compared) -> Figures:
+def compared_figures(compared: Compared) -> tuple[Figures, ...]:
     """Show render, truth, difference and FLIP map of a comparison."""
-    result = compared.comparison
-    scores = result.scores
+    result, scores = compared.comparison, compared.comparison.scores
     flip = "" if scores.flip is None else f", FLIP {scores.flip:.4f}"
-    cuts = " / ".join(f"{value:.4f}" for value in scores.ssim_cuts)
-    return Figures(
+    cuts = " / ".join(f"{value:.4f}" for value in scores.cuts)
+    figures = Figures(
         title=f"{result.view}, method {result.method}",
         caption=(
-            f"over the background of the {result.background}: SSIM {scores.ssim:.4f}"
-            + (f", cuts {cuts}" if cuts else "")
-            + f", PSNR {scores.psnr:.2f} dB, MSE {scores.mse:.2e}, RMSE {scores.rmse:.4g}{flip}"
+            f"over the background of the {result.background}: SSIM {scores.ssim:.4f}, cuts {cuts}, "
+            f"PSNR {scores.psnr:.2f} dB, MSE {scores.mse:.2e}, RMSE {scores.rmse:.4g}{flip}"
         ),
         pictures=scored_pictures(compared.target, compared.color),
     )
+    return (figures,)
 
 
-def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> tuple[Picture, ...]:
+def scored_pictures(
+    target: Target, color: Radiance, *, crop: bool = False
+) -> tuple[EmbeddedPicture, ...]:
     """Show a picture, its truth, their difference, and the FLIP map if FLIP is installed.
 
     Parameters
@@ -121,14 +122,14 @@ def scored_pictures(target: Target, color: Radiance, *, crop: bool = False) -> t
     )
 
 
-def png_picture(label: str, image: metrics.Image) -> Picture:
+def png_picture(label: str, image: metrics.Image) -> EmbeddedPicture:
     """Encode a display-referred image (H, W, 3) in [0, 1] as an 8-bit PNG."""
     from PIL import Image
 
     stream = io.BytesIO()
     Image.fromarray(np.rint(image * 255.0).astype(np.uint8)).save(stream, "PNG", optimize=True)
     data = "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
-    return Picture(label, image.shape[1], image.shape[0], data)
+    return EmbeddedPicture(label, image.shape[1], image.shape[0], data)
 
 
 @cache

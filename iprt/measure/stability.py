@@ -6,8 +6,8 @@ order and keep only the last one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -102,36 +102,26 @@ class Flicker:
     output, reference : float
         Difference in the pictures, and in the reference (the input or the truth) on the same
         pixels. NaN without pixels.
+    ratio : float
+        Flicker of the pictures over flicker of the reference; 1 if equal, NaN without pixels.
     pixels : int
         Number of evaluated pixels over all frames.
     """
 
     output: float
     reference: float
+    ratio: float
     pixels: int
 
-    @property
-    def excess(self) -> float:
-        """Flicker of the pictures minus flicker of the reference."""
-        return self.output - self.reference
-
-    @property
-    def ratio(self) -> float:
-        """Flicker of the pictures over flicker of the reference; 1 if equal, NaN without pixels."""
-        if self.output == self.reference:
-            return 1.0
-        return self.output / self.reference if self.reference > 0.0 else np.inf
-
-    def record(self) -> dict[str, object]:
-        """Return the flicker as plain data, with NaN as None."""
-        values = {
-            "output": self.output,
-            "reference": self.reference,
-            "excess": self.excess,
-            "ratio": self.ratio,
-        }
-        plain = {key: value if np.isfinite(value) else None for key, value in values.items()}
-        return {**plain, "pixels": self.pixels}
+    @classmethod
+    def of(cls, output: float, reference: float, pixels: int) -> Flicker:
+        """Divide the sums of the differences by the number of pixels."""
+        if pixels == 0:
+            return cls(np.nan, np.nan, np.nan, 0)
+        ratio = output / reference if reference > 0.0 else np.inf
+        return cls(
+            output / pixels, reference / pixels, 1.0 if output == reference else ratio, pixels
+        )
 
 
 _Picture = tuple[Image, Image | None, Mapping[Kind, Mask]]
@@ -176,9 +166,7 @@ class FlickerMeter:
     def result(self, kind: Kind) -> Flicker:
         """Return the flicker of a kind of pixel."""
         output, reference, pixels = self._sums[kind]
-        if pixels == 0:
-            return Flicker(np.nan, np.nan, 0)
-        return Flicker(float(output / pixels), float(reference / pixels), int(pixels))
+        return Flicker.of(float(output), float(reference), int(pixels))
 
 
 def left_behind(
@@ -251,27 +239,22 @@ class Trail:
 
     Attributes
     ----------
+    frames : int or None
+        Number of frames after which no ghost is visible. None: nothing left, or the video ends
+        before the ghost has vanished.
     ages : tuple of Age
         Statistics by the number of frames since something left.
     """
 
+    frames: int | None
     ages: tuple[Age, ...]
 
-    @property
-    def frames(self) -> int | None:
-        """Number of frames after which no ghost is visible.
-
-        None: nothing left, or the video ends before the ghost has vanished.
-        """
-        known = [index for index, age in enumerate(self.ages) if age.known]
-        if not known:
-            return None
-        length = max((index + 1 for index in known if self.ages[index].seen), default=0)
-        return length if length <= known[-1] else None
-
-    def record(self) -> dict[str, object]:
-        """Return the trail as plain data."""
-        return {"frames": self.frames, "ages": [asdict(age) for age in self.ages]}
+    @classmethod
+    def of(cls, ages: Sequence[Age]) -> Trail:
+        """Find the length of a trail."""
+        known = [index for index, age in enumerate(ages) if age.known]
+        length = max((index + 1 for index in known if ages[index].seen), default=0)
+        return cls(length if known and length <= known[-1] else None, tuple(ages))
 
 
 class TrailMeter:
@@ -316,7 +299,7 @@ class TrailMeter:
 
     def result(self) -> Trail:
         """Return the trail of all pictures so far."""
-        return Trail(tuple(map(_age_of, self._sums)))
+        return Trail.of([_age_of(sums) for sums in self._sums])
 
 
 def _age_of(sums: NDArray[np.float64]) -> Age:

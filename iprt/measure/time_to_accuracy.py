@@ -15,8 +15,8 @@ from statistics import median
 from iprt.errors import IprtError
 from iprt.files.termination import at_termination
 from iprt.measure.compare import scored
-from iprt.measure.convergence import Curve, curve
-from iprt.measure.timed_renderers import Entry, Subject
+from iprt.measure.convergence_curves import Curve, curve
+from iprt.measure.timed_renderers import RacedRenderer, RacedView
 from iprt.measure.view_truth import Radiance, Scores, Target
 
 Picture = tuple[float, Radiance]
@@ -26,8 +26,8 @@ QUICK_S, TRIES = 4.0, 3
 
 
 @dataclass(frozen=True)
-class Result:
-    """Result of one renderer on a view.
+class RaceResult:
+    """RaceResult of one renderer on a view.
 
     Attributes
     ----------
@@ -36,17 +36,10 @@ class Result:
         sample per pixel), minus the seconds of a second such picture.
     curve : Curve
         Accuracy against seconds per picture, with the scene in memory.
-    color : (H, W, 3) float32
-        Linear radiance of the last picture.
     """
 
     once: float
     curve: Curve
-    color: Radiance
-
-    def record(self) -> dict[str, object]:
-        """Return the result as plain data, without the picture."""
-        return {"once": self.once, **self.curve.record()}
 
 
 class RendererProcess:
@@ -55,7 +48,7 @@ class RendererProcess:
     Attributes
     ----------
     once : float
-        One-time cost; see `Result`.
+        One-time cost; see `RaceResult`.
     """
 
     def __init__(self, label: str, pipe: Connection, start: float) -> None:
@@ -95,7 +88,7 @@ class RendererProcess:
 
 
 @contextmanager
-def renderer_process(entry: Entry, subject: Subject) -> Iterator[RendererProcess]:
+def renderer_process(raced: RacedRenderer, view: RacedView) -> Iterator[RendererProcess]:
     """Start a renderer's process, and end it after the `with` block."""
     # Starting the resource tracker unblocks signals that `end_on_signals` blocks in all threads.
     kept = signal.pthread_sigmask(signal.SIG_BLOCK, ())
@@ -103,23 +96,23 @@ def renderer_process(entry: Entry, subject: Subject) -> Iterator[RendererProcess
     signal.pthread_sigmask(signal.SIG_SETMASK, kept)
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, entry, subject), daemon=True)
+    process = context.Process(target=_serve, args=(theirs, raced, view), daemon=True)
     start = time.perf_counter()
     process.start()
     theirs.close()  # else the end of the process would not close the pipe
     # The process inherits the blocked signals, so it must be killed explicitly.
     with ours, at_termination(process.kill):
         try:
-            yield RendererProcess(entry.label, ours, start)
+            yield RendererProcess(raced.label, ours, start)
         finally:
             process.kill()
             process.join()
 
 
-def _serve(pipe: Connection, entry: Entry, subject: Subject) -> None:
+def _serve(pipe: Connection, raced: RacedRenderer, view: RacedView) -> None:
     """Render requested pictures until the pipe is closed."""
     try:
-        renderer = entry.renderer(subject)
+        renderer = raced.load(view)
         renderer.prepare(0)
         pipe.send(None)
         while True:
@@ -131,15 +124,15 @@ def _serve(pipe: Connection, entry: Entry, subject: Subject) -> None:
 
 
 def run_race(
-    subjects: Sequence[Subject],
-    entries: Sequence[Entry],
+    views: Sequence[RacedView],
+    renderers: Sequence[RacedRenderer],
     counts: Sequence[int],
     *,
     enough: float,
     seeds: int,
     progress: Callable[[int], None] | None = None,
-) -> Iterator[tuple[Target, list[Result]]]:
-    """Measure all renderers on each view; yield the results in the order of `entries`.
+) -> Iterator[tuple[list[RaceResult], Target, list[Radiance]]]:
+    """Measure all renderers on each view; yield results with the last pictures, linear.
 
     Renderers are interleaved picture by picture, so that a slowdown of the machine affects all.
 
@@ -155,9 +148,10 @@ def run_race(
         Called with the number of pictures done so far, including skipped ones.
     """
     done = 0
-    for subject in subjects:
+    for view in views:
+        target = view.target
         with ExitStack() as stack:
-            processes = [stack.enter_context(renderer_process(entry, subject)) for entry in entries]
+            processes = [stack.enter_context(renderer_process(raced, view)) for raced in renderers]
             tracks = [Track(counts, enough) for _ in processes]
             for seed in range(seeds):
                 for count in counts:
@@ -165,17 +159,15 @@ def run_race(
                         if count in track.counts:
                             seconds, color = _timed(process, count, seed)
                             what = f"{process.label}, {count}"
-                            track.add(seed, seconds, scored(subject.target, color, what), color)
+                            track.add(seed, seconds, scored(target, color, what), color)
                         done += 1
                         if progress is not None:
                             progress(done)
-        yield (
-            subject.target,
-            [
-                track.result(subject.target.name, process.label, process.once)
-                for process, track in zip(processes, tracks, strict=True)
-            ],
-        )
+        results = [
+            RaceResult(process.once, track.curve(target.name, process.label))
+            for process, track in zip(processes, tracks, strict=True)
+        ]
+        yield results, target, [track.color for track in tracks]
 
 
 def _timed(process: RendererProcess, count: int, seed: int) -> Picture:
@@ -193,7 +185,11 @@ class Track:
     ----------
     counts : list of int
         Counts to render, up to the first one that is accurate enough for the first seed.
+    color : (H, W, 3) float32
+        Linear radiance of the last picture.
     """
+
+    color: Radiance
 
     def __init__(self, counts: Sequence[int], enough: float) -> None:
         self.counts = list(counts)
@@ -206,10 +202,10 @@ class Track:
             self._runs.append([])
         run = self._runs[seed]
         run.append((seconds, scores))
-        self._color = color
-        if seed == 0 and min(scores.ssim_cuts or (scores.ssim,)) >= self._enough:
+        self.color = color
+        if seed == 0 and min(scores.cuts) >= self._enough:
             del self.counts[len(run) :]
 
-    def result(self, view: str, label: str, once: float) -> Result:
+    def curve(self, view: str, label: str) -> Curve:
         """Combine all pictures, at least one."""
-        return Result(once, curve(view, label, self.counts, self._runs), self._color)
+        return curve(view, label, self.counts, self._runs)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from iprt.measure.sweep import Combination, still_settings
-from iprt.measure.view_truth import Radiance, Target
+from iprt.measure.combinations import Combination, still_settings
+from iprt.measure.measurement import Measurement
+from iprt.measure.view_truth import Radiance, Target, with_frames
 
 if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
@@ -24,8 +25,8 @@ FULL, PANORAMA = "Mitsuba, full geometry", "Mitsuba, panorama"
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A view to render.
+class RacedView:
+    """A view to render, from which a process can load the scene.
 
     Attributes
     ----------
@@ -69,61 +70,90 @@ class TimedRenderer(Protocol):
         """
 
 
-class Entry(Protocol):
-    """A picklable description of a renderer, from which a process can build it."""
-
-    @property
-    def label(self) -> str:
-        """Name of the renderer in reports."""
-
-    def renderer(self, subject: Subject) -> TimedRenderer:
-        """Import, load and build the renderer."""
-
-
 @dataclass(frozen=True)
-class IprtEntry:
-    """iprt with a combination of settings; for `device` see `choose_device`."""
+class RacedRenderer:
+    """A renderer that can be sent to a process.
 
-    combination: Combination
-    device: str | None
+    Attributes
+    ----------
+    label : str
+        Name in reports.
+    load : callable
+        Imports the renderer and loads a view.
+    """
 
-    @property
-    def label(self) -> str:
-        """`iprt`, with the swept values if there are any."""
-        changed = self.combination.values
-        return f"{OURS}, {self.combination.label}" if changed else OURS
-
-    def renderer(self, subject: Subject) -> TimedRenderer:
-        """Open the device and load the scene."""
-        from iprt.device.choose import choose_device
-        from iprt.device.compute import ComputeDevice
-
-        device = ComputeDevice(choose_device(self.device))
-        frame, instances = subject.frame(), subject.instances()
-        return TimedIprt(self.combination, device, frame, instances, subject.target)
+    label: str
+    load: Callable[[RacedView], TimedRenderer]
 
 
-@dataclass(frozen=True)
-class FullEntry:
-    """Mitsuba's path tracer with the full geometry, built by the Python module `model`."""
-
-    model: str
-    label: str = field(default=FULL, init=False)
-
-    def renderer(self, subject: Subject) -> TimedRenderer:
-        """Load the full geometry and the objects."""
-        return _Full(self.model, subject)
+def raced_iprt(combination: Combination, device: str | None) -> RacedRenderer:
+    """Return iprt with a combination of settings; for `device` see `choose_device`."""
+    label = f"{OURS}, {combination.label}" if combination.values else OURS
+    return RacedRenderer(label, partial(_load_iprt, combination, device))
 
 
-@dataclass(frozen=True)
-class PanoramaEntry:
-    """Mitsuba with the geometry and light of the panorama, over the target's background."""
+def raced_mitsuba(model: str | None) -> RacedRenderer:
+    """Return Mitsuba's path tracer, with the full geometry or in the panorama's world.
 
-    label: str = field(default=PANORAMA, init=False)
+    Parameters
+    ----------
+    model : str or None
+        Module that builds the full geometry. None: geometry and light of the panorama, over the
+        target's background.
+    """
+    if model is None:
+        return RacedRenderer(PANORAMA, _load_panorama)
+    return RacedRenderer(FULL, partial(_load_full, model))
 
-    def renderer(self, subject: Subject) -> TimedRenderer:
-        """Load the panorama and the objects."""
-        return _Panorama(subject)
+
+def _load_iprt(combination: Combination, spec: str | None, view: RacedView) -> TimedRenderer:
+    from iprt.device.choose import choose_device
+    from iprt.device.compute import ComputeDevice
+
+    device = ComputeDevice(choose_device(spec))
+    return TimedIprt(combination, device, view.frame(), view.instances(), view.target)
+
+
+def _load_full(model: str, raced: RacedView) -> TimedRenderer:
+    from iprt.truth.model import load_parts, load_scene, render_color
+    from iprt.truth.shapes import instance_shapes
+
+    view = raced.target.view
+    scene = load_scene({**load_parts(model), **instance_shapes(raced.instances())})
+    return TimedMitsuba(lambda spp, seed: render_color(scene, view, spp=spp, seed=seed))
+
+
+def _load_panorama(raced: RacedView) -> TimedRenderer:
+    from iprt.truth.panorama import load_world, render_reference
+
+    target = raced.target
+    world = load_world(raced.frame(), raced.instances())
+
+    def render(spp: int, seed: int) -> Radiance:
+        result = render_reference(world, target.view, spp=spp, seed=seed)
+        if target.background is None:
+            return result.color
+        uncovered = 1.0 - result.coverage[..., None]
+        return uncovered * target.background * result.ratio + result.objects
+
+    return TimedMitsuba(render)
+
+
+class TimedMitsuba:
+    """Mitsuba in this process; `render` returns a picture of samples per pixel and a seed."""
+
+    def __init__(self, render: Callable[[int, int], Radiance]) -> None:
+        self._render = render
+
+    def prepare(self, seed: int) -> None:
+        """Render one picture."""
+        self._render(1, seed)
+
+    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
+        """Render `count` samples per pixel; return seconds and linear radiance."""
+        start = time.perf_counter()
+        color = self._render(count, seed)
+        return time.perf_counter() - start, color
 
 
 class TimedIprt:
@@ -143,7 +173,7 @@ class TimedIprt:
         from iprt.world.shared import Worlds
 
         self._combination, self._device, self._target = combination, device, target
-        self._frame, self._instances = frame, instances
+        self.frame, self.instances = frame, instances
         self._worlds = Worlds()
         self._kept: Any = None
         self._renderer: Renderer | None = None
@@ -156,11 +186,11 @@ class TimedIprt:
         self._drop()
         self._seed = seed
         settings = still_settings(self._combination.settings, seed)
-        require_memory(self._device, self._frame, self._instances, self._target.view, settings)
+        require_memory(self._device, self.frame, self.instances, self._target.view, settings)
         renderer = self._renderer = self._new()
         renderer.render(1)
         # `_worlds` holds weak references only.
-        self._kept = renderer.world if self._instances else renderer.real_world
+        self._kept = renderer.world if self.instances else renderer.real_world
         self._drop()
 
     def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
@@ -183,8 +213,8 @@ class TimedIprt:
 
         renderer = Renderer(
             self._device,
-            self._frame,
-            self._instances,
+            self.frame,
+            self.instances,
             self._target.view,
             still_settings(self._combination.settings, self._seed),
             background=self._target.background,
@@ -201,50 +231,9 @@ class TimedIprt:
         self._renderer, self._done, self._seconds = None, 0, 0.0
 
 
-class _Full:
-    """Mitsuba's path tracer for the whole picture, including the background."""
-
-    def __init__(self, model: str, subject: Subject) -> None:
-        from iprt.truth.model import load_parts, load_scene
-        from iprt.truth.shapes import instance_shapes
-
-        self._view = subject.target.view
-        self._scene = load_scene({**load_parts(model), **instance_shapes(subject.instances())})
-
-    def prepare(self, seed: int) -> None:
-        """Render one picture."""
-        self.picture(1, seed)
-
-    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
-        """Render `count` samples per pixel; return seconds and linear radiance."""
-        from iprt.truth.model import render_color
-
-        start = time.perf_counter()
-        color = render_color(self._scene, self._view, spp=count, seed=seed)
-        return time.perf_counter() - start, color
-
-
-class _Panorama:
-    """Differential rendering with Mitsuba: objects over the relit background of the target."""
-
-    def __init__(self, subject: Subject) -> None:
-        from iprt.truth.panorama import load_world
-
-        self._target = subject.target
-        self._world = load_world(subject.frame(), subject.instances())
-
-    def prepare(self, seed: int) -> None:
-        """Render one picture."""
-        self.picture(1, seed)
-
-    def picture(self, count: int, seed: int) -> tuple[float, Radiance]:
-        """Render `count` samples per pixel; return seconds and linear radiance."""
-        from iprt.truth.panorama import render_reference
-
-        start = time.perf_counter()
-        result = render_reference(self._world, self._target.view, spp=count, seed=seed)
-        color = result.color
-        if self._target.background is not None:
-            uncovered = 1.0 - result.coverage[..., None]
-            color = uncovered * self._target.background * result.ratio + result.objects
-        return time.perf_counter() - start, color
+def timed_iprt(plan: Measurement) -> Iterator[tuple[Target, Combination, TimedIprt]]:
+    """Yield a renderer for each view and combination of settings."""
+    for target, frame in with_frames(plan.scene, plan.targets):
+        instances = plan.scene.instances_named(target.objects)
+        for combination in plan.chosen:
+            yield target, combination, TimedIprt(combination, plan.device, frame, instances, target)

@@ -130,7 +130,7 @@ class Tradeoff(_Table):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if [entry.name for entry in self.entries] != list(LADDER):
-            raise ValueError("its entries are not those of this version")
+            raise ValueError("its entries differ from this version's")
         if self.frames != sorted(set(self.frames)):
             raise ValueError("frames: expected rising numbers")
         for entry in self.entries:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from statistics import fmean
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from iprt.errors import FormatError, IprtError, SceneError
 from iprt.files.images import read_color
 from iprt.footage.video.sequence import frame_path
 from iprt.measure import metrics
+from iprt.measure.intervals import Estimate
 from iprt.output.display import display
 
 if TYPE_CHECKING:
@@ -57,10 +59,48 @@ class Scores:
     rmse: float
     flip: float | None
 
-    def record(self) -> dict[str, object]:
-        """Return the scores as plain data. An infinite `psnr` becomes None for JSON."""
-        psnr = self.psnr if np.isfinite(self.psnr) else None
-        return {**asdict(self), "ssim_cuts": list(self.ssim_cuts), "psnr": psnr}
+    @property
+    def cuts(self) -> tuple[float, ...]:
+        """SSIM of each cut, or of the whole view if it has none."""
+        return self.ssim_cuts or (self.ssim,)
+
+
+@dataclass(frozen=True)
+class ScoreEstimates:
+    """Scores of a view over several pictures; see `Scores`."""
+
+    ssim: Estimate
+    ssim_cuts: tuple[Estimate, ...]
+    rmse: Estimate
+    flip: Estimate | None
+
+    @classmethod
+    def of(cls, scores: Sequence[Scores]) -> ScoreEstimates:
+        """Estimate from the scores of at least one picture."""
+        flips = [score.flip for score in scores if score.flip is not None]
+        return cls(
+            ssim=Estimate.of([score.ssim for score in scores]),
+            ssim_cuts=tuple(
+                map(Estimate.of, zip(*(score.ssim_cuts for score in scores), strict=True))
+            ),
+            rmse=Estimate.of([score.rmse for score in scores]),
+            flip=Estimate.of(flips) if flips else None,
+        )
+
+    @property
+    def cuts(self) -> tuple[Estimate, ...]:
+        """SSIM of each cut, or of the whole view if it has none."""
+        return self.ssim_cuts or (self.ssim,)
+
+    @property
+    def accuracy(self) -> float:
+        """Mean of `cuts`."""
+        return fmean(cut.mean for cut in self.cuts)
+
+    def cells(self) -> dict[str, str]:
+        """Return the SSIM of the cuts and of the view as cells of a table, by column."""
+        named = {f"SSIM cut {number}": cut for number, cut in enumerate(self.ssim_cuts, start=1)}
+        return {column: ssim.text() for column, ssim in {**named, "SSIM": self.ssim}.items()}
 
 
 @dataclass(frozen=True)

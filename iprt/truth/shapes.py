@@ -68,19 +68,19 @@ def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None) -> Any:
 def bsdf_of(material: Material) -> dict[str, Any]:
     """Return the Mitsuba BSDF of a virtual object's material."""
     mi = mitsuba()
-    colour: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
+    color: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
         tinted = material.texture[::-1] * np.array(material.albedo, np.float32)
-        colour = {
+        color = {
             "type": "bitmap",
             "bitmap": mi.Bitmap(np.ascontiguousarray(tinted, np.float32)),
             "raw": True,
         }
     smooth = material.alpha < MIRROR_ALPHA
     if material.kind == "diffuse":
-        return {"type": "diffuse", "reflectance": colour}
+        return {"type": "diffuse", "reflectance": color}
     if material.kind == "conductor":
-        metal = {"material": "none", "specular_reflectance": colour}
+        metal = {"material": "none", "specular_reflectance": color}
         if smooth:
             return {"type": "conductor", **metal}
         return {
@@ -89,7 +89,7 @@ def bsdf_of(material: Material) -> dict[str, Any]:
             "alpha": material.alpha,
             **metal,
         }
-    coat = {"int_ior": material.ior, "nonlinear": False, "diffuse_reflectance": colour}
+    coat = {"int_ior": material.ior, "nonlinear": False, "diffuse_reflectance": color}
     if smooth:
         return {"type": "plastic", **coat}
     return {"type": "roughplastic", "distribution": "ggx", "alpha": material.alpha, **coat}

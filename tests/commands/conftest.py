@@ -90,6 +90,6 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
     monkeypatch.setattr("iprt.device.choose.choose_device", lambda spec: spec)
     import_module("iprt.device.counting")  # derives from the class, which is replaced here
     monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
-    monkeypatch.setattr("iprt.commands.video.ComputeDevice", compute)
+    monkeypatch.setattr("iprt.commands.render_video.ComputeDevice", compute)
     monkeypatch.setattr(RenderJob, "film", film)
     return lambda *args, **kwargs: render(folder, *args, **kwargs)

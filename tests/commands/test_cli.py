@@ -68,26 +68,32 @@ def test_the_verbs_code_is_the_exit_code(install: Install, code: int) -> None:
     assert cli.main(["try-it"]) == code
 
 
+NOTED = SceneError("bad")
+NOTED.add_note("3 of 6 are finished")
+
+
 @pytest.mark.parametrize(
-    ("error", "code"), [(SceneError("room/scene.toml: no 'depth'"), 2), (DeviceError("none"), 3)]
+    ("error", "code", "told"),
+    [
+        (SceneError("room/scene.toml: no 'depth'"), 2, "room/scene.toml: no 'depth'"),
+        (DeviceError("none"), 3, "none"),
+        (
+            KernelError("cl/a.cl failed\n  device   a device\nx"),
+            3,
+            "cl/a.cl failed\n  device   a device\nx",
+        ),
+        (NOTED, 2, "bad; 3 of 6 are finished"),
+    ],
+    ids=["input", "device", "lines of compilers", "note"],
 )
-def test_errors_of_the_user_are_one_line(
-    install: Install, capsys: pytest.CaptureFixture[str], error: Exception, code: int
+def test_errors_of_the_user_end_without_a_traceback(
+    install: Install, capsys: pytest.CaptureFixture[str], error: Exception, code: int, told: str
 ) -> None:
     install(raising(error))
     assert cli.main(["try-it"]) == code
     captured = capsys.readouterr()
-    assert captured.err == f"iprt: error: {error}\n"
+    assert captured.err == f"iprt: error: {told}\n"
     assert captured.out == ""
-
-
-def test_reports_of_compilers_keep_their_lines(
-    install: Install, capsys: pytest.CaptureFixture[str]
-) -> None:
-    install(raising(KernelError("cl/a.cl did not build\n  device   a device\nerror: x")))
-    assert cli.main(["try-it"]) == 3
-    report = "iprt: error: cl/a.cl did not build\n  device   a device\nerror: x\n"
-    assert capsys.readouterr().err == report
 
 
 @pytest.mark.parametrize("arguments", [["--debug", "try-it"], ["try-it", "--debug"]])
@@ -99,14 +105,6 @@ def test_debug_shows_the_traceback(
     captured = capsys.readouterr()
     assert "Traceback" in captured.err
     assert captured.err.endswith("iprt: error: bad\n")
-
-
-def test_notes_of_errors_are_told(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
-    error = SceneError("bad")
-    error.add_note("3 of 6 are finished")
-    install(raising(error))
-    assert cli.main(["try-it"]) == 2
-    assert capsys.readouterr().err == "iprt: error: bad; 3 of 6 are finished\n"
 
 
 def test_a_defect_is_told_from_bad_input(

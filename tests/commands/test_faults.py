@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -220,23 +219,6 @@ def test_a_folder_that_became_a_file_is_one_line(
     line = fails("render", scene, "-o", out / "a.png", *SMALL)
     assert line.endswith(f"a.png: {out} is a file, not a folder\n")
     assert out.read_text() == "mine"
-
-
-def test_a_disk_filled_after_others_keeps_what_is_finished(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: Callable[..., str]
-) -> None:
-    finished = tmp_path / "out" / "first.png"
-    write_picture(finished, np.ones((4, 4, 3), np.float32))
-    before = finished.read_bytes()
-
-    def full(*_: Any) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    line = fails("render", scene, "-o", tmp_path / "out" / "second.png", *SMALL)
-    assert "second.png: cannot be written: No space left on device" in line
-    assert [path.name for path in finished.parent.iterdir()] == ["first.png"]
-    assert finished.read_bytes() == before
 
 
 @pytest.mark.parametrize("limit", ["0", "-1", "nan", "inf"])

@@ -12,7 +12,6 @@ import pytest
 
 from iprt import __version__
 from iprt.cli import VERBS
-from iprt.errors import FormatError, OutputError
 from tests.scene.files import CUBE, snapshot
 from tests.waiting import DEADLINE_S
 
@@ -177,14 +176,6 @@ def test_characters_that_an_encoding_lacks_are_replaced(
 
 
 @pytest.mark.thorough
-def test_the_plain_locale_of_c_shows_tables(folder: Path) -> None:
-    result = shell("doctor", folder, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
-    assert result.returncode == 0, result.stderr
-    assert b"+-----" in result.stdout
-    assert b"OpenCL devices" in result.stdout
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("words", "columns"),
     [
@@ -241,17 +232,6 @@ def test_quiet_and_verbose_exclude_each_other(folder: Path) -> None:
     assert result.stderr == b"iprt: error: --quiet and --verbose: give one of them\n"
     short = shell("settings -q -v", folder)
     assert short.stderr == b"iprt: error: -q and -v: give one of them\n"
-
-
-def test_the_top_level_help_names_the_flags_of_all_verbs(folder: Path) -> None:
-    text = shell("--help", folder).stdout
-    for flag in (b"--version", b"--quiet", b"--verbose", b"--debug"):
-        assert flag in text
-
-
-def test_an_unwritable_stdout_is_no_fault_of_a_file() -> None:
-    """A block that reports faults of a file must not take it for one."""
-    assert not issubclass(OutputError, FormatError | OSError)
 
 
 def test_unbuffered_lines_are_not_held_back() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from iprt.geometry.camera import View
 from iprt.measure import calibration
-from iprt.measure.calibration import SIDES, TIMES_S, Subject, Times, measure_times, tradeoff_of
+from iprt.measure.calibration import SIDES, TIMES_S, TimedView, Times, measure_times, tradeoff_of
 from iprt.measure.intervals import Ratio
 from iprt.measure.tradeoff_cache import TimedDevice
 from iprt.settings.ladder import BALANCED, LADDER
@@ -94,15 +94,15 @@ class Simulated:
         return times(pixels, dict.fromkeys(LADDER, (0.1, 1e-06)))
 
     def measure(self, bytes_of: Callable[[int], int] = lambda side: 0) -> dict[str, list[Times]]:
-        class Sized(Subject):
+        class Sized(TimedView):
             def bytes(self, side: int) -> int:
                 return bytes_of(side)
 
         frame: Any = SimpleNamespace()
-        subjects = [Sized(name, frame, (), View(300, 200)) for name in ("a", "b")]
+        views = [Sized(name, frame, (), View(300, 200)) for name in ("a", "b")]
         return measure_times(
             self,  # type: ignore[arg-type]
-            subjects,
+            views,
             progress=lambda seconds: None,
             clock=lambda: self.now_s,
         )

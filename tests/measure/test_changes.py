@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,8 +18,7 @@ from iprt.measure.changes import (
     changes,
     require_comparable,
 )
-from iprt.measure.cost_report import CostReport
-from iprt.measure.profile_file import OldReport, json_text, read_profile
+from iprt.measure.cost_report import CostReport, read_report
 from iprt.settings.model import Settings
 from tests.measure.test_cost import device_with
 from tests.profiles import frame
@@ -52,12 +50,8 @@ def report(
     )
 
 
-def old(report: CostReport) -> OldReport:
-    return OldReport.model_validate(json.loads(json_text(report)))
-
-
 def marked(before: CostReport, after: CostReport) -> list[tuple[str, str]]:
-    return [(c.name, c.part) for c in changes(old(before), after) if c.beyond_noise]
+    return [(c.name, c.part) for c in changes(before, after) if c.beyond_noise]
 
 
 @pytest.mark.thorough
@@ -75,7 +69,7 @@ def test_what_changed_is_marked_and_nothing_else() -> None:
     before, after = report(names, rng), report(names, rng, slower=1.2)
     assert marked(before, after) == [(FRAME, ""), ("march", ""), ("march", "march")]
     assert marked(after, before) == [(FRAME, ""), ("march", ""), ("march", "march")]
-    wall, _, march, *_ = changes(old(before), after)
+    wall, _, march, *_ = changes(before, after)
     assert (wall.name, wall.difference_ms, wall.before_ms) == (WALL, 0.0, 20.0)
     assert march.difference_ms == pytest.approx(2.0, abs=0.4)
     assert march.noise_ms is not None
@@ -85,7 +79,7 @@ def test_what_changed_is_marked_and_nothing_else() -> None:
 def test_what_one_of_them_lacks_is_marked() -> None:
     rng = np.random.default_rng(4)
     before, after = report(["march", "old"], rng), report(["march", "new"], rng)
-    rows = {c.name: c for c in changes(old(before), after) if not c.part}
+    rows = {c.name: c for c in changes(before, after) if not c.part}
     assert (rows["new"].before_ms, rows["old"].after_ms) == (None, None)
     assert rows["new"].beyond_noise
     assert rows["old"].difference_ms == pytest.approx(-10.0, abs=1.0)
@@ -94,7 +88,7 @@ def test_what_one_of_them_lacks_is_marked() -> None:
 def test_of_few_frames_nothing_is_said() -> None:
     rng = np.random.default_rng(4)
     before, after = report(["march"], rng), report(["march"], rng, slower=3.0, frames=3)
-    rows = changes(old(before), after)
+    rows = changes(before, after)
     assert all(row.noise_ms is None and not row.beyond_noise for row in rows)
 
 
@@ -102,9 +96,9 @@ def test_settings_that_differ_are_named() -> None:
     rng = np.random.default_rng(4)
     before = report(["march"], rng)
     after = report(["march"], rng, settings=Settings.model_validate({"trace": {"rays": 7}}))
-    assert changed_settings(old(before), before) == []
+    assert changed_settings(before, before) == []
     was = Settings().trace.rays
-    assert changed_settings(old(before), after) == [f"trace.rays = 7, was {was}"]
+    assert changed_settings(before, after) == [f"trace.rays = 7, was {was}"]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +111,7 @@ def test_settings_that_differ_are_named() -> None:
     ],
 )
 def test_other_pictures_are_refused(other: dict[str, object], says: str) -> None:
-    before = old(report(["march"], np.random.default_rng(0), frames=1))
+    before = report(["march"], np.random.default_rng(0), frames=1)
     same = {"scene": "room", "device": "a device", "view": View(40, 30)}
     require_comparable(before, **same)  # type: ignore[arg-type]
     with pytest.raises(IprtError, match=says):
@@ -127,22 +121,21 @@ def test_other_pictures_are_refused(other: dict[str, object], says: str) -> None
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("{", "is not JSON"),
+        ("{", "Invalid JSON"),
         ("[1]", "expected the output of"),
-        ('{"passes": []}', "expected the output of"),
-        ('{"schema": 99}', "has schema 99, this version reads 1"),
-        ('{"schema": 1}', "version: Field required"),
+        ("[" * 10_000, "Invalid JSON: recursion limit"),
+        ('{"schema": 99}', "scene: Field required"),
     ],
 )
 def test_other_files_are_refused_in_one_line(tmp_path: Path, text: str, says: str) -> None:
     file = tmp_path / "old.json"
     file.write_text(text)
     with pytest.raises(FormatError, match=says) as caught:
-        read_profile(file)
+        read_report(file)
     assert str(caught.value).startswith(f"{file}: ")
     assert "\n" not in str(caught.value)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"old\.json: cannot be read: No such file"):
-        read_profile(tmp_path / "old.json")
+        read_report(tmp_path / "old.json")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from iprt import cli
-from iprt.measure.claims import Claim, Found, Subject, Verdict, claims_grid
+from iprt.measure.claims import Claim, ClaimView, Finding, Verdict, claims_grid
 from iprt.measure.intervals import Ratio
-from iprt.measure.learned import Learned
-from iprt.measure.published import CLAIMS
+from iprt.measure.learned_accuracy import LearnedAccuracy
+from iprt.measure.paper_claims import CLAIMS
 from iprt.measure.view_truth import Scores
 from iprt.settings.methods import methods
 from iprt.settings.overrides import all_settings
@@ -24,10 +24,10 @@ class Known:
     """A subject whose times and scores follow from the settings, and that keeps what was asked."""
 
     def __init__(
-        self, ms: dict[str, float], ssim: dict[str, float], learned: Learned | None = None
+        self, ms: dict[str, float], ssim: dict[str, float], learned: LearnedAccuracy | None = None
     ) -> None:
         self._ms, self._ssim = ms, ssim
-        self._learned = learned or Learned(0.1, 0.2, 0.05, (1.0, 2.0, 2.1), 50.0, 1.0)
+        self.learned = learned or LearnedAccuracy(0.1, 0.2, 0.05, (1.0, 2.0, 2.1), 50.0, 1.0)
         self.asked: list[dict[str, Any]] = []
 
     def _of(self, values: dict[str, Any], table: dict[str, float]) -> float:
@@ -49,19 +49,16 @@ class Known:
         near = self._of(values, self._ssim)
         return near, 0.9
 
-    def learned(self) -> Learned:
-        return self._learned
-
     def likeness(self, values: dict[str, Any], other: dict[str, Any]) -> float:
         self.asked += [values, other]
         return 0.97
 
 
 def found(
-    text: str, ms: dict[str, float], ssim: dict[str, float], learned: Learned | None = None
-) -> Found:
+    text: str, ms: dict[str, float], ssim: dict[str, float], learned: LearnedAccuracy | None = None
+) -> Finding:
     (claim,) = (claim for claim in CLAIMS if claim.text.startswith(text))
-    return claim.measure(cast(Subject, Known(ms, ssim, learned)))
+    return claim.measure(cast(ClaimView, Known(ms, ssim, learned)))
 
 
 def test_times_decide() -> None:
@@ -116,7 +113,7 @@ def test_pictures_decide() -> None:
 
 
 def test_what_was_learned_decides() -> None:
-    poor = Learned(0.3, 0.2, 0.05, (1.0, 1.5, 2.0), 150.0, 1.0)
+    poor = LearnedAccuracy(0.3, 0.2, 0.05, (1.0, 1.5, 2.0), 150.0, 1.0)
     for text in ("Shows more detail", "Learns in less", "Memory grows ever"):
         assert found(text, {}, {}).holds
         assert not found(text, {}, {}, poor).holds
@@ -126,7 +123,7 @@ def test_what_was_learned_decides() -> None:
 def test_claims_are_of_installed_methods_and_settings() -> None:
     known = Known(dict.fromkeys(["method"], 1.0), dict.fromkeys(["method"], 0.9))
     for claim in CLAIMS:
-        claim.measure(cast(Subject, known))
+        claim.measure(cast(ClaimView, known))
     methods_asked = {values["method"] for values in known.asked}
     assert methods_asked == {"iprt2023", "ibl", "dpt", "pt-diff", "dit", "em", "vct", "dvct"}
     for values in known.asked:
@@ -135,9 +132,9 @@ def test_claims_are_of_installed_methods_and_settings() -> None:
 
 
 def test_a_claim_that_does_not_hold_says_why() -> None:
-    claim = Claim("Paper", "claim", "2x", lambda _: Found("1x", False), "slow")
-    held = Verdict(claim, "near", Found("2x", True))
-    grid = claims_grid([held, Verdict(claim, "near", Found("1x", False))])
+    claim = Claim("Paper", "claim", "2x", lambda _: Finding("1x", False), "slow")
+    found = (Finding("2x", True), Finding("1x", False))
+    grid = claims_grid([Verdict.of(claim, "near", each) for each in found])
     assert [row[-2:] for row in grid.rows] == [("yes", ""), ("no", "slow")]
 
 
@@ -148,7 +145,7 @@ def test_a_view_is_measured(
 ) -> None:
     """The one about image-based lighting, from files to JSON and a page."""
     folder = write_tiny(tmp_path / "room", "near")
-    monkeypatch.setattr("iprt.measure.published.CLAIMS", CLAIMS[:2])
+    monkeypatch.setattr("iprt.measure.paper_claims.CLAIMS", CLAIMS[:2])
     page = tmp_path / "page.html"
     words = ["claims", str(folder), "--accumulate", "2", "--device", "pocl"]
     assert cli.main([*words, "--json", "--html", str(page)]) == 0

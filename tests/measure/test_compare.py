@@ -1,387 +1,328 @@
-"""The plumbing of comparisons: a fake renderer whose picture, and so whose score, is known."""
+"""Pictures against a scene's truth: scores, refusals, files, and the provenance of results."""
 
 from __future__ import annotations
 
-import io
 import json
-import sys
+import shutil
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 from typing import Any
-from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from rich.console import Console
 
-from iprt.commands.compare import compare, score_grid
-from iprt.device.profile import PassTime, Profile
-from iprt.errors import FormatError, IprtError, SceneError
-from iprt.geometry.camera import View
-from iprt.measure import metrics
-from iprt.measure.compare import Compared, Comparison, compare_views
-from iprt.measure.view_truth import Scores, views_with_truth
+from iprt import cli
+from iprt.errors import FormatError, SceneError
+from iprt.files.images import read_color
+from iprt.measure import metrics, protocol
+from iprt.measure.compare import Compared, scored
+from iprt.measure.pictures import compare_pictures
+from iprt.measure.protocol import provenance, scene_hash
+from iprt.measure.view_truth import read_target, views_with_truth
 from iprt.output.display import display
 from iprt.output.picture import write_exr
+from iprt.scene.scene import Scene
 from iprt.settings.methods import methods
-from iprt.settings.model import Settings
+from tests.clips import write_clip
+from tests.measure.tiny import write_tiny
+from tests.scene.files import write_rgb
 
-KEYS = ["view", "method", "background", "ssim", "ssim_cuts", "psnr", "mse", "rmse", "flip"]
-KEYS += ["ms", "bytes"]
-PLANNED_BYTES = 12_345_678
-MADE = {"protocol": 1, "scene": "room", "scene_hash": "0123456789abcdef", "iprt": "0.1.0"}
-CUTS = ((2, 3, 20, 22), (0, 0, 40, 32))
-
-
-class FakeProfile(Profile):
-    """Two passes that take 20 ms together, however many the frames."""
-
-    def passes(self) -> list[PassTime]:
-        return [PassTime("march", 15.0, 0.0, 1), PassTime("raster", 0.0, 5.0, 0)]
-
-
-class FakeRenderer:
-    """Renders the background it is given, else the truth; the method `ibl` doubles it."""
-
-    calls: list[dict[str, Any]]
-    picture: NDArray[np.float32]
-
-    def __init__(
-        self,
-        device: Any,
-        frame: Any,
-        instances: Any,
-        view: View,
-        settings: Settings,
-        *,
-        background: NDArray[np.float32] | None,
-    ) -> None:
-        self.device, self.settings, self.background = device, settings, background
-        given = {"frame": frame, "instances": instances, "view": view, "settings": settings}
-        self.calls.append({**given, "background": background})
-        device.profile.frames = 99  # preparation, which must not count
-
-    def __enter__(self) -> FakeRenderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def render(self, frames: int, progress: Callable[[int], None] | None) -> SimpleNamespace:
-        self.calls[-1]["frames"] = frames
-        self.device.profile.frames += frames
-        if progress is not None:
-            progress(frames)
-        color = self.picture if self.background is None else self.background
-        return SimpleNamespace(color=color * (2.0 if self.settings.method == "ibl" else 1.0))
+PAGE = Path(__file__).parents[2] / "docs" / "protocol.md"
+DEVICE = ["--device", "pocl"]
+QUICK = ["--accumulate", "2", *DEVICE]
 
 
 @pytest.fixture
-def renderer(monkeypatch: pytest.MonkeyPatch, truth: NDArray[np.float32]) -> type[FakeRenderer]:
-    monkeypatch.setattr(FakeRenderer, "calls", [], raising=False)
-    monkeypatch.setattr(FakeRenderer, "picture", truth, raising=False)
-    module = ModuleType("iprt.renderer")
-    module.Renderer = FakeRenderer  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "iprt.renderer", module)
-    plan = SimpleNamespace(bytes=PLANNED_BYTES)
-    monkeypatch.setattr("iprt.memory.require_memory", lambda *_, **__: plan)
-    return FakeRenderer
+def room(tmp_path: Path) -> Path:
+    """Two equal views with one truth, and a darker background."""
+    folder = write_tiny(tmp_path / "room", "near", "again")
+    truth = 0.5 * np.random.default_rng(3).random((36, 48, 3), np.float32)
+    write_exr(folder / "truth.exr", truth)
+    return folder
 
 
 @pytest.fixture
-def truth() -> NDArray[np.float32]:
-    rng = np.random.default_rng(11)
-    return rng.random((32, 40, 3)).astype(np.float16).astype(np.float32) * 0.5
+def mine(room: Path, tmp_path: Path) -> Path:
+    """Pictures: twice as bright as the truth in one view, the truth itself in the other."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    write_exr(folder / "near.exr", 2.0 * read_color(room / "truth.exr"))
+    shutil.copy(room / "truth.exr", folder / "again.exr")
+    return folder
 
 
 @pytest.fixture
-def scene(tmp_path: Path, truth: NDArray[np.float32]) -> Any:
-    """A view with a truth and a darker background, and one without."""
-    write_exr(tmp_path / "truth.exr", truth)
-    write_exr(tmp_path / "background.exr", 0.5 * truth)
-    compared = SimpleNamespace(
-        view=View(40, 32),
-        truth=tmp_path / "truth.exr",
-        truth_background=tmp_path / "background.exr",
-        truth_warning=None,
-        cuts=CUTS,
-        objects=("bunny",),
-    )
-    plain = SimpleNamespace(
-        view=View(40, 32), truth=None, truth_background=None, cuts=(), objects=()
-    )
-    return SimpleNamespace(
-        name="room",
-        exposure=1.5,
-        settings_table=({}, "scene.toml"),
-        views={"plain": plain, "table": compared},
-        frame=lambda index: f"frame {index}",
-        instances_named=lambda names: names,
-        root=tmp_path,
-        require_not_ours=lambda path: None,
-        frame_indices=range(1),
-    )
+def compared(capsys: pytest.CaptureFixture[str]) -> Callable[..., dict[str, Any]]:
+    """The output of `iprt compare --json`."""
+
+    def run(*words: object) -> dict[str, Any]:
+        capsys.readouterr()
+        assert cli.main(["compare", *map(str, words), "--json"]) == 0
+        found: dict[str, Any] = json.loads(capsys.readouterr().out)
+        return found
+
+    return run
 
 
-IPRT, IBL = Settings(), Settings(method="ibl")
+def near(room: Path, mine: Path) -> Compared:
+    (found,) = compare_pictures(Scene.open(room), ["near"], mine, "panorama")
+    return found
 
 
-def run(scene: Any, *variants: Settings, **kwargs: Any) -> list[Compared]:
-    device: Any = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
-    names = views_with_truth(scene)
-    return list(compare_views(scene, names, variants or (IPRT,), device=device, **kwargs))
+# Scores ------------------------------------------------------------------------------------------
 
 
-def test_perfect_render_scores_perfectly(scene: Any, renderer: type[FakeRenderer]) -> None:
-    (result,) = run(scene, Settings(seed=9), frames=5)
-    record = result.comparison.record()
-    assert list(record) == KEYS
-    assert (record["view"], record["method"], record["background"]) == ("table", "iprt", "panorama")
-    assert record["ssim"] == pytest.approx(1.0)
-    assert record["ssim_cuts"] == pytest.approx([1.0, 1.0])
-    assert (record["mse"], record["psnr"]) == (0.0, None)
-    assert record["ms"] == {"march": 3.0, "raster": 1.0}
-    assert record["bytes"] == PLANNED_BYTES
-    assert renderer.calls == [
-        {
-            "frame": "frame 0",
-            "instances": ("bunny",),
-            "view": scene.views["table"].view,
-            "settings": Settings(seed=9),
-            "background": None,
-            "frames": 5,
-        }
-    ]
+def test_scores_are_of_the_displayed_images(room: Path, mine: Path) -> None:
+    found = near(room, mine)
+    exposure = Scene.open(room).exposure
+    truth = read_color(room / "truth.exr")
+    shown, target = display(read_color(mine / "near.exr"), exposure), display(truth, exposure)
+    scores = found.comparison.scores
+    assert scores.ssim == metrics.ssim(shown, target)
+    assert 0.1 < scores.ssim < 0.99
+    for (x0, y0, x1, y1), ssim in zip(found.target.cuts, scores.ssim_cuts, strict=True):
+        assert ssim == metrics.ssim(shown[y0:y1, x0:x1], target[y0:y1, x0:x1])
+    assert scores.mse == pytest.approx(np.mean((shown - target) ** 2))
+    assert scores.psnr == pytest.approx(-10 * np.log10(scores.mse))
+    assert scores.rmse == pytest.approx(np.sqrt(np.mean(truth.astype(float) ** 2)), rel=1e-3)
+    assert scores.flip == metrics.flip(shown, target)
+    render, shown_truth, difference = np.split(found.panels(), 3, axis=1)
+    np.testing.assert_array_equal(render, shown)
+    np.testing.assert_array_equal(shown_truth, target)
+    np.testing.assert_allclose(difference, np.minimum(4 * np.abs(shown - target), 1))
 
 
-def test_scores_are_those_of_the_displayed_images(
-    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+def test_a_picture_with_nan_gets_no_score(room: Path) -> None:
+    target = read_target(Scene.open(room), "near", "truth")
+    broken = target.radiance.copy()
+    broken[3, 4, 2] = np.nan
+    with pytest.raises(FormatError, match="view 'near', method x: the image holds 1 pixels"):
+        scored(target, broken, "method x")
+
+
+@pytest.mark.thorough
+@pytest.mark.gl
+def test_rendered_pictures_have_the_scores_of_their_files(
+    room: Path, tmp_path: Path, compared: Callable[..., dict[str, Any]]
 ) -> None:
-    iprt, ibl = run(scene, IPRT, IBL, frames=1)
-    shown, target = display(2.0 * truth, 1.5), display(truth, 1.5)
-    assert ibl.comparison.method == "ibl"
-    assert ibl.comparison.scores.ssim == metrics.ssim(shown, target) < iprt.comparison.scores.ssim
-    x0, y0, x1, y1 = CUTS[0]
-    cut = metrics.ssim(shown[y0:y1, x0:x1], target[y0:y1, x0:x1])
-    assert ibl.comparison.scores.ssim_cuts[0] == cut
-    assert ibl.comparison.scores.mse == pytest.approx(np.mean((shown - target) ** 2))
-    assert ibl.comparison.scores.psnr == pytest.approx(-10 * np.log10(ibl.comparison.scores.mse))
-    assert ibl.comparison.scores.flip == metrics.flip(shown, target)
-    json.dumps(ibl.comparison.record(), allow_nan=False)
+    """Beside them in one table; over the truth's background, only relighting differs."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    words = ["render", room, "--view", "near", "--accumulate", 2, "-o", mine / "near.exr", *DEVICE]
+    assert cli.main([*map(str, words)]) == 0
+    words = ["--pictures", mine, "--method", "iprt", "--view", "near", *QUICK]
+    given, ours = compared(room, *words)["results"]
+    assert (given["method"], given["ms"], given["bytes"]) == ("mine", {}, 0)
+    assert ours["method"] == "iprt"
+    assert ours["ms"]["composite"] > 0.0
+    assert ours["bytes"] > 0
+    for name, value in given["scores"].items():
+        # Files hold half floats.
+        same = value if value is None else pytest.approx(value, abs=2e-3)
+        assert ours["scores"][name] == same, name
+    words = ["--background", "truth", "--view", "near", "--method", "ibl", *QUICK]
+    (over,) = compared(room, *words)["results"]
+    assert over["background"] == "truth"
+    assert over["scores"]["ssim"] > ours["scores"]["ssim"], "most of it is the truth"
 
 
-def test_truth_background_reaches_the_renderer(
-    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+@pytest.mark.gl
+def test_methods_may_be_named_in_any_way(
+    room: Path, compared: Callable[..., dict[str, Any]]
 ) -> None:
-    (result,) = run(scene, background="truth", frames=1)
-    np.testing.assert_array_equal(renderer.calls[0]["background"], 0.5 * truth)
-    assert result.comparison.background == "truth"
-    np.testing.assert_array_equal(result.render, display(0.5 * truth, 1.5))
+    """Repeated, or separated by commas; each is rendered once, in the order of `iprt methods`."""
+    given = ["--method", "ibl, em", "--method", "ibl", "--view", "near,near", *QUICK]
+    names = [result["method"] for result in compared(room, *given)["results"]]
+    assert names == [name for name in methods() if name in ("em", "ibl")] * 2
 
 
-def test_panels_show_render_truth_and_difference(scene: Any, renderer: type[FakeRenderer]) -> None:
-    (result,) = run(scene, background="truth", frames=1)
-    render, truth, difference = np.split(result.panels(), 3, axis=1)
-    np.testing.assert_array_equal(render, result.render)
-    np.testing.assert_array_equal(truth, result.target.shown)
-    np.testing.assert_allclose(difference, np.minimum(4 * np.abs(render - truth), 1))
+# Truth -------------------------------------------------------------------------------------------
 
 
-def test_view_without_truth_is_an_error_naming_the_key(scene: Any) -> None:
-    with pytest.raises(SceneError, match=r"views\.plain\.truth is not set"):
-        views_with_truth(scene, ["plain"])
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["again"], r"views\.again\.truth is not set"),
+        (["naer"], r"'naer'.*near, again"),
+        ([], "no view has a truth"),
+    ],
+)
+def test_views_without_truth_are_errors(room: Path, names: list[str], message: str) -> None:
+    head, tail = (room / "scene.toml").read_text().rsplit("[[views]]", 1)
+    head = head if names else head.replace("truth", "# truth")
+    (room / "scene.toml").write_text(f"{head}[[views]]{tail.replace('truth', '# truth')}")
+    with pytest.raises(SceneError, match=message):
+        views_with_truth(Scene.open(room), names)
 
 
 def test_a_truth_that_is_outdated_is_warned_of(
-    scene: Any, caplog: pytest.LogCaptureFixture
+    room: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert views_with_truth(scene) == ["table"]
+    assert views_with_truth(Scene.open(room)) == ["near", "again"]
     assert caplog.messages == []
-    scene.views["table"].truth_warning = "views.table.truth: it is old"
-    assert views_with_truth(scene) == ["table"]
-    assert caplog.messages == ["views.table.truth: it is old"]
+    manifest = (room / "scene.toml").read_text()
+    old = manifest.replace("truth =", "truth_outdated = true\ntruth =", 1)
+    (room / "scene.toml").write_text(old)
+    views_with_truth(Scene.open(room))
+    (line,) = caplog.messages
+    assert "views.near.truth" in line
 
 
-def test_unknown_view_lists_the_views(scene: Any) -> None:
-    with pytest.raises(SceneError, match=r"'tabel'.*plain, table"):
-        views_with_truth(scene, ["tabel"])
-
-
-def test_scene_without_truth_is_one_line(scene: Any) -> None:
-    del scene.views["table"]
-    with pytest.raises(SceneError, match="no view has a truth") as error:
-        views_with_truth(scene)
-    assert "\n" not in str(error.value)
+def spoiled(values: NDArray[np.float32]) -> Callable[[Path], object]:
+    return lambda path: write_rgb(path, values)
 
 
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("change", "message"),
     [
-        ({"truth": "gone.exr"}, r"views\.table\.truth: there is no file"),
-        ({"truth_background": None}, r"views\.table\.truth_background is not set"),
-        ({"view": View(41, 32)}, r"truth\.exr: 40x32 pixels, but views\.table\.size is 41x32"),
-        ({"cuts": ((0, 0, 8, 20),)}, r"views\.table\.cuts: the cut .* too few for SSIM"),
-        ({"cuts": ((0, 0, 50, 20),)}, r"views\.table\.cuts: .* not inside"),
+        (("truth.exr", "gone.exr"), r"views\.near\.truth: there is no file"),
+        (("truth_background", "# "), r"views\.near\.truth_background is not set"),
+        (("[48, 36]", "[52, 36]"), r"truth\.exr: 48x36 pixels, but views\.near\.size is 52x36"),
+        (("39, 31]", "18, 31]"), r"views\.near\.cuts: the cut .* too few for SSIM"),
+        (("", ""), r"truth\.exr: holds NaN"),
     ],
 )
-def test_faults_of_the_truth_are_found_before_rendering(
-    spoil: dict[str, Any], message: str, scene: Any, renderer: type[FakeRenderer]
-) -> None:
-    if "truth" in spoil:
-        spoil["truth"] = scene.root / spoil["truth"]
-    vars(scene.views["table"]).update(spoil)
+def test_faults_of_the_truth_are_named(room: Path, change: tuple[str, str], message: str) -> None:
+    text = (room / "scene.toml").read_text()
+    if change == ("", ""):
+        write_rgb(room / "truth.exr", np.full((36, 48, 3), np.nan, np.float32))
+    else:
+        assert change[0] in text
+        (room / "scene.toml").write_text(text.replace(*change))
     with pytest.raises((SceneError, FormatError), match=message):
-        run(scene, background="truth")
-    assert renderer.calls == []
+        read_target(Scene.open(room), "near", "truth")
 
 
-def test_video_is_compared_at_the_first_frame_with_a_truth(
-    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
+# Pictures from elsewhere -------------------------------------------------------------------------
+
+
+def test_frames_of_a_video_are_named_by_their_numbers(
+    tmp_path: Path, compared: Callable[..., dict[str, Any]]
 ) -> None:
-    scene.frame_indices = range(3, 9)
-    write_exr(scene.root / "truth.0005.exr", 0.9 * truth)
-    write_exr(scene.root / "truth.0007.exr", 0.8 * truth)
-    write_exr(scene.root / "background.5.exr", 0.9 * truth)
-    entry = scene.views["table"]
-    entry.truth = scene.root / "truth.%04d.exr"
-    entry.truth_background = scene.root / "background.%d.exr"
-    (result,) = run(scene, background="truth", frames=1)
-    assert renderer.calls[0]["frame"] == "frame 5"
-    assert result.comparison.scores.mse == 0.0
-
-
-@pytest.mark.parametrize("key", ["truth", "truth_background"])
-def test_truth_with_nan_is_named(
-    key: str, scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
-) -> None:
-    truth[0, 0] = np.nan
-    write_exr(getattr(scene.views["table"], key), truth)
-    name = getattr(scene.views["table"], key).name
-    with pytest.raises(FormatError, match=f"{name}: holds NaN"):
-        run(scene, background="truth")
-    assert renderer.calls == []
-
-
-def test_render_with_nan_gets_no_score(
-    scene: Any, renderer: type[FakeRenderer], truth: NDArray[np.float32]
-) -> None:
-    broken = truth.copy()
-    broken[3, 4, 2] = np.nan
-    renderer.picture = broken
-    with pytest.raises(FormatError, match="view 'table', method iprt: the image holds 1 pixels"):
-        run(scene)
-
-
-@pytest.fixture
-def command(
-    monkeypatch: pytest.MonkeyPatch, scene: Any, renderer: type[FakeRenderer]
-) -> Callable[..., int]:
-    """`iprt compare` on the fake scene and device."""
-
-    def module(name: str, **members: Any) -> None:
-        fake = ModuleType(name)
-        vars(fake).update(members)
-        monkeypatch.setitem(sys.modules, name, fake)
-
-    device = SimpleNamespace(profile=FakeProfile(), name="a device", finish=lambda: None)
-    module("iprt.scene.scene", Scene=SimpleNamespace(open=lambda path, **_: scene))
-    module("iprt.device.choose", choose_device=lambda spec: spec)
-    monkeypatch.setattr("iprt.measure.protocol.provenance", lambda _: MADE)
-    module("iprt.device.compute", ComputeDevice=lambda spec: device)
-    return lambda **kwargs: compare(Path("room"), accumulate=2, **kwargs)
-
-
-def test_json_goes_to_stdout_alone(
-    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command(method=("all",), json=True) == 0
-    printed = json.loads(capsys.readouterr().out)
-    records = printed.pop("results")
-    assert printed == MADE
-    assert [record["method"] for record in records] == list(methods())
-    assert all(list(record) == KEYS for record in records)
-
-
-def test_table_has_a_row_per_method(
-    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command(method=("ibl", "iprt", "ibl")) == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines() if "table" in line]
-    assert [line[:3] for line in lines] == [["table", "iprt", "1.0000"], ["table", "ibl", ANY]]
-
-
-def test_names_may_be_repeated_or_separated_by_commas(
-    command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    printed = []
-    for given in (("ibl", "iprt"), ("ibl, iprt",), ("iprt", "ibl,iprt")):
-        assert command(view=("table",), method=given) == 0
-        printed.append(capsys.readouterr().out)
-    assert printed[1] == printed[0]
-    assert printed[2] == printed[0]
-
-
-def test_a_still_may_be_smaller(
-    command: Callable[..., int],
-    scene: Any,
-    renderer: type[FakeRenderer],
-    truth: NDArray[np.float32],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """It is compared with means of the truth's pixels."""
-    scene.views["table"].cuts = CUTS[1:]
-    renderer.picture = truth.reshape(16, 2, 20, 2, 3).mean(axis=(1, 3))
-    assert command(size=(20, 16), json=True) == 0
-    (record,) = json.loads(capsys.readouterr().out)["results"]
-    assert (record["ssim"], record["rmse"]) == pytest.approx((1.0, 0.0), abs=1e-6)
-    assert renderer.calls[0]["view"] == View(20, 16)
-    with pytest.raises(IprtError, match="--size 40 30: the truth of view 'table'"):
-        command(size=(40, 30))
-    with pytest.raises(IprtError, match="--size 20 16: pictures of --pictures"):
-        command(size=(20, 16), pictures=(Path("elsewhere"),), method=("iprt",))
-
-
-def test_table_fits_80_columns() -> None:
-    scores = Scores(0.98765, (0.987654, 0.87654), 36.876, 2.1e-4, 0.01234, None)
-    result = Comparison("floor_dragon", "iprt", "truth", scores, {"march": 1234.56}, 98_765_432)
-    stream = io.StringIO()
-    Console(file=stream, width=80).print(score_grid([result], MADE).table())
-    text = stream.getvalue()
-    row = ["floor_dragon", "iprt", "0.9877", "0.988", "0.877", "36.88", "2.1e-04"]
-    row += ["0.0123", "-", "1234.6", "99"]
-    assert row in [line.split() for line in text.splitlines()]
-    assert "background: truth" in text
-    assert "pip install 'iprt[metrics]'" in text
-
-
-@pytest.mark.parametrize(("limit", "status"), [(1.0 - 1e-9, 0), (-1.0, 0), (None, 0)])
-def test_good_enough_is_status_0(
-    limit: float | None, status: int, command: Callable[..., int]
-) -> None:
-    assert command(fail_under_ssim=limit) == status
-
-
-def test_missed_threshold_is_status_1(command: Callable[..., int]) -> None:
-    assert command(method=("all",), fail_under_ssim=0.999) == 1
-
-
-def test_saved_pictures(command: Callable[..., int], tmp_path: Path) -> None:
-    assert command(save=tmp_path / "new" / "panels", method=("all",)) == 0
-    names = sorted(path.name for path in (tmp_path / "new" / "panels").iterdir())
-    assert names == [f"table-{name}-panorama.png" for name in sorted(methods())]
-    with Image.open(tmp_path / "new" / "panels" / names[0]) as image:
-        assert image.size == (120, 32)
-        assert json.loads(image.text["iprt:scores"])["method"] == "dit"  # type: ignore[attr-defined]
+    folder = write_clip(tmp_path / "clip", 4, first=2)
+    manifest = folder / "scene.toml"
+    manifest.write_text(manifest.read_text() + 'truth = "truth.%d.exr"\n')
+    (tmp_path / "mine").mkdir()
+    for index, level in ((3, 0.2), (5, 0.4)):
+        write_rgb(folder / f"truth.{index}.exr", np.full((16, 32, 3), 0.4, np.float32))
+        write_rgb(tmp_path / f"mine/ahead.000{index}.exr", np.full((16, 32, 3), level, np.float32))
+    assert read_target(Scene.open(folder), "ahead", "panorama").index == 3, "the first with a truth"
+    dark, right = compared(folder, "--pictures", tmp_path / "mine")["results"]
+    assert [dark["view"], right["view"]] == ["ahead 3", "ahead 5"]
+    assert dark["scores"]["rmse"] == pytest.approx(0.2, rel=1e-3)
+    assert (right["scores"]["rmse"], right["scores"]["ssim"]) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [{"accumulate": 0}, {"seed": -1}, {"fail_under_ssim": 1.5}, {"fail_under_ssim": float("nan")}],
+    ("name", "spoil", "message"),
+    [
+        ("near.exr", lambda p: p.unlink(), "near.exr: there is no such picture"),
+        ("naer.exr", lambda p: p.touch(), "naer.exr: is no view of box with a truth"),
+        ("near.exr", spoiled(np.zeros((18, 24, 3), "f4")), "24x18 pixels, but the truth"),
+        ("near.exr", spoiled(np.full((36, 48, 3), np.nan, "f4")), "holds NaN or infinite"),
+        ("near.exr", lambda p: p.write_bytes(b"\x89PNG"), "is no EXR picture"),
+        ("near.exr", lambda p: p.write_bytes(b"v/1\x01cut off"), "near.exr: "),
+    ],
 )
-def test_bad_values_are_refused(arguments: dict[str, Any]) -> None:
-    flag = next(iter(arguments)).replace("_", "-")
-    with pytest.raises(IprtError, match=f"--{flag}"):
-        compare(Path("room"), **arguments)
+def test_faults_of_pictures_are_named(
+    room: Path,
+    mine: Path,
+    name: str,
+    spoil: Callable[[Path], object],
+    message: str,
+    fails: Callable[..., str],
+) -> None:
+    spoil(mine / name)
+    assert message in fails("compare", room, "--pictures", mine)
+
+
+# Output ------------------------------------------------------------------------------------------
+
+
+def test_json_holds_the_provenance_and_no_infinity(
+    room: Path, mine: Path, compared: Callable[..., dict[str, Any]]
+) -> None:
+    found = compared(room, "--pictures", mine)
+    doubled, perfect = found.pop("results")
+    assert found == provenance(Scene.open(room))
+    assert (doubled["view"], doubled["method"], doubled["background"]) == (
+        "near", "mine", "panorama",
+    )  # fmt: skip
+    assert (perfect["scores"]["ssim"], perfect["scores"]["psnr"]) == (1.0, None)
+
+
+@pytest.mark.parametrize("more", [[], ["--markdown"]])
+def test_tables_say_where_their_figures_are_from(
+    room: Path, mine: Path, more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["compare", str(room), "--pictures", str(mine), *more]) == 0
+    text = capsys.readouterr().out
+    rows = [line.replace("|", " ").split()[:3] for line in text.splitlines()]
+    assert ["again", "mine", "1.0000"] in rows
+    assert f"scene box ({scene_hash(Scene.open(room))})" in text
+
+
+@pytest.mark.parametrize(
+    ("view", "limit", "status"), [("again", "0.999999", 0), ("near", "0.999999", 1)]
+)
+def test_a_missed_threshold_is_status_1(
+    room: Path, mine: Path, view: str, limit: str, status: int
+) -> None:
+    words = ["compare", room, "--pictures", mine, "--view", view, "--fail-under-ssim", limit]
+    assert cli.main([str(word) for word in words]) == status
+
+
+def test_saved_panels_hold_their_scores(room: Path, mine: Path, tmp_path: Path) -> None:
+    saved = tmp_path / "new" / "panels"
+    assert cli.main(["compare", str(room), "--pictures", str(mine), "--save", str(saved)]) == 0
+    names = sorted(path.name for path in saved.iterdir())
+    assert names == ["again-mine-panorama.png", "near-mine-panorama.png"]
+    with Image.open(saved / names[0]) as image:
+        assert image.size == (3 * 48, 36)
+        assert json.loads(image.info["iprt:scores"])["scores"]["ssim"] == 1.0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "--accumulate 0",
+        "--seed -1",
+        "--fail-under-ssim 1.5",
+        "--fail-under-ssim nan",
+        "--size 40 30",
+        "--size 24 18 --pictures mine",
+    ],
+)
+def test_bad_values_are_refused(room: Path, words: str, fails: Callable[..., str]) -> None:
+    assert words.partition(" --pictures")[0] in fails("compare", room, *words.split())
+
+
+def test_a_scene_has_the_hash_of_its_contents(room: Path, tmp_path: Path) -> None:
+    """Of the values in its manifest, however written; a copy has it too, under any name."""
+    copy = shutil.copytree(room, tmp_path / "copy")
+    manifest = copy / "scene.toml"
+    text = manifest.read_text()
+    other = text.replace('name = "box"', 'name = "copy"', 1)
+    default = other.replace("pitch_deg", "yaw_deg = 0.0\npitch_deg", 1)
+    manifest.write_text(f"# A comment.\n{default}")
+    own = scene_hash(Scene.open(room))
+    assert scene_hash(Scene.open(copy)) == own
+    changed = {own}
+    for name in ("color.exr", "truth.exr", "cube.obj"):
+        before = (copy / name).read_bytes()
+        (copy / name).write_bytes(before + b"\n")
+        changed.add(scene_hash(Scene.open(copy)))
+        (copy / name).write_bytes(before)
+    manifest.write_text(text.replace("pitch_deg = -35", "pitch_deg = -34", 1))
+    changed.add(scene_hash(Scene.open(copy)))
+    assert len(changed) == 5
+
+
+def test_the_protocol_agrees_with_its_page(room: Path) -> None:
+    """The page's version, and the numbers of its metrics."""
+    page = PAGE.read_text(encoding="utf-8")
+    assert page.startswith(f"# The protocol of comparisons, version {protocol.VERSION}\n")
+    told = (f"window of {metrics.SSIM_WINDOW} pixels", f"σ {metrics.SSIM_SIGMA}")
+    assert all(text in page for text in (*told, f"{metrics.FLIP_PPD:g} pixels per degree"))

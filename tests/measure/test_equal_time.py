@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ import pytest
 from iprt import cli
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError
-from iprt.measure import equal_time
+from iprt.measure import bench
+from iprt.measure.combinations import combinations
 from iprt.measure.equal_time import costs_of, parse_seconds, pictures_within
-from iprt.measure.sweep import combinations
 from iprt.measure.view_truth import Radiance
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -57,21 +58,22 @@ def test_all_methods_can_be_swept() -> None:
     assert [combination.settings.method for combination in found] == list(methods())
 
 
-def test_costs_are_those_of_the_frames_that_have_them(
+def test_costs_belong_to_the_frames_that_have_them(
     tmp_path: Path, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A clock that the renderer's work turns: 1 s a frame, 2 s to load, 4 s to move, 8 to stop."""
     scene = Scene.open(write_tiny(tmp_path / "room", "near"))
     now = [0.0]
-    done: list[str] = []
+    done: dict[Renderer, list[str]] = {}
 
     def slow(name: str, seconds: float) -> None:
         plain = getattr(Renderer, name)
 
         def slower(self: Renderer, *arguments: object) -> None:
+            before = done.setdefault(self, [])
             now[0] += seconds
-            now[0] += 8.0 * (done[-2:] == ["move", "step"])  # the second frame after a move
-            done.append(name)
+            now[0] += 8.0 * (before[-2:] == ["move", "step"])  # the second frame after a move
+            before.append(name)
             plain(self, *arguments)
 
         monkeypatch.setattr(Renderer, name, slower)
@@ -79,12 +81,13 @@ def test_costs_are_those_of_the_frames_that_have_them(
     slow("step", 1.0)
     slow("load", 2.0)
     slow("move", 4.0)
-    monkeypatch.setattr(equal_time, "perf_counter", lambda: now[0])
+    clock = SimpleNamespace(perf_counter=lambda: now[0], thread_time=lambda: 0.0)
+    monkeypatch.setattr(bench, "time", clock)
     settings = Settings(method="ibl")
     frame, view = scene.frame(0), scene.views["near"].view
     costs = costs_of(device, frame, scene.instances, view, settings)
     assert (costs.frame, costs.video, costs.objects) == (1000.0, 2000.0, 12000.0)
-    assert done.count("load") == done.count("move") == 1 + equal_time.ROUNDS
+    assert len(done) == 3, "one renderer for each kind of change"
     with Renderer(device, frame, scene.instances, view, settings) as renderer:
         assert costs.bytes > renderer.composite.picture.nbytes
     alone = costs_of(device, frame, (), replace(view, projection="equirect"), settings)
@@ -95,20 +98,12 @@ def test_costs_are_those_of_the_frames_that_have_them(
 @pytest.mark.gl
 def test_results_hold_all_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = write_tiny(tmp_path / "room", "near")
-    words = [
-        "equal-time",
-        str(folder),
-        "--seconds",
-        "0.01,0.5",
-        "--accumulate",
-        "3",
-        "--device",
-        "pocl",
-    ]
-    words += ["--sweep", "method=ibl,em", "--html", str(tmp_path / "page.html")]
+    words = ["equal-time", str(folder), "--seconds", "0.01,0.5", "--accumulate", "3"]
+    words += ["--device", "pocl", "--sweep", "method=ibl,em", "--html", str(tmp_path / "page.html")]
     assert cli.main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["results"]
-    assert [result["settings"]["method"] for result in found] == ["ibl", "em"]
+    chosen = [result["combination"]["settings"]["method"] for result in found]
+    assert chosen == ["ibl", "em"]
     for result in found:
         first, second, last = result["pictures"]
         assert [picture["budget"] for picture in (first, second, last)] == [0.01, 0.5, None]

@@ -51,7 +51,6 @@ def test_frames_that_differ_come_in(
         assert not np.array_equal(frame.color, following.color)
         assert not np.array_equal(frame.depth, following.depth)
     assert np.array_equal(loaded[0].color, loaded[HELD].color)
-    assert found.frames_per_s == pytest.approx(1e3 / found.ms)
     assert min(found.first_ms, found.ms, found.preparing_ms, found.loading_ms) > 0.0
     assert {"upload", "surface", "pyramid"} <= {one.name for one in found.passes}
     assert all(one.device_ms < found.ms * 5 for one in found.passes)
@@ -65,7 +64,9 @@ def test_the_command_prints_both_ways(capsys: pytest.CaptureFixture[str]) -> Non
         capsys.readouterr().out.split()
     )
     assert bench_video(SCENES / "train", json=True, **given) == 0
-    assert json.loads(capsys.readouterr().out)["size"] == [64, 32]
+    record = json.loads(capsys.readouterr().out)
+    assert record["size"] == [64, 32]
+    assert record["ms"] > 0.0
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.measure.results import json_text
 from iprt.measure.stability import (
     KINDS,
     LEVEL,
@@ -120,20 +121,8 @@ def test_noise_flickers_by_what_it_is() -> None:
         assert found.output == pytest.approx(2.0 * deviation / np.sqrt(np.pi), rel=0.02)
         assert found.reference == pytest.approx(2.0 * 0.005 / np.sqrt(np.pi), rel=0.02)
         assert found.ratio == pytest.approx(deviation / 0.005, rel=0.04)
-        assert found.excess == pytest.approx(found.output - found.reference)
     none = meter.result("object")
-    assert none.pixels == 0
-    assert none.record()["ratio"] is None
-
-
-def test_equal_pictures_have_a_ratio_of_one() -> None:
-    rng, meter = np.random.default_rng(3), FlickerMeter()
-    for _ in range(3):
-        shown = rng.random((H, W, 3))
-        meter.add(shown, shown.copy(), everywhere("untouched"), still())
-    found = meter.result("untouched")
-    assert found.output > 0.3
-    assert (found.ratio, found.excess) == (1.0, 0.0)
+    assert (none.pixels, json_text(none.ratio)) == (0, "null")
 
 
 def test_pixels_that_change_their_kind_are_left_out() -> None:
@@ -207,7 +196,6 @@ def test_a_trail_is_as_long_as_it_is_seen(keep: float) -> None:
     seen = sum(0.4 * keep ** (index + 1) > LEVEL for index in range(24))
     assert trail.frames is not None
     assert abs(trail.frames - seen) <= 1
-    assert trail.record()["frames"] == trail.frames
 
 
 def test_noise_is_no_trail() -> None:

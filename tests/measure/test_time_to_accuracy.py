@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,20 @@ import pytest
 from iprt import cli
 from iprt.device.compute import ComputeDevice
 from iprt.errors import IprtError, SceneError
-from iprt.measure.convergence import Curve, Point
+from iprt.measure.combinations import combinations, still_settings
+from iprt.measure.convergence_curves import Curve, Point
 from iprt.measure.intervals import Estimate
-from iprt.measure.sweep import Combination, combinations, still_settings
-from iprt.measure.time_to_accuracy import Result, Track, run_race
+from iprt.measure.time_to_accuracy import RaceResult, Track, run_race
 from iprt.measure.time_to_accuracy_report import race_grid
-from iprt.measure.timed_renderers import FULL, PANORAMA, IprtEntry, Subject, TimedRenderer
-from iprt.measure.view_truth import Radiance, Scores, read_target
+from iprt.measure.timed_renderers import (
+    FULL,
+    PANORAMA,
+    RacedRenderer,
+    RacedView,
+    TimedRenderer,
+    raced_iprt,
+)
+from iprt.measure.view_truth import Radiance, ScoreEstimates, Scores, read_target
 from iprt.output.picture import write_exr
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -43,8 +50,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def subject_of(scene: Path) -> Subject:
-    return Subject(scene, False, read_target(Scene.open(scene), "near", "truth"))
+def view_of(scene: Path) -> RacedView:
+    return RacedView(scene, False, read_target(Scene.open(scene), "near", "truth"))
 
 
 # What is made of pictures ----------------------------------------------------------------------
@@ -63,10 +70,10 @@ def test_who_is_good_enough_in_all_cuts_is_asked_for_no_more() -> None:
     for count in track.counts:
         track.add(1, 3.0 * count, scores(0.99, 0.99), BLACK)
     assert track.counts == [1, 2, 4], "the first seed decides"
-    points = track.result("near", "a", 1.0).curve.points
+    points = track.curve("near", "a").points
     assert [point.count for point in points] == [1, 2, 4]
     assert [point.seconds.mean for point in points] == [2.0, 4.0, 8.0]
-    assert points[0].ssim_cuts[1].mean == pytest.approx(0.5 * (0.8 + 0.99))
+    assert points[0].scores.ssim_cuts[1].mean == pytest.approx(0.5 * (0.8 + 0.99))
 
 
 def test_a_view_without_cuts_counts_as_a_whole() -> None:
@@ -75,20 +82,20 @@ def test_a_view_without_cuts_counts_as_a_whole() -> None:
     assert track.counts == [1]
 
 
-def result(label: str, once: float, *points: tuple[float, float]) -> Result:
+def result(label: str, once: float, *points: tuple[float, float]) -> RaceResult:
     """Of (seconds, SSIM of the cut)."""
     made = tuple(
-        Point(2**i, Estimate(s, None), Estimate(0.0, None), (Estimate(ssim, None),))
+        Point(2**i, Estimate(s, None), ScoreEstimates.of([scores(ssim)]))
         for i, (s, ssim) in enumerate(points)
     )
-    return Result(once, Curve("near", label, made), BLACK)
+    return RaceResult(once, Curve("near", label, made))
 
 
 def test_table_of_levels() -> None:
     """Reached at once, between pictures, by one of them only, and by none."""
     ours = result("iprt", 3.04, (1.0, 0.8), (4.0, 0.9), (16.0, 0.93))
     theirs = result(FULL, 7.0, (2.0, 0.6), (8.0, 0.8), (32.0, 0.9), (128.0, 0.94))
-    grid = race_grid({"near": [ours, theirs]}, [0.8, 0.85, 0.94, 0.96], ["on two cores"])
+    grid = race_grid([[ours, theirs]], [0.8, 0.85, 0.94, 0.96], "on two cores")
     assert grid.columns == ("view", "cut", "SSIM", "iprt", FULL)
     assert grid.rows == (
         ("near", "once", "", "3.0", "7.0"),
@@ -103,8 +110,7 @@ def test_table_of_levels() -> None:
 
 def test_a_missing_geometry_is_named() -> None:
     both = [result("iprt", 1.0, (1.0, 0.8)), result(PANORAMA, 1.0, (1.0, 0.8))]
-    grid = race_grid({"near": both}, [0.8], [])
-    assert grid.notes[-1] == f"{FULL}: left out; --model names the module that builds it."
+    assert race_grid([both], [0.8]).notes[-1].startswith(f"{FULL}: left out")
 
 
 # Processes -------------------------------------------------------------------------------------
@@ -112,20 +118,18 @@ def test_a_missing_geometry_is_named() -> None:
 SLOW_START_S = 0.3
 
 
-@dataclass(frozen=True)
-class Pretender:
+def pretender(label: str, fault: str = "") -> RacedRenderer:
     """Paints the truth's grey, of 0.5, at 4 samples and darker at fewer. `fault`: what it does."""
+    return RacedRenderer(label, partial(load, fault))
 
-    label: str
-    fault: str = ""
 
-    def renderer(self, subject: Subject) -> TimedRenderer:
-        if self.fault == "error":
-            raise SceneError("nothing there")
-        if self.fault == "end":
-            os._exit(3)
-        time.sleep(SLOW_START_S)
-        return Painter(subject.target.radiance.shape)
+def load(fault: str, view: RacedView) -> TimedRenderer:
+    if fault == "error":
+        raise SceneError("nothing there")
+    if fault == "end":
+        os._exit(3)
+    time.sleep(SLOW_START_S)
+    return Painter(view.target.radiance.shape)
 
 
 class Painter:
@@ -148,17 +152,18 @@ class Painter:
 @pytest.mark.thorough
 def test_processes_take_turns(scene: Path) -> None:
     done: list[int] = []
-    entries = [Pretender("a"), Pretender("b")]
-    ((target, results),) = run_race(
-        [subject_of(scene)], entries, [1, 2, 4, 8], enough=0.999, seeds=2, progress=done.append
+    entries = [pretender("a"), pretender("b")]
+    ((results, target, colors),) = run_race(
+        [view_of(scene)], entries, [1, 2, 4, 8], enough=0.999, seeds=2, progress=done.append
     )
     assert target.name == "near"
     assert [result.curve.label for result in results] == ["a", "b"]
     for found in results:
         assert [point.count for point in found.curve.points] == [1, 2, 4]
         assert [p.seconds.mean for p in found.curve.points] == pytest.approx([0.65, 0.8, 6.0])
-        np.testing.assert_array_equal(found.color, np.full_like(BLACK, 0.5))
         assert 2 * SLOW_START_S - 0.1 < found.once < 60.0
+    for color in colors:
+        np.testing.assert_array_equal(color, np.full_like(BLACK, 0.5))
     assert done == list(range(1, 17))
 
 
@@ -167,9 +172,9 @@ def test_processes_take_turns(scene: Path) -> None:
     ("fault", "message"), [("error", "nothing there"), ("end", "a: its process has ended early")]
 )
 def test_what_goes_wrong_there_is_told_here(scene: Path, fault: str, message: str) -> None:
-    entries = [Pretender("b"), Pretender("a", fault)]
+    entries = [pretender("b"), pretender("a", fault)]
     with pytest.raises(IprtError, match=message):
-        list(run_race([subject_of(scene)], entries, [1], enough=1.0, seeds=1))
+        list(run_race([view_of(scene)], entries, [1], enough=1.0, seeds=1))
 
 
 @pytest.mark.thorough
@@ -180,8 +185,8 @@ def test_a_signal_ends_the_processes_too(scene: Path) -> None:
         "from iprt.files.termination import end_on_signals\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler); end_on_signals()\n"
         "from iprt.measure.time_to_accuracy import renderer_process\n"
-        "from tests.measure.test_time_to_accuracy import Pretender, subject_of\n"
-        f"with renderer_process(Pretender('a'), subject_of(Path({str(scene)!r}))) as process:\n"
+        "from tests.measure.test_time_to_accuracy import pretender, view_of\n"
+        f"with renderer_process(pretender('a'), view_of(Path({str(scene)!r}))) as process:\n"
         "    print(process.label, flush=True)\n"
         "    os.killpg(0, signal.SIGINT); time.sleep(1000)"
     )
@@ -215,9 +220,9 @@ def test_pictures_of_iprt_are_those_of_a_renderer_of_its_own(
         step(renderer)
 
     monkeypatch.setattr(Renderer, "step", counted)
-    subject = subject_of(scene)
+    view = view_of(scene)
     (combination,) = combinations("draft", [parse_assignment("--set", "trace.rays=2")], [])
-    renderer = IprtEntry(combination, os.environ.get("IPRT_TEST_DEVICE", "pocl")).renderer(subject)
+    renderer = raced_iprt(combination, os.environ.get("IPRT_TEST_DEVICE", "pocl")).load(view)
     renderer.prepare(0)
     wanted = ((0, 1), (0, 3), (0, 1), (1, 3))
     with monkeypatch.context() as clock:
@@ -226,17 +231,17 @@ def test_pictures_of_iprt_are_those_of_a_renderer_of_its_own(
     assert [seconds for _, _, seconds, _ in made] == [1.0, 3.0, 1.0, 3.0]
     for seed, count, _, color in made:
         settings = still_settings(combination.settings, seed)
-        frame, objects = subject.frame(), subject.instances()
+        frame, objects = view.frame(), view.instances()
         with Renderer(
-            device, frame, objects, subject.target.view, settings,
-            background=subject.target.background,
+            device, frame, objects, view.target.view, settings,
+            background=view.target.background,
         ) as renderer:  # fmt: skip
             np.testing.assert_array_equal(color, renderer.render(count).color)
 
 
 def test_labels_say_what_was_changed() -> None:
     base, changed = combinations("balanced", [], ["trace.rays=2"], one_at_a_time=True)
-    assert [IprtEntry(c, None).label for c in (base, changed)] == ["iprt", "iprt, trace.rays=2"]
+    assert [raced_iprt(c, None).label for c in (base, changed)] == ["iprt", "iprt, trace.rays=2"]
 
 
 @pytest.mark.parametrize("module", ["mitsuba", "pyoidn"])
@@ -287,12 +292,13 @@ def test_mitsuba_finds_the_picture_that_it_made(
         finally:
             (scene / "truth.exr").write_bytes(before)
         found: dict[str, Any] = json.loads(capsys.readouterr().out)
-        results = {result["label"]: result for result in found["views"]["near"]}
+        results = {result["curve"]["label"]: result for result in found["views"][0]}
         assert list(results) == ["iprt", FULL, PANORAMA]
         for other in results.values():
-            assert [point["count"] for point in other["points"]][:2] == [1, 2]
-            assert all(point["seconds"]["mean"] > 0.0 for point in other["points"])
-        best = [point["ssim"]["mean"] for point in results[label]["points"]]
+            points = other["curve"]["points"]
+            assert [point["count"] for point in points][:2] == [1, 2]
+            assert all(point["seconds"]["mean"] > 0.0 for point in points)
+        best = [point["scores"]["ssim"]["mean"] for point in results[label]["curve"]["points"]]
         assert best[1] == pytest.approx(1.0, abs=1e-6)
         assert best[0] < 0.9999
         assert results[label]["once"] > 0.1
@@ -300,15 +306,3 @@ def test_mitsuba_finds_the_picture_that_it_made(
 
 def run(*words: object) -> None:
     assert cli.main([str(word) for word in words]) == 0
-
-
-def test_entries_can_be_sent_to_a_process(scene: Path) -> None:
-    import pickle
-
-    (combination,) = combinations("balanced", [], [])
-    sent: tuple[IprtEntry, Subject] = pickle.loads(
-        pickle.dumps((IprtEntry(combination, None), subject_of(scene)))
-    )
-    assert isinstance(sent[0].combination, Combination)
-    assert sent[0].label == "iprt"
-    assert sent[1].target.cuts == subject_of(scene).target.cuts

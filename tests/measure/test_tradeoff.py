@@ -141,7 +141,7 @@ def test_a_table_survives_its_file(tmp_path: Path) -> None:
         ("[1, 4, 16]", "[1, 16, 4]", "rising"),
         ("[1, 4, 16]", "[0, 4, 16]", "frames.0"),
         ("seconds]\na = [0.01, ", "seconds]\na = [-0.01, ", "entries.4.seconds.a.0"),
-        ('"balanced"', '"other"', "not those of this version"),
+        ('"balanced"', '"other"', "differ from this version's"),
         ("entries", "entry", "entries"),
         ('"room"', "7", "scene"),
         ("=", "", "not valid TOML"),

@@ -22,10 +22,10 @@ from iprt.commands.measurement import parse_levels
 from iprt.errors import DeviceError, IprtError
 from iprt.files.images import read_color
 from iprt.measure import sweep
-from iprt.measure.convergence import Point, parse_counts, seconds_to
+from iprt.measure.combinations import combinations, still_settings
+from iprt.measure.convergence_curves import Curve, Point, parse_counts, seconds_to
 from iprt.measure.intervals import Estimate
-from iprt.measure.sweep import combinations, still_settings
-from iprt.measure.view_truth import read_target
+from iprt.measure.view_truth import ScoreEstimates, read_target
 from iprt.scene.scene import Scene
 from iprt.settings.overrides import parse_assignment, resolved
 from iprt.settings.presets import PRESETS
@@ -168,15 +168,17 @@ def test_sweep_finds_the_settings_that_made_the_truth(
     words = ["trace.object_rays=1,2", "--accumulate", FRAMES, "--seeds", 1, "--view", "near"]
     found = measured(capsys, "sweep", scene, *words)
     one, two = found["rows"]
-    assert (one["values"], two["values"]) == ({"trace.object_rays": 1}, {"trace.object_rays": 2})
-    assert two["rmse"] == {"mean": 0.0, "half": None}
-    assert two["ssim"]["mean"] == pytest.approx(1.0)
-    assert one["rmse"]["mean"] > 1e-4
-    assert one["ssim"]["mean"] < 0.9999
-    assert len(one["ssim_cuts"]) == 2
-    assert one["wall_ms"] > 0.0
-    assert {"trace virtual", "composite"} <= {row["name"] for row in one["passes"]}
-    assert one["settings"]["trace"]["object_rays"] == 1
+    assert [row["combination"]["values"] for row in (one, two)] == [
+        {"trace.object_rays": rays} for rays in (1, 2)
+    ]
+    assert two["scores"]["rmse"] == {"mean": 0.0, "half": None}
+    assert two["scores"]["ssim"]["mean"] == pytest.approx(1.0)
+    assert one["scores"]["rmse"]["mean"] > 1e-4
+    assert one["scores"]["ssim"]["mean"] < 0.9999
+    assert len(one["scores"]["ssim_cuts"]) == 2
+    assert one["bench"]["wall"]["ms"] > 0.0
+    assert {"trace virtual", "composite"} <= {row["name"] for row in one["bench"]["passes"]}
+    assert one["combination"]["settings"]["trace"]["object_rays"] == 1
 
 
 @pytest.mark.thorough
@@ -191,9 +193,9 @@ def test_intervals_are_over_pictures_of_other_seeds(
     for seed in (5, 6, 7):
         render(scene, tmp_path / "a.exr", f"seed={seed}")
         values.append(target.score(read_color(tmp_path / "a.exr")).rmse)
-    assert row["rmse"]["mean"] == pytest.approx(np.mean(values))
+    assert row["scores"]["rmse"]["mean"] == pytest.approx(np.mean(values))
     half = stats.t.ppf(0.975, 2) * stats.sem(values)
-    assert row["rmse"]["half"] == pytest.approx(half)
+    assert row["scores"]["rmse"]["half"] == pytest.approx(half)
 
 
 @pytest.mark.gl
@@ -205,8 +207,8 @@ def test_convergence_passes_through_the_truth(
     (curve,) = measured(capsys, "converge", scene, *words)["curves"]
     points = curve["points"]
     assert [point["count"] for point in points] == [1, 2, 4]
-    assert points[1]["ssim"]["mean"] == pytest.approx(1.0)
-    assert max(points[0]["ssim"]["mean"], points[2]["ssim"]["mean"]) < 0.9999
+    assert points[1]["scores"]["ssim"]["mean"] == pytest.approx(1.0)
+    assert max(points[i]["scores"]["ssim"]["mean"] for i in (0, 2)) < 0.9999
     seconds = [point["seconds"]["mean"] for point in points]
     assert 0.0 < seconds[0] < seconds[1] < seconds[2]
 
@@ -225,20 +227,22 @@ def test_a_smaller_size_means_means_of_the_truth(scene: Path) -> None:
 
 def test_time_to_reach_is_between_the_pictures() -> None:
     def point(seconds: float, ssim: float) -> Point:
-        cuts = (Estimate(ssim - 0.1, None),)
-        return Point(1, Estimate(seconds, None), Estimate(ssim, None), cuts)
+        cuts = (Estimate(ssim, None), Estimate(ssim - 0.1, None))
+        scores = ScoreEstimates(Estimate(0.5, None), cuts, Estimate(0.0, None), None)
+        return Point(1, Estimate(seconds, None), scores)
 
     points = [point(1.0, 0.8), point(4.0, 0.9), point(16.0, 0.85), point(64.0, 0.95)]
-    assert seconds_to(points, None, 0.7) == 1.0
-    assert seconds_to(points, None, 0.85) == pytest.approx(2.0)
-    assert seconds_to(points, None, 0.9) == pytest.approx(4.0)
-    assert seconds_to(points, None, 0.925) == pytest.approx(16.0 * 4**0.75)
-    assert seconds_to(points, 0, 0.75) == pytest.approx(2.0)
-    assert seconds_to(points, None, 0.96) is None
+    curve = Curve("near", "base", tuple(points))
+    assert seconds_to(curve, 0, 0.7) == 1.0
+    assert seconds_to(curve, 0, 0.85) == pytest.approx(2.0)
+    assert seconds_to(curve, 0, 0.9) == pytest.approx(4.0)
+    assert seconds_to(curve, 0, 0.925) == pytest.approx(16.0 * 4**0.75)
+    assert seconds_to(curve, 1, 0.75) == pytest.approx(2.0)
+    assert seconds_to(curve, 0, 0.96) is None
     # A better picture that took less time counts, in whatever order they were made.
-    quick = point(2.0, 0.9)
-    assert seconds_to([*points, quick], None, 0.9) == pytest.approx(2.0)
-    assert seconds_to([*points, quick], None, 0.85) == pytest.approx(2.0**0.5)
+    quicker = Curve("near", "base", (*points, point(2.0, 0.9)))
+    assert seconds_to(quicker, 0, 0.9) == pytest.approx(2.0)
+    assert seconds_to(quicker, 0, 0.85) == pytest.approx(2.0**0.5)
 
 
 # Output ----------------------------------------------------------------------------------------
@@ -283,19 +287,8 @@ def test_page_of_convergence_and_of_a_comparison(
     page = page_of(tmp_path / "a.html")
     assert len(page.named("object")) == 2, "one per cut"
     assert marks_in(page) == 8
-    words = [
-        "compare",
-        str(scene),
-        "--accumulate",
-        "1",
-        "--view",
-        "near",
-        "--method",
-        "iprt",
-        "--method",
-        "ibl",
-        *QUICK[2:],
-    ]
+    words = ["compare", str(scene), "--accumulate", "1", "--view", "near"]
+    words += ["--method", "iprt", "--method", "ibl", *QUICK[2:]]
     assert cli.main([*words, "--html", str(tmp_path / "b.html")]) == 0
     page = page_of(tmp_path / "b.html")
     assert len(page.named("img")) in (2 * 3, 2 * 4)

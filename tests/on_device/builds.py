@@ -1,10 +1,9 @@
-"""How long programs take to build, and what their kernels need, as the driver itself says."""
+"""Build times of programs, and the needs of their kernels, as the driver states them."""
 
 from __future__ import annotations
 
-import os
-import tempfile
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
@@ -12,67 +11,46 @@ import numpy as np
 import pyopencl as cl
 
 from iprt.commands.views import choose_view
-from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Program
 from iprt.film import footage_of
 from iprt.memory import RenderPlan
 from iprt.settings.model import Settings
 from tests.gpu import Need, allocated, budgets
-from tests.on_device.cases import Asked, Cases, Row
 from tests.on_device.frames import first_frame, opened, scenes
 
 VERBOSE = "-cl-nv-verbose"
 THREADS = 8
 DEMO = "lounge"
+Row = dict[str, object]
 
 
-def cases(asked: Asked) -> Cases:
-    """A program each, those of the demo first, and these in threads."""
-    os.environ["POCL_CACHE_DIR"] = tempfile.mkdtemp(prefix="on-device-")
-    device = ComputeDevice(choose_device(asked.device))
-    demo = _planned(device, DEMO)
-    programs = dict(demo)
-    for name in scenes():
-        programs |= _planned(device, name)
-    seconds: dict[str, float] = {}
-
-    def build(name: str) -> list[Row]:
+def test_programs(device: ComputeDevice, tell: Callable[..., None]) -> None:
+    """Build the demo's programs one by one and in threads, then all others; check budgets."""
+    demo, beyond = planned(device, DEMO), []
+    programs = {
+        name: of for scene in (DEMO, *scenes()) for name, of in planned(device, scene).items()
+    }
+    for number, (name, of) in enumerate(programs.items(), start=1):
         start = time.perf_counter()
-        rows = built(device, programs[name])
-        seconds[name] = time.perf_counter() - start
-        return [
-            {"build ms": 1e3 * seconds[name] if index == 0 else None, **row}
-            for index, row in enumerate(rows)
-        ]
-
-    def together() -> list[Row]:
-        start = time.perf_counter()
-        with ThreadPoolExecutor(THREADS) as pool:
-            list(pool.map(lambda name: built(device, programs[name]), seconds))
-        wall = time.perf_counter() - start
-        return [
-            {
-                "programs": len(seconds),
-                "threads": THREADS,
-                "build ms": 1e3 * wall,
-                "one by one ms": 1e3 * sum(seconds.values()),
-            }
-        ]
-
-    own = {name: (lambda name=name: build(name)) for name in programs}
-    first = {name: own[name] for name in demo}
-    return {**first, f"all of these, {THREADS} threads": together, **own}
+        rows = built(device, of)
+        tell(program=name, build_ms=1e3 * (time.perf_counter() - start), kernels=rows)
+        beyond += [row for row in rows if row.get("within", True) is False]
+        if number == len(demo):
+            start = time.perf_counter()
+            with ThreadPoolExecutor(THREADS) as pool:
+                list(pool.map(lambda of: built(device, of), demo.values()))
+            tell(program=f"{number} in threads", build_ms=1e3 * (time.perf_counter() - start))
+    assert not beyond
 
 
-def _planned(device: ComputeDevice, name: str) -> dict[str, Program]:
-    """Programs that the views of a scene build by default, by name."""
+def planned(device: ComputeDevice, name: str) -> dict[str, Program]:
+    """Return the programs that the views of a scene build by default, by name."""
     scene, frame, settings = opened(name), first_frame(name), Settings()
     footage = footage_of(scene, frame, settings)
     found: dict[str, Program] = {}
     for of_view in (*scene.views, "equirect"):
-        view, names = choose_view(scene, of_view)
-        objects = scene.instances if names is None else scene.instances_named(names)
+        view, objects = choose_view(scene, of_view)
         plan = RenderPlan.of(frame, objects, view, settings, footage, is_cpu=device.is_cpu)
         for kernel in plan.kernels:
             program = Program.of(kernel.file, kernel.defines)
@@ -81,7 +59,7 @@ def _planned(device: ComputeDevice, name: str) -> dict[str, Program]:
 
 
 def built(device: ComputeDevice, of: Program) -> list[Row]:
-    """Build a program anew; a row for each of its kernels."""
+    """Build a program anew; return a row for each of its kernels."""
     nvidia = "nvidia" in device.device.vendor.lower()
     asked = [*of.options, *([VERBOSE] if nvidia else [])]
     # The number makes it another program for caches that cannot be switched off.
@@ -101,30 +79,13 @@ def built(device: ComputeDevice, of: Program) -> list[Row]:
             )
         )
         largest = max(int(np.prod(device.group_size(d))) for d in (1, 2))
-        rows.append(
-            {
-                "kernel": name,
-                **_needed(name, needs.get(name)),
-                "largest group": limit if limit >= largest else f"{limit}: TOO SMALL for {largest}",
-                "private bytes": private,
-                "lanes": lanes,
-            }
-        )
+        own = {"kernel": name, "private bytes": private, "lanes": lanes}
+        need, granted = needs.get(name), _budgets().get(name, _budgets()["others"])
+        if need is not None:
+            own |= {**vars(need), "budget": vars(granted)}
+        within = limit >= largest and (need is None or need.most(granted) == granted)
+        rows.append({**own, "within": within})
     return rows
-
-
-def _needed(kernel: str, need: Need | None) -> Row:
-    """What the driver's log says, beside the budget by ptxas."""
-    if need is None:
-        return {"registers": "the log does not say"}
-    granted = _budgets().get(kernel, _budgets()["others"])
-    return {
-        "registers": need.registers,
-        "stack": need.stack,
-        "spilled": need.spilled,
-        "budget": f"{granted.registers}, {granted.stack}, {granted.spilled}",
-        "verdict": "within" if need.most(granted) == granted else "MORE",
-    }
 
 
 @cache

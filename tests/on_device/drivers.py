@@ -1,7 +1,7 @@
-"""Drivers of GPUs that lie somewhere on the machine, and are not registered.
+"""Registration of GPU drivers that are somewhere on the machine.
 
-What is found is put into the environment, for the processes that are started later: the loaders
-of OpenCL and OpenGL read it once, before they know any driver.
+The environment names them for processes that are started later: the loaders of OpenCL and OpenGL
+read it once, before they load any driver.
 """
 
 from __future__ import annotations
@@ -9,11 +9,15 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterable
+import sys
+import tomllib
+from collections.abc import Iterable
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from iprt.commands.probe import Record, probe
 from iprt.device.icd import OVERRIDES, SYSTEM_VENDORS, read_vendors, write_vendors
+from tests.on_device.conftest import ROOT
 
 LIBRARIES = {"nvidia": "libnvidia-opencl.so", "amd": "libamdocl64.so", "intel": "libigdrcl.so"}
 """OpenCL drivers of GPUs, by vendor."""
@@ -32,30 +36,48 @@ EGL_VENDORS = ("/usr/share/glvnd/egl_vendor.d", "/usr/local/nvidia/share/glvnd/e
 EGL = "__EGL_VENDOR_LIBRARY_FILENAMES"
 NVIDIA_VERSION = Path("/proc/driver/nvidia/version")
 
-Note = Callable[[str], None]
+
+def install_here(folder: Path) -> None:
+    """Make processes find this checkout's methods, which are entry points, if it is not installed.
+
+    `folder` takes the metadata of a package.
+    """
+    if entry_points(group="iprt.methods"):
+        return
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    lines = []
+    for group, points in groups.items():
+        lines += [f"[{group}]", *(f"{name} = {target}" for name, target in points.items())]
+    info = folder / "iprt-0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: iprt\nVersion: 0\n")
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    sys.path.append(str(folder))
+    path = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [path, str(folder)]))
 
 
-def find_opencl(note: Note, folder: Path, *, needs_gpu: bool) -> Record:
-    """What the OpenCL loader finds; registers drivers of GPUs in `folder` where none is known."""
+def find_opencl(folder: Path, *, needs_gpu: bool) -> Record:
+    """Find OpenCL devices; register drivers of GPUs in `folder` if the loader knows none."""
     found = probe("opencl")
     if needs_gpu and not _gpus(found):
         libraries = libraries_in(library_folders())
         for library in libraries.values():
-            note(f"OpenCL: {library} is not registered; it is now, for this run")
+            print(f"OpenCL: {library} is not registered; it is now, for this run")
         if libraries:
             register(libraries, folder)
             found = probe("opencl")
     for device in found.get("devices", []):
-        note(f"OpenCL: {device['index']} {device['name']} ({device['platform']})")
+        print(f"OpenCL: {device['index']} {device['name']} ({device['platform']})")
     if "error" in found:
-        note(f"OpenCL: {found['error']}")
+        print(f"OpenCL: {found['error']}")
     if needs_gpu and not _gpus(found):
-        note(missing_gpu())
+        print(missing_gpu())
     return found
 
 
 def libraries_in(folders: Iterable[Path]) -> dict[str, Path]:
-    """Drivers of GPUs by vendor, the first of each; of its names, the shortest."""
+    """Find drivers of GPUs by vendor: the first of each, by its shortest name."""
     found: dict[str, Path] = {}
     for folder in folders:
         for vendor, name in LIBRARIES.items():
@@ -66,7 +88,7 @@ def libraries_in(folders: Iterable[Path]) -> dict[str, Path]:
 
 
 def library_folders() -> list[Path]:
-    """Folders of libraries: those that the system's loader knows, and others that are usual."""
+    """List folders of libraries: of the system's loader, and usual ones."""
     named = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
     known = _output("ldconfig", "-p") or _output("/sbin/ldconfig", "-p")
     listed = [line.rpartition("=> ")[2] for line in known.splitlines() if "=> " in line]
@@ -87,7 +109,7 @@ def register(libraries: dict[str, Path], folder: Path) -> None:
 
 
 def missing_gpu() -> str:
-    """A line that says why there may be no GPU."""
+    """Say in one line why there may be no GPU."""
     if not NVIDIA_VERSION.exists():
         return "no GPU: there is no OpenCL driver of one, and no kernel module of NVIDIA"
     version = NVIDIA_VERSION.read_text().splitlines()[0]
@@ -98,8 +120,8 @@ def missing_gpu() -> str:
     )
 
 
-def find_egl(note: Note) -> None:
-    """Say what OpenGL through EGL runs on, with NVIDIA's own library where it is not registered."""
+def find_egl() -> None:
+    """Print the renderer of OpenGL through EGL, by NVIDIA's own library if it is not registered."""
     found = probe("opengl")
     if "error" in found or found.get("software"):
         files = [file for name in EGL_VENDORS for file in Path(name).glob("*nvidia*.json")]
@@ -111,17 +133,17 @@ def find_egl(note: Note) -> None:
             else:
                 found = mended
     if "error" in found:
-        note(f"EGL: {found['error']}")
+        print(f"EGL: {found['error']}")
     else:
-        note(f"EGL: {found['found']}")
+        print(f"EGL: {found['found']}")
 
 
-def describe_gpu(note: Note) -> None:
-    """What `nvidia-smi` says of clocks and power, if there is one."""
+def describe_gpu() -> None:
+    """Print clocks and power by `nvidia-smi`, if there is one."""
     wanted = "name,driver_version,clocks.sm,clocks.max.sm,clocks.mem,power.limit,pcie.link.gen.max"
     told = _output("nvidia-smi", f"--query-gpu={wanted}", "--format=csv,noheader")
     if told:
-        note(f"nvidia-smi: {wanted}: {told.strip()}")
+        print(f"nvidia-smi: {wanted}: {told.strip()}")
 
 
 def _gpus(found: Record) -> list[Record]:
@@ -129,7 +151,7 @@ def _gpus(found: Record) -> list[Record]:
 
 
 def _output(*command: str) -> str:
-    """What a command prints; nothing where it fails or hangs."""
+    """Return the output of a command; nothing if it fails or hangs."""
     if shutil.which(command[0]) is None:
         return ""
     try:

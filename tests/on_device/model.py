@@ -1,31 +1,26 @@
-"""Times of kernels in the frames that the model of `docs/gpu.md` is about, beside that."""
+"""Times of kernels in the frames that `docs/gpu.md` models, beside the model's."""
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from docs.gpu import PAGE, modelled
-from docs.gpu_counts import FRAME, FULL, GBUFFER, VIDEO, Key, Size, playing
-from iprt.device.choose import choose_device
+from docs.gpu_counts import FRAME, FULL, GBUFFER, VIDEO, Size, playing
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import Kind
-from tests.on_device.cases import Asked, Cases, Row
+from tests.on_device.conftest import OUT
 
 REPEATED, REPEATED_BY_CPU = 20, 2
 SMALLER = Size(256, 512, 2, GBUFFER)
-"""For a processor."""
+"""Size for a processor."""
 
 
-def cases(asked: Asked) -> Cases:
-    """One, as both kinds of frames share what is prepared."""
-    return {"room": lambda: measured(ComputeDevice(choose_device(asked.device)))}
-
-
-def measured(device: ComputeDevice) -> list[Row]:
-    """A row for each kernel of each pass; the first has all of them as `docs/gpu.py` takes it."""
+def test_kernels(device: ComputeDevice, tell: Callable[..., None]) -> None:
+    """Tell the time of each kernel of each pass; write `gpu_measured.json` for `docs/gpu.py`."""
     size, repeated = (SMALLER, REPEATED_BY_CPU) if device.is_cpu else (FULL, REPEATED)
 
     @contextmanager
@@ -51,18 +46,12 @@ def measured(device: ComputeDevice) -> list[Row]:
         "rows": size.rows,
         **played,
     }
+    (OUT / "gpu_measured.json").write_text(json.dumps({"devices": [record]}, indent=1) + "\n")
     page = PAGE.read_text(encoding="utf-8")
-    rows: list[Row] = []
     for what in (FRAME, VIDEO):
         known = modelled(page, what) if size is FULL else {}
         kernels = played[what]["kernels"]
-        rows += [_row(what, (part, name), ms, known) for part, name, ms in kernels]
-        rows.append({"frame": what, "pass": "all", "ms": sum(ms for *_, ms in kernels)})
-        rows.append({"frame": what, "pass": "by the clock", "ms": played[what]["wall_ms"]})
-    rows[0]["measured"] = record
-    return rows
-
-
-def _row(what: str, key: Key, ms: float, known: dict[Key, dict[str, float]]) -> Row:
-    part, name = key
-    return {"frame": what, "pass": part, "kernel": name, "ms": ms, **known.get(key, {})}
+        for part, name, ms in kernels:
+            tell(frame=what, kernel=f"{part}: {name}", ms=ms, **known.get((part, name), {}))
+        total = sum(ms for *_, ms in kernels)
+        tell(frame=what, kernel="all", ms=total, wall_ms=played[what]["wall_ms"])

@@ -40,7 +40,7 @@ def test_grey_has_no_chroma() -> None:
 
 @pytest.mark.parametrize("frames", [1, 5])
 def test_what_is_written_is_read(tmp_path: Path, frames: int) -> None:
-    """Depth to half a unit; colour to the codec's error, and a lamp of 40 to some percent."""
+    """Depth to half a unit; color to the codec's error, and a lamp of 40 to some percent."""
     y, x = np.mgrid[0:32, 0:64]
     colors, depths = [], []
     for index in range(frames):

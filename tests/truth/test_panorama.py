@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
@@ -32,6 +34,12 @@ def ball(material: Material, centre: tuple[float, float, float], radius: float) 
     return Instance("ball", mesh, to_world)
 
 
+def shot(frame: Frame, objects: list[Instance], view: View, spp: int, clean: bool = False) -> Any:
+    from iprt.truth.panorama import load_world, render_reference  # starts Mitsuba
+
+    return render_reference(load_world(frame, objects), view, spp=spp, clean=clean)
+
+
 @pytest.mark.parametrize(
     ("material", "expected", "tolerance"),
     [
@@ -46,13 +54,10 @@ def test_furnace(
     mi: Any, material: Material, expected: tuple[float, float, float], tolerance: float
 ) -> None:
     """In constant light an object shows its reflectance times the light."""
-    from iprt.truth.panorama import load_world, render_reference
-
     # A far wall, so that the object's own shadow on it does not matter.
     frame = sphere_frame(np.full((32, 64, 3), 2.0, np.float32), 40.0)
     view = View(24, 24, fov_y_deg=30.0)
-    world = load_world(frame, [ball(material, (0.0, 0.0, -2.0), 0.4)])
-    result = render_reference(world, view, spp=64, clean=False)
+    result = shot(frame, [ball(material, (0.0, 0.0, -2.0), 0.4)], view, 64)
     inside = result.coverage == 1.0
     assert inside.sum() > 100
     mean = result.objects[inside].mean(axis=0)
@@ -61,27 +66,12 @@ def test_furnace(
     np.testing.assert_allclose(result.background[outside], 2.0, rtol=1e-5)
 
 
-def test_white_object_in_white_room_is_invisible(mi: Any) -> None:
-    from iprt.truth.panorama import load_world, render_reference
-
-    frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
-    white = ball(Material("diffuse", (1.0, 1.0, 1.0)), (0.0, -0.9, -1.5), 0.5)
-    view = View(24, 24, pitch_deg=-30.0, fov_y_deg=70.0)
-    result = render_reference(load_world(frame, [white]), view, spp=256, clean=False)
-    assert result.coverage.max() == 1.0
-    # BOUNCES virtual surfaces and a convex object: nothing is cut off.
-    np.testing.assert_allclose(result.color, 0.7, rtol=0.08)
-    assert result.color.mean() == pytest.approx(0.7, rel=0.003)
-
-
 def test_white_objects_that_shade_and_light_each_other_are_invisible(mi: Any) -> None:
-    from iprt.truth.panorama import load_world, render_reference
-
     frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
     white = Material("diffuse", (1.0, 1.0, 1.0))
     pair = [ball(white, (x, 0.0, -1.5), 0.4) for x in (-0.42, 0.42)]
     view = View(24, 16, fov_y_deg=40.0)
-    result = render_reference(load_world(frame, pair), view, spp=256, clean=False)
+    result = shot(frame, pair, view, 256)
     between = result.color[7:9, 10:14]
     assert result.coverage[7:9, 10:14].mean() > 0.7
     # Paths end after BOUNCES surfaces, which few that start between the balls reach.
@@ -115,15 +105,12 @@ def shadow_of_black_ball(
 
 @pytest.mark.parametrize("lamp", [0.0, 60.0], ids=["constant light", "a lamp"])
 def test_shadow_of_a_black_ball_is_the_blocked_light(mi: Any, lamp: float) -> None:
-    from iprt.truth.panorama import load_world, render_reference
-
     color = np.full((64, 128, 3), 0.5, np.float32)
     color[8:13, 70:80] += lamp
     centre, r = np.array([0.5, -1.4, -0.6]), 0.4
     black = ball(Material("diffuse", (0.0, 0.0, 0.0)), tuple(centre), r)
     view = View(32, 16, projection="equirect")
-    world = load_world(sphere_frame(color, 2.5), [black])
-    result = render_reference(world, view, spp=512, clean=False)
+    result = shot(sphere_frame(color, 2.5), [black], view, 512)
     expected = shadow_of_black_ball(color, 2.5, centre, r, view)
     seen = result.coverage == 0.0
     error = result.ratio[..., 0][seen] - expected[seen]
@@ -136,28 +123,21 @@ def test_shadow_of_a_black_ball_is_the_blocked_light(mi: Any, lamp: float) -> No
 
 
 def test_openings_take_no_shadow_and_cast_light(mi: Any) -> None:
-    from dataclasses import replace
-
-    from iprt.truth.panorama import load_world, render_reference
-
     frame = sphere_frame(np.full((32, 64, 3), 0.5, np.float32), 2.5)
     opening = np.zeros((32, 64), bool)
     opening[16:] = True
     black = ball(Material("diffuse", (0.0, 0.0, 0.0)), (0.0, -1.5, 0.0), 0.5)
     view = View(32, 16, projection="equirect")
-    world = load_world(replace(frame, opening=opening), [black])
-    result = render_reference(world, view, spp=32, clean=False)
+    result = shot(replace(frame, opening=opening), [black], view, 32)
     assert (result.ratio[9:] == 1.0).all()
     assert result.ratio[6].min() < 1.0
 
 
 def test_without_objects_the_panorama_is_shown(mi: Any) -> None:
-    from iprt.truth.panorama import load_world, render_reference
-
     rng = np.random.default_rng(3)
     color = rng.uniform(0.1, 1.0, (16, 32, 3)).astype(np.float32)
     view = View(32, 16, projection="equirect")
-    result = render_reference(load_world(sphere_frame(color, 2.0), []), view, spp=64, clean=True)
+    result = shot(sphere_frame(color, 2.0), [], view, 64, clean=True)
     assert (result.ratio == 1.0).all()
     assert not result.coverage.any()
     # Each pixel averages a bilinear interpolation: close to its texel, not equal.

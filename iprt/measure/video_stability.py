@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.measure import metrics
+from iprt.measure.combinations import Combination, still_settings
 from iprt.measure.stability import (
     CAUSES,
     KINDS,
@@ -25,7 +26,6 @@ from iprt.measure.stability import (
     pixel_kinds,
     taken,
 )
-from iprt.measure.sweep import Combination, still_settings
 from iprt.measure.view_truth import Scores, Target, read_target, reduced_cut, truth_indices
 from iprt.output.display import display
 
@@ -46,7 +46,7 @@ class Stability:
 
     Attributes
     ----------
-    label : str
+    settings : str
         The swept settings.
     scores : dict of int to Scores
         Scores of the frames that have a truth, by frame index.
@@ -64,7 +64,7 @@ class Stability:
     """
 
     view: str
-    label: str
+    settings: str
     scores: Mapping[int, Scores]
     temporal_error: float | None
     flicker: Mapping[Kind, Flicker]
@@ -81,19 +81,6 @@ class Stability:
     def mean(self, score: Callable[[Scores], float]) -> float | None:
         """Average a score over the frames with a truth; None without any."""
         return fmean(map(score, self.scores.values())) if self.scores else None
-
-    def record(self) -> dict[str, object]:
-        """Return the results as plain data."""
-        return {
-            "view": self.view,
-            "settings": self.label,
-            "scores": {str(index): scores.record() for index, scores in self.scores.items()},
-            "temporal_error": self.temporal_error,
-            "flicker": {kind: self.flicker[kind].record() for kind in KINDS},
-            "flicker_of_truth": {kind: self.true_flicker[kind].record() for kind in KINDS},
-            "unequal_pixels": self.unequal,
-            "trails": {cause: trail.record() for cause, trail in self.trails.items()},
-        }
 
 
 @dataclass(frozen=True)
@@ -245,7 +232,7 @@ class _Meters:
         """Return the results so far, with trails if they were `measured`."""
         return Stability(
             view=view,
-            label=label,
+            settings=label,
             scores=dict(self._scores),
             temporal_error=float(np.sqrt(fmean(self._errors))) if self._errors else None,
             flicker={kind: self._input.result(kind) for kind in KINDS},

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
 import numpy as np
 
-from iprt.measure.claims import Claim, Found, Subject, cuts
+from iprt.measure.claims import Claim, ClaimView, Finding
 from iprt.settings.trace import LearningSettings
 
 IPRT = "IPRT (Wu and Wang 2023)"
@@ -20,158 +20,157 @@ OIL = "OIL (Lee et al. 2022)"
 DVCT = "DVCT (Franke 2014)"
 
 
-def _faster(subject: Subject, *, surfaces: str, bounces: Sequence[int], least: float) -> Found:
+def _faster(view: ClaimView, *, surfaces: str, bounces: Sequence[int], least: float) -> Finding:
     ratios = []
     for count in bounces:
         delta, one_pass = (_paths(method, surfaces, count) for method in ("dpt", "pt-diff"))
-        ratios.append(subject.ratio(one_pass, delta))
+        ratios.append(view.ratio(one_pass, delta))
     measured = ", ".join(f"{r.value:.2f}x at {n}" for n, r in zip(bounces, ratios, strict=True))
-    return Found(f"{measured} (surfaces={surfaces})", min(r.value for r in ratios) >= least)
+    return Finding(f"{measured} (surfaces={surfaces})", min(r.value for r in ratios) >= least)
 
 
 def _paths(method: str, surfaces: str, bounces: int) -> dict[str, Any]:
     return {"method": method, f"{method}.surfaces": surfaces, f"{method}.bounces": bounces}
 
 
-def _as_exact(subject: Subject) -> Found:
+def _as_exact(view: ClaimView) -> Finding:
     delta, one_pass = (
-        subject.scores({"method": name, f"{name}.surfaces": "all"}).rmse
-        for name in ("dpt", "pt-diff")
+        view.scores({"method": name, f"{name}.surfaces": "all"}).rmse for name in ("dpt", "pt-diff")
     )
     holds = abs(delta / one_pass - 1.0) < 0.05
-    return Found(f"RMSE {delta:.4g} and {one_pass:.4g} (surfaces=all)", holds)
+    return Finding(f"RMSE {delta:.4g} and {one_pass:.4g} (surfaces=all)", holds)
 
 
-def _linear(subject: Subject) -> Found:
+def _line(counts: Sequence[int], times: Sequence[float]) -> tuple[float, float]:
+    """Fit a line; return its slope and the largest distance of a time from it."""
+    line = np.polyfit(counts, times, 1)
+    return float(line[0]), float(np.abs(np.polyval(line, counts) - times).max())
+
+
+def _linear(view: ClaimView) -> Finding:
     counts = (3, 5, 7, 10)
-    times = [median(t) for t in subject.times(*(_paths("dpt", "all", n) for n in counts))]
-    slope, start = np.polyfit(counts, times, 1)
-    off = np.abs(np.polyval([slope, start], counts) - times).max() / times[0]
+    times = [median(t) for t in view.times(*(_paths("dpt", "all", n) for n in counts))]
+    off = _line(counts, times)[1] / times[0]
     measured = ", ".join(f"{t:.1f} ms at {n}" for n, t in zip(counts, times, strict=True))
-    return Found(f"{measured}: {100 * off:.0f}% off a line (surfaces=all)", bool(off < 0.05))
+    return Finding(f"{measured}: {100 * off:.0f}% off a line (surfaces=all)", off < 0.05)
 
 
-def _sampling(subject: Subject) -> Found:
+def _sampling(view: ClaimView) -> Finding:
     mixed = _paths("dpt", "all", 3)
-    ratio = subject.ratio(mixed, {**mixed, "trace.light_sampling": False})
-    return Found(f"{100 * (ratio.value - 1):+.0f}% (surfaces=all)", ratio.value < 1.05)
+    ratio = view.ratio(mixed, {**mixed, "trace.light_sampling": False})
+    return Finding(f"{100 * (ratio.value - 1):+.0f}% (surfaces=all)", ratio.value < 1.05)
 
 
-def _above_ibl(subject: Subject) -> Found:
-    ours, ibl = (cuts(subject.scores({"method": name})) for name in ("iprt2023", "ibl"))
-    pairs = list(zip(ours, ibl, strict=True))
-    measured = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in pairs)
-    return Found(measured, all(a > b for a, b in pairs))
+def _cuts(
+    view: ClaimView, ours: dict[str, Any], theirs: dict[str, Any], digits: int = 3
+) -> tuple[list[tuple[float, float]], str]:
+    """Return the SSIM of each cut with two variants, and as text."""
+    pairs = list(zip(view.scores(ours).cuts, view.scores(theirs).cuts, strict=True))
+    return pairs, ", ".join(f"{a:.{digits}f} against {b:.{digits}f}" for a, b in pairs)
 
 
-def _sparse(subject: Subject) -> Found:
+def _above(view: ClaimView, *, ours: str, theirs: str) -> Finding:
+    pairs, measured = _cuts(view, {"method": ours}, {"method": theirs})
+    return Finding(measured, all(a > b for a, b in pairs))
+
+
+def _sparse(view: ClaimView) -> Finding:
     dense = {"method": "iprt2023", "mask.sparse": False}
     sparse = {"method": "iprt2023", "mask.sparse": True}
-    saved = 1.0 - subject.ratio(sparse, dense).value
-    alike = subject.likeness(sparse, dense)
-    return Found(f"{100 * saved:.0f}% less time, SSIM {alike:.3f}", saved > 0.0 and alike > 0.96)
+    saved = 1.0 - view.ratio(sparse, dense).value
+    alike = view.likeness(sparse, dense)
+    return Finding(f"{100 * saved:.0f}% less time, SSIM {alike:.3f}", saved > 0.0 and alike > 0.96)
 
 
-def _back_faces(subject: Subject) -> Found:
-    found, without = (
-        cuts(subject.scores({"method": "iprt2023", "trace.back_faces": on})) for on in (True, False)
-    )
-    pairs = list(zip(found, without, strict=True))
-    measured = ", ".join(f"{a:.4f} against {b:.4f}" for a, b in pairs)
-    return Found(measured, math.fsum(found) > math.fsum(without))
+def _back_faces(view: ClaimView) -> Finding:
+    found, without = ({"method": "iprt2023", "trace.back_faces": on} for on in (True, False))
+    pairs, measured = _cuts(view, found, without, digits=4)
+    return Finding(measured, math.fsum(a - b for a, b in pairs) > 0.0)
 
 
-def _impostor_costs(subject: Subject) -> Found:
+def _impostor_costs(view: ClaimView) -> Finding:
     rays = {"trace.rays": 16, "trace.object_rays": 16}
     impostor = {"method": "dit", "dit.directions": "boxes", **rays}
-    ratio = subject.ratio(impostor, {"method": "em", **rays})
-    return Found(f"{ratio.value:.2f}x at 16 samples, of whole frames", 1.0 < ratio.value < 1.5)
+    ratio = view.ratio(impostor, {"method": "em", **rays})
+    return Finding(f"{ratio.value:.2f}x at 16 samples, of whole frames", 1.0 < ratio.value < 1.5)
 
 
-def _cache_costs(subject: Subject) -> Found:
+def _cache_costs(view: ClaimView) -> Finding:
     """Compare the marginal cost of a direction, which excludes the fixed costs of a frame."""
     few, many = 32, 128
     cost = {}
     for way in ("cached", "all"):
         of = {"method": "dit", "dit.directions": way}
-        times = subject.times(*({**of, "trace.rays": n} for n in (few, many)))
+        times = view.times(*({**of, "trace.rays": n} for n in (few, many)))
         first, last = (median(t) for t in times)
         cost[way] = (last - first) / (many - few)
     measured = f"{cost['cached']:.3f} ms a direction with the cache, {cost['all']:.3f} without"
-    return Found(measured, cost["cached"] < 0.9 * cost["all"])
+    return Finding(measured, cost["cached"] < 0.9 * cost["all"])
 
 
-def _above_em(subject: Subject) -> Found:
-    ours, em = (cuts(subject.scores({"method": name})) for name in ("dit", "em"))
-    pairs = list(zip(ours, em, strict=True))
-    measured = ", ".join(f"{a:.3f} against {b:.3f}" for a, b in pairs)
-    return Found(measured, all(a > b for a, b in pairs))
-
-
-def _finer_than_voxels(subject: Subject) -> Found:
-    found = subject.learned()
-    return Found(
+def _finer_than_voxels(view: ClaimView) -> Finding:
+    found = view.learned
+    return Finding(
         f"RMSE {found.error:.4f}; voxels of {found.megabytes[-1]:.2f} MB or more: dense "
         f"{found.dense_error:.4f}, only those with samples {found.sparse_error:.4f}",
         found.error < found.dense_error,
     )
 
 
-def _learns_fast(subject: Subject) -> Found:
-    ms = subject.learned().ms
-    return Found(f"{ms:.0f} ms for {LearningSettings().samples} samples", ms < 100.0)
+def _learns_fast(view: ClaimView) -> Finding:
+    ms = view.learned.ms
+    return Finding(f"{ms:.0f} ms for {LearningSettings().samples} samples", ms < 100.0)
 
 
-def _flattens(subject: Subject) -> Found:
-    memory = subject.learned().megabytes
+def _flattens(view: ClaimView) -> Finding:
+    memory = view.learned.megabytes
     middle = memory[len(memory) // 2]
-    return Found(
+    return Finding(
         f"{memory[0]:.2f} MB after the first frame, {middle:.2f} after half of them, "
         f"{memory[-1]:.2f} after all {len(memory)}",
         memory[-1] - middle < 0.5 * (middle - memory[0]),
     )
 
 
-def _dearer(subject: Subject) -> Found:
-    ratio = subject.ratio({"method": "vct"}, {"method": "em"}).value
-    return Found(f"{ratio:.2f}x the time of em", ratio > 1.0)
+def _dearer(view: ClaimView) -> Finding:
+    ratio = view.ratio({"method": "vct"}, {"method": "em"}).value
+    return Finding(f"{ratio:.2f}x the time of em", ratio > 1.0)
 
 
-def _with_place(subject: Subject) -> Found:
-    cones, distant = (subject.scores({"method": name}).rmse for name in ("vct", "em"))
-    return Found(f"RMSE {cones:.4g} against {distant:.4g}", cones < distant)
+def _with_place(view: ClaimView) -> Finding:
+    cones, distant = (view.scores({"method": name}).rmse for name in ("vct", "em"))
+    return Finding(f"RMSE {cones:.4g} against {distant:.4g}", cones < distant)
 
 
-def _grows(subject: Subject) -> Found:
+def _grows(view: ClaimView) -> Finding:
     """Fit a line to the time over the number of cones, equal for real surfaces and objects."""
     counts = (2, 4, 8, 16)
     variants = [
         {"method": "dvct", "trace.rays": n, "trace.object_rays": n, "dvct.cones": 16}
         for n in counts
     ]
-    times = [median(t) for t in subject.times(*variants)]
-    slope, start = np.polyfit(counts, times, 1)
-    off = np.abs(np.polyval([slope, start], counts) - times).max() / times[-1]
+    times = [median(t) for t in view.times(*variants)]
+    slope, off = _line(counts, times)
     measured = ", ".join(f"{t:.1f} ms with {n}" for n, t in zip(counts, times, strict=True))
-    return Found(f"{measured}: {100 * off:.0f}% off a line", bool(off < 0.05 and slope > 0.0))
+    off /= times[-1]
+    return Finding(f"{measured}: {100 * off:.0f}% off a line", off < 0.05 and slope > 0.0)
 
 
-def _near_contact(subject: Subject) -> Found:
-    near, far = subject.errors({"method": "dvct"})
-    return Found(f"{near:.4f} near objects, {far:.4f} elsewhere", near > far)
+def _near_contact(view: ClaimView) -> Finding:
+    near, far = view.errors({"method": "dvct"})
+    return Finding(f"{near:.4f} near objects, {far:.4f} elsewhere", near > far)
 
 
-def _finer(subject: Subject) -> Found:
+def _finer(view: ClaimView) -> Finding:
     counts = (32, 64, 128)
-    found = [cuts(subject.scores({"method": "dvct", "dvct.voxels": n})) for n in counts]
-    means = [math.fsum(each) / len(each) for each in found]
+    means = [fmean(view.scores({"method": "dvct", "dvct.voxels": n}).cuts) for n in counts]
     measured = ", ".join(f"{m:.4f} with {n}³" for n, m in zip(counts, means, strict=True))
-    return Found(measured, means[0] < means[1] < means[2])
+    return Finding(measured, means[0] < means[1] < means[2])
 
 
-def _quicker_than_paths(subject: Subject) -> Found:
-    ratio = subject.ratio(_paths("pt-diff", "all", 1), {"method": "dvct"}).value
-    return Found(f"{ratio:.2f}x (pt-diff, surfaces=all, 1 bounce)", ratio > 1.0)
+def _quicker_than_paths(view: ClaimView) -> Finding:
+    ratio = view.ratio(_paths("pt-diff", "all", 1), {"method": "dvct"}).value
+    return Finding(f"{ratio:.2f}x (pt-diff, surfaces=all, 1 bounce)", ratio > 1.0)
 
 
 RTX_3080 = "RTX 3080, 1280x720"
@@ -181,10 +180,10 @@ GTX_780 = "GTX 780"
 CLAIMS = (
     Claim(
         IPRT,
-        "SSIM above that of image-based lighting in all cuts",
+        "SSIM above image-based lighting's in all cuts",
         "in all cuts of Table 2",
-        _above_ibl,
-        "rasterized layers and one bounce miss what this view shows",
+        partial(_above, ours="iprt2023", theirs="ibl"),
+        "rasterized layers and one bounce do not suffice for this view",
     ),
     Claim(
         IPRT,
@@ -235,7 +234,7 @@ CLAIMS = (
         "Multiple importance sampling costs at most 5% more than sampling by reflectance",
         f"+3% (Figure 3; {RTX_3080})",
         _sampling,
-        "aimed rays cost a march of their own, and find their density at what they meet",
+        "aimed rays cost a march of their own, and find their density at the surface that they hit",
     ),
     Claim(
         NEI,
@@ -250,13 +249,13 @@ CLAIMS = (
         "The cache of directions lowers the cost per sample",
         "cache of 8: 0.128 ms from 8 to 16 samples, 0.013 from 64 to 128 (Table 4; PC)",
         _cache_costs,
-        "where most directions miss the objects, the hierarchy is as quick to say so as boxes are",
+        "where most directions miss the objects, the hierarchy finds that as quickly as boxes do",
     ),
     Claim(
         NEI,
         "Light varies over objects as in the reference more than with environment mapping",
         "by pictures (Figures 9 and 11)",
-        _above_em,
+        partial(_above, ours="dit", theirs="em"),
         "",
     ),
     Claim(
@@ -278,7 +277,7 @@ CLAIMS = (
         "Time grows linearly with the number of cones",
         f"cones of all surfaces are traced in the same way (section 3.2; {GTX_780})",
         _grows,
-        "what a frame does besides takes most of its time",
+        "other passes take most of a frame's time",
     ),
     Claim(
         DVCT,

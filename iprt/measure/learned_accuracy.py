@@ -25,7 +25,7 @@ TABLE_BYTES = 12
 
 
 @dataclass(frozen=True)
-class Learned:
+class LearnedAccuracy:
     """Accuracy and cost of learning from a panorama.
 
     Attributes
@@ -52,7 +52,7 @@ class Learned:
 
 def learn_frame(
     device: ComputeDevice, frame: Frame, own: LearningSettings, frames: int, exposure: float
-) -> Learned:
+) -> LearnedAccuracy:
     """Learn from `frames` copies of a frame and evaluate at held-out texels."""
     panorama = Panorama(device, frame.width, frame.height)
     panorama.load(frame)
@@ -83,7 +83,7 @@ def learn_frame(
     error, dense_error, sparse_error = (
         _rmse(values[known], truth, exposure) for values in (predicted, dense, sparse)
     )
-    return Learned(
+    return LearnedAccuracy(
         error, dense_error, sparse_error, tuple(megabytes), median(times), float(known.mean())
     )
 

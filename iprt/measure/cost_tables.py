@@ -7,34 +7,35 @@ from collections.abc import Callable, Sequence
 from iprt.device.budget import amount
 from iprt.files.message_text import counted
 from iprt.measure.changes import FALSE_ALARMS, Change
-from iprt.measure.cost import PartRow, PassRow, Timing, WorkRow
+from iprt.measure.cost import PartRow, PassRow, RayRow, Timing, WorkRow
 from iprt.measure.cost_report import CostReport
+from iprt.measure.results import grid_of
 from iprt.output.grid import Grid
 
-TIMES = ("ms", "p95", "mean", "share", "host", "launches")
-WORK = ("MB", "GB/s", "rays", "steps", "most", "object rays", "steps", "most", "active", "groups")
 WORTH_A_ROW = 0.01
 """Least share of the total for which a buffer or program has its own row."""
 CHANGED = "*"
+NAME = "per frame"
+"""Column of the names of passes and their parts."""
+Row = dict[str, str]
 
 
 def pass_grid(report: CostReport) -> Grid:
     """Build a table of milliseconds per frame and pass, with one-time costs in the notes."""
-    rows = [("all passes", *_times(report.frame, _sum(report.passes)))]
-    rows += [(row.name, *_pass_times(row)) for row in report.passes]
-    return Grid(_title(report), ("per frame", *TIMES), tuple(rows), _notes(report))
+    rows = [_sum(report), *map(_pass_row, report.passes)]
+    return grid_of(_title(report), rows, *_notes(report))
 
 
 def part_grid(report: CostReport) -> Grid:
     """Build a table of passes with their kernels, transfers and host work, and counted work."""
-    empty = ("",) * len(WORK)
-    rows = [("all passes", *_times(report.frame, _sum(report.passes)), *empty)]
+    rows = [_sum(report)]
     for row in report.passes:
-        rows.append((row.name, *_pass_times(row), *empty))
-        rows += [(f"  {part.name}", *_part_cells(part)) for part in row.parts]
-    notes = (
+        rows += [_pass_row(row), *map(_part_row, row.parts)]
+    return grid_of(
+        _title(report),
+        rows,
         *_notes(report),
-        "ms, p95, mean: of the frames; medians (ms) of parts do not add up to that of the whole",
+        "ms, p95, mean: of the frames; the medians (ms) of parts do not add up to the pass's",
         "host: time of the host on a pass while the device may be running; work that the host does "
         "itself counts in ms. As both run at once, the sum may exceed the wall time",
         "MB: buffers bound to a kernel, each counted once, or bytes transferred; GB/s: MB by time, "
@@ -42,7 +43,6 @@ def part_grid(report: CostReport) -> Grid:
         "steps: mean per ray; most: of the longest ray; active: work items that have work; groups: "
         "work groups that hold any (tiles, for passes over pixels)",
     )
-    return Grid(_title(report), ("per frame", *TIMES, *WORK), tuple(rows), notes)
 
 
 def memory_grid(report: CostReport) -> Grid:
@@ -80,38 +80,37 @@ def change_grid(changes: Sequence[Change], settings: Sequence[str], before: str)
     """
     rows = []
     for change in changes:
-        indented = f"  {change.part}" if change.part else change.name
-        old, new = change.before_ms, change.after_ms
+        old, new, noise = change.before_ms, change.after_ms, change.noise_ms
         rows.append(
-            (
-                indented,
-                "" if old is None else f"{old:.3f}",
-                "" if new is None else f"{new:.3f}",
-                f"{change.difference_ms:+.3f}",
-                f"{change.difference_ms / old:+.1%}" if old and new is not None else "",
-                "" if change.noise_ms is None else f"±{change.noise_ms:.3f}",
-                CHANGED if change.beyond_noise else "",
-            )
+            {
+                "median ms/frame": f"  {change.part}" if change.part else change.name,
+                "before": "" if old is None else f"{old:.3f}",
+                "now": "" if new is None else f"{new:.3f}",
+                "change": f"{change.difference_ms:+.3f}",
+                "%": f"{100 * change.difference_ms / old:+.1f}" if old and new is not None else "",
+                "noise": "" if noise is None else f"±{noise:.3f}",
+                "": CHANGED if change.beyond_noise else "",
+            }
         )
-    notes = (
+    return grid_of(
+        f"against {before}",
+        rows,
         f"{CHANGED}: in one of them only, or beyond the noise within both: where nothing changed, "
         f"one row or more is marked in {FALSE_ALARMS:.0%} of comparisons",
         "a machine that is busier in one of them shifts all rows",
         *settings,
     )
-    columns = ("median ms/frame", "before", "now", "change", "", "noise", "")
-    return Grid(f"against {before}", columns, tuple(rows), notes)
 
 
 def _title(report: CostReport) -> str:
     view = report.view
     return (
-        f"{view.width}x{view.height}, method {report.settings.method}, "
+        f"{view.width}x{view.height}, method {report.settings['method']}, "
         f"{counted(report.frames, 'frame')} on {report.device}"
     )
 
 
-def _notes(report: CostReport) -> tuple[str, ...]:
+def _notes(report: CostReport) -> list[str]:
     notes = []
     if report.wall is not None:
         wall = report.wall
@@ -130,55 +129,51 @@ def _notes(report: CostReport) -> tuple[str, ...]:
         f"once: compiling kernels {report.compile_ms:.0f} ms, "
         f"preparing the panorama {report.prepare_ms:.0f} ms"
     )
-    return tuple(notes)
+    return notes
 
 
-def _sum(passes: Sequence[PassRow]) -> tuple[float, float, float]:
-    """Sum share, enqueue milliseconds and launches of passes."""
-    return (
-        sum(row.share for row in passes),
-        sum(row.enqueue_ms for row in passes),
-        sum(row.launches for row in passes),
-    )
+def _sum(report: CostReport) -> Row:
+    share, host = (sum(getattr(p, key) for p in report.passes) for key in ("share", "enqueue_ms"))
+    return _row("all passes", report.frame, share, host, report.launches)
 
 
-def _pass_times(row: PassRow) -> tuple[str, ...]:
-    return _times(row.timing, (row.share, row.enqueue_ms, row.launches))
+def _pass_row(row: PassRow) -> Row:
+    return _row(row.name, row.timing, row.share, row.enqueue_ms, row.launches)
 
 
-def _times(timing: Timing, others: tuple[float, float | None, float]) -> tuple[str, ...]:
-    share, host, launches = others
-    return (
-        f"{timing.ms:.2f}",
-        f"{timing.p95_ms:.2f}",
-        f"{timing.mean_ms:.2f}",
-        f"{share:.1%}",
-        "" if host is None else f"{host:.2f}",
-        f"{launches:.4g}",
-    )
+def _part_row(part: PartRow) -> Row:
+    return {
+        **_row(f"  {part.name}", part.timing, part.share, None, part.launches),
+        "MB": f"{part.bytes / 1e6:.2f}" if part.bytes else "",
+        "GB/s": "" if part.gb_per_s is None else f"{part.gb_per_s:.2f}",
+        **({} if part.work is None else _work(part.work)),
+    }
 
 
-def _part_cells(part: PartRow) -> tuple[str, ...]:
-    return (
-        *_times(part.timing, (part.share, None, part.launches)),
-        f"{part.bytes / 1e6:.2f}" if part.bytes else "",
-        "" if part.gb_per_s is None else f"{part.gb_per_s:.2f}",
-        *_work_cells(part.work),
-    )
+def _row(name: str, timing: Timing, share: float, host: float | None, launches: float) -> Row:
+    return {
+        NAME: name,
+        "ms": f"{timing.ms:.2f}",
+        "p95": f"{timing.p95_ms:.2f}",
+        "mean": f"{timing.mean_ms:.2f}",
+        "share": f"{share:.1%}",
+        "host": "" if host is None else f"{host:.2f}",
+        "launches": f"{launches:.4g}",
+    }
 
 
-def _work_cells(work: WorkRow | None) -> tuple[str, ...]:
-    if work is None:
-        return ("",) * (len(WORK) - 2)
-    real = _rays(work.rays, work.steps, work.most_steps)
-    objects = _rays(work.object_rays, work.object_steps, work.most_object_steps)
-    active = f"{work.active:.0f}/{work.items:.0f}"
-    groups = f"{work.active_groups:.0f}/{work.groups:.0f}"
-    return (*real, *objects, active, groups)
+def _work(work: WorkRow) -> Row:
+    return {
+        **_rays(work.real, "rays", "steps", "most"),
+        **_rays(work.objects, "object rays", "object steps", "object most"),
+        "active": f"{work.active:.0f}/{work.items:.0f}",
+        "groups": f"{work.active_groups:.0f}/{work.groups:.0f}",
+    }
 
 
-def _rays(count: float, steps: float, most: int) -> tuple[str, str, str]:
-    return (f"{count:.0f}", f"{steps:.1f}", str(most)) if count else ("", "", "")
+def _rays(rays: RayRow, *columns: str) -> Row:
+    cells = (f"{rays.count:.0f}", f"{rays.steps:.1f}", str(rays.most)) if rays.count else [""] * 3
+    return dict(zip(columns, cells, strict=True))
 
 
 def _ranked(

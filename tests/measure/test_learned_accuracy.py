@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.measure.learned import TABLE_BYTES, VOXEL_BYTES, learn_frame, voxel_means
+from iprt.measure.learned_accuracy import TABLE_BYTES, VOXEL_BYTES, learn_frame, voxel_means
 from iprt.settings.trace import LearningSettings
 from tests.oracles.worlds import World
 from tests.world.real.test_learning import samples

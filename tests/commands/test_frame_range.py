@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from iprt.commands.frames import frame_range
+from iprt.commands.frame_range import frame_range
 from iprt.errors import IprtError
 
 THERE = range(10, 34)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
 import av
@@ -13,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from iprt.commands.render_video import WARM_UP, runs, warm_up
 from iprt.commands.setting_flags import SettingFlags
-from iprt.commands.video import WARM_UP, runs, warm_up
-from iprt.errors import DeviceLostError, FormatError, IprtError
+from iprt.errors import DeviceLostError, FormatError
 from iprt.files.lock import locked
 from iprt.output.spatial_media import XML_ID
 from iprt.scene.scene import Scene
@@ -221,11 +220,6 @@ def test_the_sound_of_a_video_file_is_kept(command: Command, folder: Path, tmp_p
     assert len(clicks_in(tmp_path / "silent.mp4")) == 3
 
 
-def test_pictures_have_no_sound(command: Command, tmp_path: Path) -> None:
-    command(output=tmp_path / "a.mp4")
-    assert sound_codecs(tmp_path / "a.mp4") == []
-
-
 def test_a_folder_takes_one_render_at_a_time(command: Command, tmp_path: Path) -> None:
     with locked(tmp_path / "out"), pytest.raises(FormatError, match="renders into this folder"):
         command(output=tmp_path / "out" / "a.mp4")
@@ -289,11 +283,3 @@ def test_a_moved_scene_is_the_same(folder: Path, tmp_path: Path) -> None:
     assert fingerprint(Scene.open(tmp_path / "elsewhere")) == before
     (tmp_path / "elsewhere" / "color.0002.exr").unlink()
     assert fingerprint(Scene.open(tmp_path / "elsewhere")) != before
-
-
-def test_frames_take_a_while_and_tell(command: Command, tmp_path: Path) -> None:
-    """The order of the numbers tells that none is rendered twice."""
-    command(output=tmp_path / "a.mp4")
-    assert all(later == sooner + 1 for sooner, later in pairwise(rendered()))
-    with pytest.raises(IprtError, match="--accumulate 0"):
-        command(output=tmp_path / "b.mp4", accumulate=0)
