@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
-from iprt.world.real.irradiance import BLACK, SURFACES
+from iprt.world.real.irradiance import BLACK, SURFACES, IrradianceCacheArgs
 
 MEAN_RADIANCE = 2.0
 WORLD: Any = SimpleNamespace(panorama=SimpleNamespace(mean_radiance=MEAN_RADIANCE))
@@ -24,11 +24,11 @@ class EvenCache:
         self._plane = device.upload("plane", np.zeros((entries, 4), np.float32))
         self._irradiance = device.upload("irradiance", cells)
 
-    def arguments(self, panorama: Any) -> dict[str, Any]:
-        return {
-            "cache_plane": self._plane,
-            "cache_irradiance": self._irradiance,
-            "cache_columns": 32,
-            "cache_rows": 16,
-            "cache_black": float(BLACK * panorama.mean_radiance),
-        }
+    def arguments(self, panorama: Any) -> IrradianceCacheArgs:
+        return IrradianceCacheArgs(
+            plane=self._plane,
+            irradiance=self._irradiance,
+            columns=32,
+            rows=16,
+            black=float(BLACK * panorama.mean_radiance),
+        )
