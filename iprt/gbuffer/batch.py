@@ -8,7 +8,9 @@ from typing import Any
 
 from pyopencl import cltypes
 
-from iprt.device.kernel import MOST_ENTRIES
+from iprt.device.kernel_source import constant
+
+MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
 
 Rect = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1, as (x0, y0, x1, y1)."""
@@ -21,7 +23,10 @@ def int4(rect: Rect) -> Any:
 
 
 def batched(**values: Sequence[Any]) -> dict[str, Any]:
-    """Return parameters `name[MOST_ENTRIES]` of kernels from one value per entry each."""
+    """Return parameters `name[MOST_ENTRIES]` of kernels from one value per entry each.
+
+    Missing entries of a smaller batch are bound to the first one's.
+    """
     given: dict[str, Any] = {}
     for name, entries in values.items():
         lacking = MOST_ENTRIES - len(entries)
