@@ -232,7 +232,8 @@ __kernel void filter_real(
     const float least = 0.0f;
 #endif
     filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, guide, signal, variance, signal_out,
-                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width, height, seam);
+                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width,
+                 height, seam);
 }
 
 __kernel void filter_reflected(
@@ -259,7 +260,8 @@ __kernel void filter_reflected(
     const float alpha = load_stored(widened, plane_index(x, y, width));
     filter_pixel(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, alpha, lobe_fraction, 0.0f,
                  guide, signal, variance, signal_out,
-                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width, height, seam);
+                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width,
+                 height, seam);
 }
 
 // Return the GGX alpha of a whole pixel's lobe. The normals within a pixel turn its reflections by twice

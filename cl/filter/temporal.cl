@@ -174,8 +174,8 @@ __kernel void correct_real(
     int seam)
 {
     SPAN_ITEM;
-    correct_pixel(REAL_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y, antilag_sigma, clamp_sigma, trusted, fading, rays,
-                  width, height, seam);
+    correct_pixel(REAL_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y,
+                  antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
 }
 
 __kernel void correct_reflected(
@@ -198,8 +198,8 @@ __kernel void correct_reflected(
     int seam)
 {
     SPAN_ITEM;
-    correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y, antilag_sigma, clamp_sigma, trusted, fading,
-                  rays, width, height, seam);
+    correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y,
+                  antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
 }
 
 __kernel void estimate_variance(

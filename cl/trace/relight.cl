@@ -41,7 +41,7 @@ static inline float channel_ratio(
 }
 
 __kernel void relight(
-    __global const int *restrict spans,             // where the signal is nonzero, in this picture or the last
+    __global const int *restrict spans,    // where the signal is nonzero, in this picture or the last
     const int layer[MOST_ENTRIES],
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes

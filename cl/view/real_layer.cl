@@ -52,31 +52,28 @@
 // Write the surface that a pixel shows of a texel's plane in direction v. The plane may leave the texel's
 // depths by a share `slack`. Scalars only: PoCL vectorizes resampling.
 static inline ALWAYS_INLINE void show_surface(
-    int texel, float3 v, float slack, __global const float *restrict previous,
-    __global const float4 *restrict panorama_surface, __global const float2 *restrict panorama_range,
-    int pixel, int size, __global float *restrict normal, __global float *restrict depth,
-    __global float *restrict id, __global float *restrict motion, const Camera camera)
+    const RealPlanes layer, int texel, float3 v, float slack, int pixel, int size)
 {
-    __global const float *restrict surface = (__global const float *)panorama_surface + 4 * texel;
+    __global const float *restrict surface = (__global const float *)layer.panorama_surface + 4 * texel;
     const float gx = surface[0], gy = surface[1], gz = surface[2];
     const int flags = (int)surface[3];
     const int visible = !(flags & SURFACE_NONE);
     const float facing = visible ? -1.0f / sqrt(gx * gx + gy * gy + gz * gz) : 0.0f;
-    normal[pixel] = facing * gx;
-    normal[size + pixel] = facing * gy;
-    normal[2 * size + pixel] = facing * gz;
-    __global const float *restrict near_far = (__global const float *)panorama_range + 2 * texel;
+    layer.normal[pixel] = facing * gx;
+    layer.normal[size + pixel] = facing * gy;
+    layer.normal[2 * size + pixel] = facing * gz;
+    __global const float *restrict near_far = (__global const float *)layer.panorama_range + 2 * texel;
     const float2 range = (float2)((1.0f - slack) * near_far[0], (1.0f + slack) * near_far[1]);
     const float inverse = gx * v.x + gy * v.y + gz * v.z;
     const float radius = visible ? surface_radius(0.0f, inverse, 1.0f, 1.0f, range) : 0.0f;
-    depth[pixel] = radius;
-    id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
+    layer.depth[pixel] = radius;
+    layer.id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
     // Only the direction of distant surfaces matters, and of all if the capture centre stays.
     const float3 point
-        = camera.rows ? camera_before(camera.rows, v, radius > 0.0f ? 1.0f / radius : 0.0f) : v;
-    const float2 before = view_project(previous, point);
-    motion[pixel] = before.x;
-    motion[size + pixel] = before.y;
+        = layer.camera.rows ? camera_before(layer.camera.rows, v, radius > 0.0f ? 1.0f / radius : 0.0f) : v;
+    const float2 before = view_project(layer.previous, point);
+    layer.motion[pixel] = before.x;
+    layer.motion[size + pixel] = before.y;
 }
 
 // Write a pixel's gloss: `index` of the real material + 1, and the highlight's radiance.
@@ -113,8 +110,8 @@ static inline ALWAYS_INLINE Sampled resample(int x, int y, const RealPlanes laye
     const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
     // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
-    const int same = is_equirect(layer.view) && layer.width == layer.panorama_width && layer.height == layer.panorama_height
-        && layer.view[0] == 1.0f && layer.view[4] == 1.0f && layer.view[8] == 1.0f;
+    const int same = is_equirect(layer.view) && layer.width == layer.panorama_width
+        && layer.height == layer.panorama_height && layer.view[0] == 1.0f && layer.view[4] == 1.0f && layer.view[8] == 1.0f;
     const int mark = gap ? y * layer.width + x : is_uneven(layer.panorama_surface, around) ? UNEVEN : -1;
     layer.other_pixel[y * layer.width + x] = points == 1 && !same ? mark : -1;
     float3 radiance;
@@ -128,8 +125,7 @@ static inline ALWAYS_INLINE Sampled resample(int x, int y, const RealPlanes laye
     layer.color[pixel] = radiance.x;
     layer.color[size + pixel] = radiance.y;
     layer.color[2 * size + pixel] = radiance.z;
-    show_surface(texel, inside.direction, 0.0f, layer.previous, layer.panorama_surface, layer.panorama_range, pixel, size,
-                 layer.normal, layer.depth, layer.id, layer.motion, layer.camera);
+    show_surface(layer, texel, inside.direction, 0.0f, pixel, size);
     return (Sampled){texel, points, inside};
 }
 
@@ -178,8 +174,9 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     if (mark == -1)
         return edge;
     const Footprint inside = footprint(layer.view, x, y);
-    store_corners(layer.shown.color, layer.panorama_surface, layer.panorama_width, layer.panorama_height, inside, x, y, layer.width,
-                  layer.height, (__global float *)(layer.other + itself), (__global int *)(layer.corner + itself));
+    store_corners(layer.shown.color, layer.panorama_surface, layer.panorama_width, layer.panorama_height,
+                  inside, x, y, layer.width, layer.height, (__global float *)(layer.other + itself),
+                  (__global int *)(layer.corner + itself));
     if (mark == UNEVEN)
         return edge;
     layer.other_pixel[itself] = UNEVEN;
@@ -216,8 +213,7 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     layer.other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
 
     const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
-    show_surface(texel, inside.direction, BEYOND, layer.previous, layer.panorama_surface, layer.panorama_range, pixel, size,
-                 layer.normal, layer.depth, layer.id, layer.motion, layer.camera);
+    show_surface(layer, texel, inside.direction, BEYOND, pixel, size);
     return (Edge){1, texel, share, mixtures, whole, inside, window};
 }
 
@@ -251,8 +247,8 @@ __kernel void sharpen_glossy(
                            edge.share),
                        edge.mixtures);
     }
-    show_gloss(index, specular, real_materials, plane_index(x, y, layer.width), plane_size(layer.width, layer.height),
-               gloss, roughness, highlight);
+    show_gloss(index, specular, real_materials, plane_index(x, y, layer.width),
+               plane_size(layer.width, layer.height), gloss, roughness, highlight);
 }
 
 // Writes the bits of `colour` without map and highlight; >= 0.

@@ -3,7 +3,7 @@
 A kernel takes a block like any struct, `const World world`. OpenCL allows no pointers in structs
 that kernels take, so `flat_kernels` replaces it by a parameter per member, such as
 `world_real_grid_width`, and begins the kernel's body with the struct made of them. A launch takes
-an instance, `kernel(size, world=WorldArgs(...))`, and for a batch, `const World world[3]`, a list.
+an instance: `kernel(size, world=WorldArgs(...))`.
 """
 
 from __future__ import annotations
@@ -169,9 +169,11 @@ def flat_kernels(text: str, blocks: Mapping[str, type[Block]], macros: Mapping[s
                 parameters.append(parameter)
                 continue
             space, kind, name, size = found.groups()
-            count = int(sizes.get(size, size)) if size else 1
-            entries = [f"{name}_{i}" for i in range(count)] if size else [name]
-            declared, value = _split(kind, entries, block, macros)
+            if block:
+                declared, value = _split(block, name, macros)
+            else:
+                entries = [f"{name}_{i}" for i in range(int(sizes.get(size, size)))]
+                declared, value = [f"{kind} {entry}" for entry in entries], _chosen(entries)
             if declared:
                 parameters.append(space + ", ".join(declared))
             else:
@@ -185,19 +187,12 @@ def flat_kernels(text: str, blocks: Mapping[str, type[Block]], macros: Mapping[s
     return _KERNEL.sub(flat, text)
 
 
-def _split(
-    kind: str, entries: Sequence[str], block: type[Block] | None, macros: Mapping[str, str]
-) -> tuple[list[str], str]:
-    """Return the flat parameters of a batch, or of one entry, and the work item's value."""
-    if block is None:
-        return [f"{kind} {entry}" for entry in entries], _chosen(entries)
-    leaves = [list(_leaves(block, entry, macros)) for entry in entries]
-    declared = [f"{leaf.kind} {flat}" for of in leaves for _, flat, leaf in of if not leaf.outer]
-    members = [
-        f"{of[0][0]} = {_chosen([leaf.outer or flat for _, flat, leaf in of])}"
-        for of in zip(*leaves, strict=True)
-    ]
-    return declared, f"{{{', '.join(members) or '0'}}}"
+def _split(block: type[Block], name: str, macros: Mapping[str, str]) -> tuple[list[str], str]:
+    """Return the flat parameters of a block, and the struct made of them."""
+    leaves = list(_leaves(block, name, macros))
+    members = ", ".join(f"{path} = {leaf.outer or flat}" for path, flat, leaf in leaves)
+    declared = [f"{leaf.kind} {flat}" for _, flat, leaf in leaves if not leaf.outer]
+    return declared, f"{{{members or '0'}}}"
 
 
 def _chosen(entries: Sequence[str]) -> str:

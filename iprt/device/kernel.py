@@ -14,16 +14,12 @@ import pyopencl.array as cla
 
 from iprt.device.bands import Bands
 from iprt.device.block import Block
-from iprt.device.kernel_source import constant
 from iprt.device.profile import Kind, Profile
 from iprt.device.signature import Parameter
 
 MOST_BOUND = 2
 """Number of OpenCL kernels per call site. Passes that swap two history buffers bind each order
 once. More kernels would keep buffers of closed views alive."""
-
-MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
-"""Largest batch. Missing entries of a smaller one are bound to the first one's."""
 
 _Bindable = tuple[int, Any]
 """Index of a parameter, and numpy type of a scalar. None: a buffer or a vector."""
@@ -99,7 +95,7 @@ def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ..
 
 
 def _merged(groups: tuple[Mapping[str, Any], ...], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge arguments, by the names of flat parameters. A list of blocks is a batch."""
+    """Merge arguments, by the names of flat parameters."""
     given: dict[str, Any] = {}
     for group in groups:
         given.update(group)
@@ -107,9 +103,6 @@ def _merged(groups: tuple[Mapping[str, Any], ...], own: Mapping[str, Any]) -> di
     for name, value in list(given.items()):
         if isinstance(value, Block):
             given.update(value.arguments(name))
-        elif isinstance(value, list):
-            for i in range(MOST_ENTRIES):
-                given.update(value[i if i < len(value) else 0].arguments(f"{name}_{i}"))
     return given
 
 
@@ -232,9 +225,7 @@ class Kernel:
         self._get_buffers, self._get_scalars = _getter(self._buffers), _getter(self._scalars)
 
     def _require_known(self, own: Mapping[str, Any], known: Collection[str]) -> None:
-        unknown = [
-            n for n, value in own.items() if n not in known and not isinstance(value, Block | list)
-        ]
+        unknown = [n for n, value in own.items() if n not in known and not isinstance(value, Block)]
         if unknown:
             raise TypeError(f"{self._described} has no parameter '{', '.join(unknown)}'")
 

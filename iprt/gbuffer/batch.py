@@ -6,11 +6,16 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from iprt.device.kernel import MOST_ENTRIES
+from iprt.device.kernel_source import constant
+
+MOST_ENTRIES = constant("lib/gbuffer/batch.h", "MOST_ENTRIES")
 
 
 def batched(**values: Sequence[Any]) -> dict[str, Any]:
-    """Return parameters `name[MOST_ENTRIES]` of kernels from one value per entry each."""
+    """Return parameters `name[MOST_ENTRIES]` of kernels from one value per entry each.
+
+    Missing entries of a smaller batch are bound to the first one's.
+    """
     given: dict[str, Any] = {}
     for name, entries in values.items():
         lacking = MOST_ENTRIES - len(entries)

@@ -39,11 +39,7 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
         return;
     RealHit hit = trace_real_layer(layer, origin[i].xyz, direction[i].xyz, INFINITY);
     found[i] = (float4)(hit.direction, hit.t);
-    int behind = 0;
-#ifdef BACKGROUND
-    behind = hit.behind;
-#endif
-    what[i] = (int4)(hit.kind, hit.texel, behind, 0);
+    what[i] = (int4)(hit.kind, hit.texel, hit.behind, 0);
 }
 """
 

@@ -89,9 +89,6 @@ EQUIVALENT: dict[str, str] = {
     '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
         "Only cells brighter than the mean are in it: it is full where all but one are."
     ),
-    'iprt/world/real/lights.py: f"{prefix}_rows": 1, -> f"{prefix}_rows": 2,': (
-        "Never read: there are no cells to be aimed at."
-    ),
     "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH + 2": (
         "A bound on the file, one number larger; an invalid tree is refused afterwards."
     ),

@@ -8,8 +8,8 @@
 #define PLANES_IN __global const float *restrict
 #define PLANES_OUT __global float *restrict
 
-// Kernels take the spans (gbuffer/guide.cl) of all layers in one buffer, `spans`, and the `layer` of each entry.
-// CPU compilers do not vectorize further accesses to several buffers unless they know that nothing aliases
+// Kernels take the spans (gbuffer/guide.cl) of all layers in one buffer, `spans`, and the `layer` of each
+// entry. CPU compilers do not vectorize accesses to further buffers unless they know that nothing aliases
 // them.
 
 // Return the first and end column of a work group's row; the first group starts at the span's start. Empty

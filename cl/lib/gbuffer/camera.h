@@ -1,5 +1,5 @@
-// Motion of the 360° camera: `rows` of the block Camera (iprt/gbuffer/guide.py) are the rows (3 x 4 floats) of the
-// affine map from the axes of this frame's capture centre to the previous frame's, or null.
+// Motion of the 360° camera: `rows` of the block Camera (iprt/gbuffer/guide.py) are the rows (3 x 4 floats)
+// of the affine map from the axes of this frame's capture centre to the previous frame's, or null.
 #pragma once
 
 #include <iprt.gbuffer.guide>

@@ -71,10 +71,7 @@ static inline int gloss_at(const World world, const RealHit hit)
 {
     int seen = hit.kind == HIT_SURFACE
         && !((int)world.real.surface[hit.texel].w & SURFACE_OPENING);
-#ifdef BACKGROUND
-    seen &= !hit.behind;
-#endif
-    return seen ? world.gloss.map[hit.texel] : 0;
+    return seen && !hit.behind ? world.gloss.map[hit.texel] : 0;
 }
 
 // Return seen_share() of gloss.h for the panorama.

@@ -22,7 +22,6 @@ static inline float3 sky_radiance(const RealLayer real, float3 d)
     return panorama_bilinear(real.color, real.grid.width, real.grid.height, equirect_uv(d));
 }
 
-#ifdef RELIT
 // Return the factor at a surface point in direction d from the capture centre.
 static inline float3 relit_factor(const Relit relit, float3 d)
 {
@@ -34,7 +33,6 @@ static inline float3 relit_factor(const Relit relit, float3 d)
     return equirect_bilinear((__global const float *)relit.panorama, 4, 2 * relit.rows, relit.rows,
                              equirect_uv(d));
 }
-#endif
 
 // Return the radiance without objects of a hit of a ray in direction d, by one lookup in one picture.
 static inline float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
@@ -46,21 +44,19 @@ static inline float3 captured_radiance(const RealLayer real, const RealHit hit, 
     int width = real.grid.width, height = real.grid.height;
     float2 uv = equirect_uv(hit.direction);
     __global const float4 *surfaces = real.surface;
-#ifdef BACKGROUND
     if (hit.behind) {
         picture = real.background.color;
         surfaces = real.background.surface;
     }
-#endif
     const int surface = hit.kind <= HIT_BACK_FACE;
     if (real.outside && surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
         // Behind windows: as the camera saw it in that direction, else extrapolated.
         uv = equirect_uv(d);
         const int texel = equirect_texel(uv, width, height);
-#ifdef BACKGROUND
-        picture = real.background.color;
-        surfaces = real.background.surface;
-#endif
+        if (real.background.surface) {
+            picture = real.background.color;
+            surfaces = real.background.surface;
+        }
         if (!((int)surfaces[texel].w & SURFACE_OPENING)) {
             picture = real.outside;
             width = 2 * OUTSIDE_ROWS;
@@ -75,14 +71,8 @@ static inline float3 captured_radiance(const RealLayer real, const RealHit hit, 
 static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
 {
     float3 radiance = captured_radiance(world.real, hit, d);
-#ifdef RELIT
-    int known = world.relit.screen && hit.kind <= HIT_BACK_FACE;
-#ifdef BACKGROUND
     // The change is unknown on surfaces that the view does not show.
-    known &= !hit.behind;
-#endif
-    if (known)
+    if (world.relit.screen && hit.kind <= HIT_BACK_FACE && !hit.behind)
         radiance *= relit_factor(world.relit, hit.direction);
-#endif
     return radiance;
 }

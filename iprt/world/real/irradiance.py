@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from iprt.device.block import Block, Float4s, Float32, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.device.kernel_source import constant
 from iprt.footage.frame import LUMINANCE
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 BLACK = 1e-6
 """E_R that counts as black, relative to the panorama's mean radiance: ratios to it are noise."""
 
-SURFACES = 2
-"""Surfaces of a cell: `CACHE_SURFACES` of `cl/lib/world/real/irradiance.h`."""
+SURFACES = constant("lib/world/real/irradiance.h", "CACHE_SURFACES")
+"""Surfaces of a cell."""
 
 FOREVER = 1e6
 """More samples than a cell ever has."""

@@ -40,13 +40,11 @@ static inline float3 sample_light(const Lights lights, float2 u)
     return (float3)(-s * azimuth.y, y, s * azimuth.x);
 }
 
-#ifdef BACKGROUND
 // Return whether rays in this direction aim at the background, rather than at its occluder.
 static inline int aims_behind(const RealLayer layer, int texel)
 {
-    return ((int)layer.background.surface[texel].w & SURFACE_AIMED) != 0;
+    return layer.background.surface && ((int)layer.background.surface[texel].w & SURFACE_AIMED) != 0;
 }
-#endif
 
 // Return the direction from x to the point of the tangent plane of `texel` in direction v.
 static inline float3 towards_light(const RealLayer layer, float3 v, int texel, float3 x)
@@ -56,12 +54,10 @@ static inline float3 towards_light(const RealLayer layer, float3 v, int texel, f
 #else
     float4 surface = layer.surface[texel];
     float farthest = layer.grid.range[texel].y;
-#ifdef BACKGROUND
     if (aims_behind(layer, texel)) {
         surface = layer.background.surface[texel];
         farthest = layer.background.range[texel].y;
     }
-#endif
     if ((int)surface.w & SURFACE_NONE)
         return v;
     const float inverse = dot(surface.xyz, v);
@@ -86,18 +82,12 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
 #else
     if (lights.count == 0 || (hit.kind != HIT_SURFACE && hit.kind != HIT_SKY))
         return 0.0f;
-#ifdef BACKGROUND
     if (hit.behind != aims_behind(layer, hit.texel))
         return 0.0f;
-#endif
     const float density = lights.density[light_cell(lights, hit.direction)];
     if (!(density > 0.0f) || hit.kind == HIT_SKY)
         return density;
-#ifdef BACKGROUND
     const float3 g = (hit.behind ? layer.background.surface : layer.surface)[hit.texel].xyz;
-#else
-    const float3 g = layer.surface[hit.texel].xyz;
-#endif
     const float3 y = x + hit.t * d;
     const float towards_centre = dot(g, hit.direction);
     if (!(towards_centre > LIGHT_GRAZING * length(g) && fabs(dot(g, y) - 1.0f) < LIGHT_OFF_PLANE))

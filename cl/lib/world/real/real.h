@@ -35,9 +35,7 @@ typedef struct {
                         // from its centre, of any length
     int texel;          // of `direction`; with an impostor, of the ray's own direction
     int kind;           // HIT_*
-#ifdef BACKGROUND
     int behind;         // the hit is background that the first layer hides
-#endif
 } RealHit;
 
 #define SIDE_FRONT 0    // between the capture centre and the surface
@@ -270,18 +268,14 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
         hit.direction = (float3)(0.0f, 1.0f, 0.0f);
         hit.texel = 0;
         hit.kind = HIT_UNKNOWN;
-#ifdef BACKGROUND
         hit.behind = 0;
-#endif
         return hit;
     }
     const int texel = texel_towards(layer, d);
     hit.kind = HIT_SURFACE;
     hit.texel = texel;
     hit.direction = d;
-#ifdef BACKGROUND
     hit.behind = 0;
-#endif
 #ifdef IMPOSTOR
     COUNT_RAY(layer.grid.work, WORK_REAL);
     COUNT_STEPS(layer.grid.work, WORK_REAL, layer.impostor.steps);
