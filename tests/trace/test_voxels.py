@@ -115,6 +115,16 @@ def test_a_box_fills_the_voxels_that_it_fills(device: ComputeDevice) -> None:
     assert 0 < lit.sum() < (wanted.max(-1) > 0.0).sum()
 
 
+def test_a_box_thinner_than_a_voxel_is_solid(device: ComputeDevice) -> None:
+    half = np.array([0.5, 0.004, 0.3])
+    box = turned_box(half)
+    with kernels(device, furnace("sphere"), [box], "vct, even", own=COARSE) as run:
+        voxels = run.renderer.method.voxels.objects
+        opacity, _ = planes_of(run, voxels)
+    wanted = box_opacity(voxels.grid, box.to_world, half)
+    assert (np.abs(opacity[..., 1] - wanted[..., 1]) > 1e-5).mean() < 2e-3
+
+
 @pytest.mark.parametrize("faces", ["up", "down"])
 def test_a_sheet_is_two_voxels_thick(device: ComputeDevice, faces: str) -> None:
     """Whichever side of it the rays meet."""
