@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from iprt.settings.model import Settings
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
 from iprt.viewer.viewport import Viewport

@@ -20,13 +20,12 @@ from iprt.output.png import write_pixels
 from iprt.scene.edits import Look
 from iprt.scene.placement import set_on
 from iprt.viewer.controls import with_value
-from iprt.viewer.developer import Developer
-from iprt.viewer.displayed import DisplayedFrame, Readout
+from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
 from iprt.viewer.engine import Client, Engine
+from iprt.viewer.frame_rate import FrameCounter, FrameRate
 from iprt.viewer.lens import Lens
-from iprt.viewer.motion import Motion
-from iprt.viewer.picking import Picking
-from iprt.viewer.rate import FrameCounter, FrameRate
+from iprt.viewer.motion_quality import MotionQuality
+from iprt.viewer.picking import Picking, Readout
 from iprt.viewer.screenshots import free_path
 from iprt.viewer.session import Shown
 from iprt.viewer.state import REST_FRAMES, Request
@@ -77,9 +76,9 @@ class Viewport:
         self._engine, self._time = engine, clock
         self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
         self._objects, self._frames = objects, frames
-        self._lens, self._motion = Lens(), Motion(target_fps, engine.tradeoff, clock)
+        self._lens, self._motion = Lens(), MotionQuality(target_fps, engine.tradeoff, clock)
         self._edits = engine.world.edits
-        self._developer = Developer()
+        self._developer = PictureDeveloper()
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency: tuple[float, int] | None = None
@@ -260,16 +259,12 @@ class Viewport:
             self._made_of = made_of
             latency_s, frames = (self._latency if lively else None) or (None, None)
             self._displayed = DisplayedFrame(
-                found.pixels,
-                shown,
-                found.buffer,
-                found.caption,
-                found.warning,
-                found.sides,
-                self._motion.preview(shown),
-                latency_s,
-                frames,
-                self._motion.fps,
+                **vars(found),
+                shown=shown,
+                preview=self._motion.preview(shown),
+                latency_s=latency_s,
+                latency_frames=frames,
+                fps=self._motion.fps,
             )
         return self._displayed
 

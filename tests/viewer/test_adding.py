@@ -32,8 +32,8 @@ def test_viewers_place_meshes_as_scene_add_does(stance: Stance, tmp_path: Path) 
     turns = Turns(Scene.open(room), no_device, SETTINGS)
     turns.until(lambda: turns.core._video.frame is not None)
     turns.core.add(ObjectEdit("m", path=mesh), (20.0, -50.0), stance)
-    turns.until(lambda: bool(turns.mailbox.world.edits))
-    (edit,) = turns.mailbox.world.edits
+    turns.until(lambda: bool(turns.shared.world.edits))
+    (edit,) = turns.shared.world.edits
     turns.core.close()
     add_object(room, mesh, 20.0, -50.0, stance=stance)
     (instance,) = Scene.open(room).instances

@@ -154,7 +154,7 @@ def test_a_resized_window_needs_no_other_kernels(scene: Scene, device: ComputeDe
             assert shown.picture.color.shape == (size[1], size[0], 3)
             assert np.isfinite(shown.picture.color).all()
         assert len(device.built_programs) == built
-        assert driver.mailbox.status.problems == ()
+        assert driver.shared.status.problems == ()
 
 
 def test_other_buffers_of_a_refined_picture_cost_no_frame(
@@ -174,7 +174,7 @@ def test_other_buffers_of_a_refined_picture_cost_no_frame(
 
 
 def edited(driver: Turns, edit: ObjectEdit) -> int:
-    return driver.mailbox.change(lambda world: world.edited(edit))
+    return driver.shared.change(lambda world: world.edited(edit))
 
 
 @pytest.mark.thorough
@@ -262,7 +262,7 @@ def test_a_video_rests_at_its_end(tmp_path: Path, device: ComputeDevice) -> None
             last = min(1 + int(due), 3)
             driver.until(lambda last=last: driver.shown(client).frame == last)
             driver.settle()
-            assert driver.mailbox.world.playback == (started if since else Playback(3))
+            assert driver.shared.world.playback == (started if since else Playback(3))
 
 
 def test_a_video_that_loops_starts_anew(tmp_path: Path, device: ComputeDevice) -> None:
@@ -324,7 +324,7 @@ def test_the_objects_are_listed_as_they_are_shown(tmp_path: Path, device: Comput
         assert np.array_equal((low, high), [[-1] * 3, [1] * 3])
         wanted = moving.to_world.copy()
         wanted[:3, 3] = 0.2, -0.9, -1.4
-        driver.mailbox.change(
+        driver.shared.change(
             lambda world: world.edited(
                 ObjectEdit("cube", flat(moving.placed(wanted)), material)
             ).edited(ObjectEdit("still", removed=True))

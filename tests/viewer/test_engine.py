@@ -177,7 +177,7 @@ def test_edits_are_saved_with_all_else_as_it_was(scene: Scene, device: ComputeDe
 
 def _until_saved(engine: Engine) -> int:
     """Number of the change that takes the saved edits off."""
-    mailbox = engine._mailbox
-    with mailbox._condition:
-        assert mailbox._condition.wait_for(lambda: mailbox._world.unsaved == (), DEADLINE_S)
-        return mailbox._world_number
+    shared = engine._shared
+    with shared._condition:
+        assert shared._condition.wait_for(lambda: shared._world.unsaved == (), DEADLINE_S)
+        return shared._world_number

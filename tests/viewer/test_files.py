@@ -17,7 +17,7 @@ from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.files import POLL_S
 from iprt.viewer.history import GESTURE_S
-from iprt.viewer.mailbox import Mailbox
+from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, World
 from iprt.viewer.watch import MOST_FRAMES, Watch
 from tests.clips import clip_color, write_clip
@@ -38,7 +38,7 @@ def look_again(driver: Turns) -> None:
 
 
 def problems(driver: Turns) -> tuple[str, ...]:
-    return driver.mailbox.status.problems
+    return driver.shared.status.problems
 
 
 def replaced(path: Path, content: bytes) -> None:
@@ -142,18 +142,18 @@ def test_a_saved_scene_is_what_was_shown(
     with turns(scene, device) as driver:
         client = driver.join()
         driver.answer(client)
-        core, mailbox = driver.core, driver.mailbox
+        core, shared = driver.core, driver.shared
         core.add(
             ObjectEdit("wedge", material=PLASTIC, path=path), (20.0, -40.0), Stance(height_m=0.3)
         )
         driver.settle()
-        mailbox.edit("cube", lambda edit: replace(edit, removed=True))
+        shared.edit("cube", lambda edit: replace(edit, removed=True))
         driver.settle()
         (shown,) = core.objects
         core.save()
         driver.settle()
         assert problems(driver) == ()
-        assert mailbox.world.unsaved == ()
+        assert shared.world.unsaved == ()
         (saved,) = core.objects
         loaded = core.scene
         look_again(driver)
@@ -172,13 +172,13 @@ def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) 
     text = path.read_text()
     with turns(scene, device) as driver:
         driver.answer(driver.join())
-        driver.mailbox.edit("cube", lambda edit: replace(edit, removed=True))
+        driver.shared.edit("cube", lambda edit: replace(edit, removed=True))
         path.write_text(text.replace("format = 1", "format = "))
         driver.core.save(told.append)
         driver.settle()
         assert told == list(problems(driver))
         assert "scene.toml: not valid TOML" in str(told[0])
-        assert [edit.name for edit in driver.mailbox.world.edits] == ["cube"]
+        assert [edit.name for edit in driver.shared.world.edits] == ["cube"]
         path.write_text("# mine\n" + text)
         driver.core.save(told.append)
         driver.settle()
@@ -190,49 +190,49 @@ def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) 
 
 def test_edits_are_undone_and_made_again() -> None:
     clock = Clock()
-    mailbox = Mailbox(World(Settings(), Playback(0)), clock)
+    shared = SharedState(World(Settings(), Playback(0)), clock)
 
     def place(name: str, x: float) -> None:
         clock.now += 0.1
-        mailbox.edit(name, lambda edit: replace(edit, to_world=(x,) * 16))
+        shared.edit(name, lambda edit: replace(edit, to_world=(x,) * 16))
 
     def now() -> dict[str, tuple[float | None, bool, bool]]:
         return {
             edit.name: (edit.to_world and edit.to_world[0], edit.removed, edit.material is not None)
-            for edit in mailbox.world.edits
+            for edit in shared.world.edits
         }
 
     states = [now()]
     for x in range(20):  # a drag
         place("a", float(x))
     states.append(now())
-    mailbox.edit("a", lambda edit: replace(edit, material=Material()))
+    shared.edit("a", lambda edit: replace(edit, material=Material()))
     states.append(now())
     place("b", 1.0)
     states.append(now())
     clock.now += 2 * GESTURE_S
     place("b", 2.0)
     states.append(now())
-    mailbox.edit("a", lambda edit: replace(edit, removed=True))
+    shared.edit("a", lambda edit: replace(edit, removed=True))
     states.append(now())
     assert len({str(state) for state in states}) == len(states)
     for state in reversed(states[:-1]):
-        mailbox.undo()
+        shared.undo()
         assert now() == state
-    last = mailbox.undo()
-    assert mailbox.undo() == last, "nothing is left to undo"
+    last = shared.undo()
+    assert shared.undo() == last, "nothing is left to undo"
     for state in states[1:]:
-        mailbox.redo()
+        shared.redo()
         assert now() == state
-    assert mailbox.redo() == mailbox.redo()
-    mailbox.undo()
+    assert shared.redo() == shared.redo()
+    shared.undo()
     place("b", 3.0)
-    assert mailbox.redo() == mailbox.redo(), "another edit was made since"
-    mailbox.undo()
+    assert shared.redo() == shared.redo(), "another edit was made since"
+    shared.undo()
     assert now() == states[-2]
-    mailbox.saved(mailbox.world.edits)
-    assert mailbox.world.unsaved == ()
-    mailbox.undo()
-    assert mailbox.world.unsaved != ()
-    mailbox.redo()
-    assert mailbox.world.unsaved == ()
+    shared.saved(shared.world.edits)
+    assert shared.world.unsaved == ()
+    shared.undo()
+    assert shared.world.unsaved != ()
+    shared.redo()
+    assert shared.world.unsaved == ()

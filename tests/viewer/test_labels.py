@@ -12,8 +12,8 @@ from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.output.tone import Curve
 from iprt.settings.methods import methods
 from iprt.viewer import labels
-from iprt.viewer.displayed import Readout
 from iprt.viewer.lens import BUFFERS
+from iprt.viewer.picking import Readout
 from iprt.viewer.screenshots import default_folder, free_path
 from iprt.viewer.state import PlaybackMode, Status
 

@@ -40,7 +40,7 @@ def look_again(driver: Turns) -> None:
 
 
 def problems(driver: Turns) -> tuple[str, ...]:
-    return driver.mailbox.status.problems
+    return driver.shared.status.problems
 
 
 def test_a_scene_is_followed_while_it_is_edited(scene: Scene, device: ComputeDevice) -> None:
@@ -71,7 +71,7 @@ def test_edits_stay_when_the_scene_is_read_again(scene: Scene, device: ComputeDe
     with turns(scene, device) as driver:
         client = driver.join()
         driver.answer(client)
-        driver.mailbox.change(lambda world: world.edited(ObjectEdit("cube", removed=True)))
+        driver.shared.change(lambda world: world.edited(ObjectEdit("cube", removed=True)))
         driver.settle()
         rewrite(scene, "0.3, 0, 0, 0.1", "0.3, 0, 0, 0.3")
         look_again(driver)
@@ -123,7 +123,7 @@ def test_a_video_that_cannot_be_read_is_told(scene: Scene, device: ComputeDevice
         client = driver.join()
         driver.until(lambda: bool(problems(driver)))
         assert "color.0000.exr" in problems(driver)[0]
-        assert driver.mailbox.status.doing == "waiting"
+        assert driver.shared.status.doing == "waiting"
         first.write_bytes(good)
         rewrite(scene, "fps = 24.0", "fps = 25.0")
         driver.clock.now += POLL_S
@@ -141,17 +141,17 @@ def test_a_compiler_at_work_is_told(
     with turns(scene, own) as driver:
         client = driver.join()
         driver.answer(client)
-        report = driver.mailbox.report
-        monkeypatch.setattr(driver.mailbox, "report", lambda s: (told.append(s), report(s)))
+        report = driver.shared.report
+        monkeypatch.setattr(driver.shared, "report", lambda s: (told.append(s), report(s)))
         driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
         assert "compiling" not in {status.doing for status in told}
         settings = SETTINGS.model_copy(update={"method": "ibl"})
         driver.answer(client, driver.change(settings=settings))
         files = [status.what for status in told if status.doing == "compiling"]
         assert "trace/trace_virtual.cl" in files
-        assert driver.mailbox.status.doing == "rendering"
+        assert driver.shared.status.doing == "rendering"
         driver.settle()
-        assert driver.mailbox.status == Status("waiting")
+        assert driver.shared.status == Status("waiting")
 
 
 def test_it_is_told_that_a_picture_is_rendered(
@@ -162,12 +162,12 @@ def test_it_is_told_that_a_picture_is_rendered(
         client = driver.join()
         driver.answer(client)
         driver.settle()
-        assert driver.mailbox.status.doing == "waiting"
+        assert driver.shared.status.doing == "waiting"
         told: list[Status] = []
         launch = module.Kernel.__call__
 
         def noting(kernel: module.Kernel, *args: Any, **named: Any) -> None:
-            told.append(driver.mailbox.status)
+            told.append(driver.shared.status)
             launch(kernel, *args, **named)
 
         monkeypatch.setattr(module.Kernel, "__call__", noting)
@@ -241,7 +241,7 @@ def test_a_device_that_hangs_is_left_alone(
         driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
         driver.settle()
         assert problems(driver) == ("has not answered for 60 s",)
-        assert driver.mailbox.status.doing == "waiting"
+        assert driver.shared.status.doing == "waiting"
         assert (fails.times, len(made)) == (0, 1)
         assert driver.shown(client) is first
         again = driver.answer(client, driver.ask(client))
@@ -288,7 +288,7 @@ def test_a_defect_is_told_and_the_viewer_goes_on(
         client = driver.join()
         first = driver.answer(client)
         with monkeypatch.context() as patch:
-            patch.setattr("iprt.viewer.canvas.Renderer.render", lambda *_: 1 / 0)
+            patch.setattr("iprt.viewer.accumulating_renderer.Renderer.render", lambda *_: 1 / 0)
             driver.ask(client)
             driver.settle()
         (problem,) = problems(driver)

@@ -7,7 +7,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
-from iprt.viewer.rate import FrameCounter, FrameRate, Rate
+from iprt.viewer.frame_rate import EventRate, FrameCounter, FrameRate
 from iprt.viewer.state import Playback
 from tests.viewer.turns import SETTINGS, Clock, turns
 
@@ -34,11 +34,11 @@ def test_every_frame_is_shown_however_slow_the_device_is(
                     # Nobody is a frame ahead of who has not seen the one before.
                     frames.append(shown)
                     assert len({len(other) for other in seen} - {len(frames)}) <= 1
-            return not driver.mailbox.world.playback.playing
+            return not driver.shared.world.playback.playing
 
         driver.until(look)
         assert seen == [[0, 1, 2, 3, 4, 5]] * 2
-        assert driver.mailbox.world.playback == Playback(5, None, "every frame")
+        assert driver.shared.world.playback == Playback(5, None, "every frame")
 
 
 def test_every_frame_comes_no_faster_than_in_the_video(scene: Scene, device: ComputeDevice) -> None:
@@ -83,7 +83,7 @@ def test_scenes_say_whether_videos_loop(scene: Scene, device: ComputeDevice) -> 
 
 def test_rates() -> None:
     clock = Clock()
-    rate = Rate(clock)
+    rate = EventRate(clock)
     assert rate.value is None
     for _ in range(40):
         rate.add()

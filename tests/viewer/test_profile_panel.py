@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from iprt.device.profile import PassTime
+from iprt.viewer.pass_times import MOST_FRAMES
 from iprt.viewer.session import Shown
-from iprt.viewer.timeline import MOST_FRAMES
 
 pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
 

@@ -24,8 +24,8 @@ PLASTIC = Material("plastic", (0.4, 0.2, 0.1), alpha=0.2)
 def save(driver: Turns, look: Look | None = None) -> None:
     driver.core.save(look=look)
     driver.settle()
-    assert driver.mailbox.status.problems == ()
-    assert driver.mailbox.world.unsaved == ()
+    assert driver.shared.status.problems == ()
+    assert driver.shared.world.unsaved == ()
 
 
 @pytest.mark.thorough
@@ -38,29 +38,29 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
     mesh.write_bytes((scene.root / "cube.obj").read_bytes())
     with turns(Scene.open(scene.root), device, FEWEST) as driver:
         driver.answer(driver.join())
-        mailbox = driver.mailbox
+        shared = driver.shared
         moved = flat(np.diag([0.2, 0.2, 0.2, 1.0]))
-        mailbox.edit("cube", lambda edit: replace(edit, to_world=moved))
+        shared.edit("cube", lambda edit: replace(edit, to_world=moved))
         save(driver)
-        mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
         assert 'kind = "plastic"' in path.read_text()
-        mailbox.edit("cube", lambda edit: replace(edit, removed=True))
+        shared.edit("cube", lambda edit: replace(edit, removed=True))
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
         save(driver)
         assert [entry.name for entry in Scene.open(scene.root).objects] == ["other"]
         texts = [path.read_text()]
-        while mailbox.can_undo:
-            mailbox.undo()
+        while shared.can_undo:
+            shared.undo()
             driver.settle()
-            assert mailbox.world.unsaved
+            assert shared.world.unsaved
             save(driver)
             texts.append(path.read_text())
         assert texts[-1] == first
         assert [state.name for state in driver.core.objects] == ["cube"]
-        while mailbox.can_redo:
-            mailbox.redo()
+        while shared.can_redo:
+            shared.redo()
         driver.settle()
         save(driver)
         assert path.read_text() == texts[0]
@@ -71,16 +71,16 @@ def test_what_others_write_is_kept(scene: Scene, device: ComputeDevice) -> None:
     path = scene.root / "scene.toml"
     with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
-        mailbox = driver.mailbox
-        mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        shared = driver.shared
+        shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
         path.write_text(path.read_text().replace("yaw_deg = 0.0", "yaw_deg = 7.0") + "# mine\n")
         driver.clock.now += POLL_S
         driver.core.turn()
         driver.settle()
-        assert not mailbox.can_undo
+        assert not shared.can_undo
         assert driver.core.objects[0].materials == (PLASTIC,)
-        mailbox.edit("cube", lambda edit: replace(edit, removed=True))
+        shared.edit("cube", lambda edit: replace(edit, removed=True))
         path.write_text(path.read_text() + "# too\n")  # not seen before it is saved
         save(driver)
         assert path.read_text().endswith("# mine\n# too\n")
@@ -102,10 +102,10 @@ def test_saved_edits_outdate_the_truth(judged: Scene, device: ComputeDevice) -> 
     first = path.read_text()
     with turns(judged, device, FEWEST) as driver:
         driver.answer(driver.join())
-        driver.mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        driver.shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver)
         assert Scene.open(judged.root).views["ahead"].truth_outdated
-        driver.mailbox.undo()
+        driver.shared.undo()
         driver.settle()
         save(driver)
     assert path.read_text() == first
@@ -123,7 +123,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
         driver.settle()
         save(driver, look)
-        driver.mailbox.edit("other", lambda edit: replace(edit, material=PLASTIC))
+        driver.shared.edit("other", lambda edit: replace(edit, material=PLASTIC))
         save(driver, replace(look, view=replace(look.view, yaw_deg=15.0)))
     reopened = Scene.open(judged.root)
     assert list(reopened.views) == [*judged.views, SAVED_VIEW]
@@ -135,7 +135,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
         assert shown.geometry is not None
         assert shown.geometry.names == ("cube", "other")
         # Later saves keep it up to date, with what is shown then.
-        driver.mailbox.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        driver.shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
         save(driver, Look(look.view, ("other",)))
     assert Scene.open(judged.root).views[SAVED_VIEW].objects == ("other",)
 

@@ -10,7 +10,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
-from iprt.viewer.developer import OUTDATED
+from iprt.viewer.displayed_frame import OUTDATED
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.viewport import Viewport

@@ -21,7 +21,7 @@ from iprt.output.display import display
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.viewer.controls import with_value
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.viewport import Viewport

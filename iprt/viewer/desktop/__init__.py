@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from iprt.viewer.needs import require_window
+from iprt.viewer.requirements import require_window
 from iprt.viewer.state import REST_FRAMES
 
 if TYPE_CHECKING:

@@ -108,7 +108,7 @@ class App:
         displayed, status = ui.viewport.poll(), self._engine.status
         if displayed is not ui.displayed and displayed is not None:
             self.window.upload(displayed.pixels)
-            ui.timeline.add(displayed.shown)
+            ui.pass_times.add(displayed.shown)
         ui.displayed = displayed
         ui.report_saved()
         if ui.closing and not ui.unsaved:

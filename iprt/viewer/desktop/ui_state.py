@@ -15,7 +15,7 @@ from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
 from iprt.viewer.objects import ObjectState
-from iprt.viewer.timeline import Timeline
+from iprt.viewer.pass_times import PassTimes
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
@@ -46,7 +46,7 @@ class DesktopState(UiState):
         Close the window after saving.
     cursor : (x, y) or None
         Mouse position in the last picture, as fractions of width and height.
-    timeline : Timeline
+    pass_times : PassTimes
         Times of the last view frames.
     """
 
@@ -57,7 +57,7 @@ class DesktopState(UiState):
         self.readout = self.panels = True
         self.help = self.browsing = self.leaving = self.closing = False
         self.cursor: tuple[float, float] | None = None
-        self.timeline = Timeline()
+        self.pass_times = PassTimes()
         self._notice: tuple[str, bool, float] | None = None
         self._saved: SimpleQueue[str | None] = SimpleQueue()  # results of saving
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from iprt.viewer.needs import require_browser
+from iprt.viewer.requirements import require_browser
 
 if TYPE_CHECKING:
     from iprt.geometry.camera import View

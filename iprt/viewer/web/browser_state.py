@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.displayed import Readout
 from iprt.viewer.engine import Engine
+from iprt.viewer.picking import Readout
 from iprt.viewer.ui_state import UiState
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import Protocol
 
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.fields import lens_fields
 from iprt.viewer.labels import PICTURE
 from iprt.viewer.web.binding import show

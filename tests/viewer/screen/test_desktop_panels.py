@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iprt.viewer.displayed import DisplayedFrame
-from iprt.viewer.pace import Preview
+from iprt.viewer.displayed_frame import DisplayedFrame
+from iprt.viewer.motion_quality import Preview
 
 pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
 pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
@@ -227,14 +227,14 @@ def test_news_of_an_added_mesh_are_told(user: User) -> None:
     user.at_rest()
     user.away()
     before = texts(user.picture())
-    mailbox = user.engine._mailbox
+    shared = user.engine._shared
 
     def written() -> bool:
         # Again, as the engine may just have reported something else.
         news = ("box.glb: its vertex colours are not shown",)
-        mailbox.report(replace(mailbox.status, notes=news))
+        shared.report(replace(shared.status, notes=news))
         user.wait(6)
         return texts(user.picture()) > before + 100
 
     user.until(written)
-    mailbox.report(replace(mailbox.status, notes=()))
+    shared.report(replace(shared.status, notes=()))

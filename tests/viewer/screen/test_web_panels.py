@@ -226,7 +226,7 @@ def test_undo_and_redo(place: Place) -> None:
     engine = place.engine
     while engine.can_undo:  # edits of other tests
         engine.undo()
-    engine._mailbox._history.clear()
+    engine._shared._history.clear()
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     undo, redo, save = (button(visitor, name) for name in ("Undo", "Redo", "Save"))

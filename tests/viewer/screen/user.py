@@ -81,7 +81,7 @@ class User:
                 and displayed.shown.request == viewport._wanted
                 and not viewport._asked  # the same was asked for before, and others meanwhile
                 and displayed.shown.frame == self.ui.frame
-                and displayed.shown.number >= self.engine._mailbox._world_number
+                and displayed.shown.number >= self.engine._shared._world_number
             )
 
         self.until(done)

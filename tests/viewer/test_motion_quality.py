@@ -1,4 +1,4 @@
-"""Pace, on simulated devices: it holds the target, settles, and goes back to what was asked for."""
+"""Quality in motion, on simulated devices: it holds the target, settles, and recovers at rest."""
 
 from __future__ import annotations
 
@@ -23,7 +23,14 @@ from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values, resolved
 from iprt.settings.presets import Quality
 from iprt.viewer.engine import Engine
-from iprt.viewer.pace import MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
+from iprt.viewer.motion_quality import (
+    MOST_UP_S,
+    SCALES,
+    UP_S,
+    Level,
+    QualityController,
+    levels_below,
+)
 from iprt.viewer.state import Request
 from tests.clips import write_clip
 from tests.measure.tables import made_table, ratio_of
@@ -36,8 +43,10 @@ LEAST = changed(Settings(), entry_settings(next(iter(LADDER))))
 """The settings of the quickest entry."""
 
 
-def paced(base: Settings | None = None, fps: float = FPS, usual_s: float | None = None) -> Pace:
-    return Pace(fps, base or Settings(), TABLE, usual_s=usual_s)
+def paced(
+    base: Settings | None = None, fps: float = FPS, usual_s: float | None = None
+) -> QualityController:
+    return QualityController(fps, base or Settings(), TABLE, usual_s=usual_s)
 
 
 class Simulated:
@@ -50,7 +59,7 @@ class Simulated:
 
     def __init__(
         self,
-        pace: Pace,
+        pace: QualityController,
         load: Callable[[int], float],
         *,
         fixed: float = 0.0,

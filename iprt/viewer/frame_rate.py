@@ -11,7 +11,7 @@ EVENTS = 12
 """Number of averaged events."""
 
 
-class Rate:
+class EventRate:
     """The recent rate of an event per second.
 
     Parameters
@@ -44,7 +44,7 @@ class FrameRate:
     """The rate of displayed video frames during playback."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self._rate = Rate(clock)
+        self._rate = EventRate(clock)
         self._last: tuple[float | None, int] = (None, -1)
 
     def follow(self, since_s: float | None, frame: int) -> None:

@@ -24,7 +24,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Renderer]:
         found.append(Renderer(*args, **kwargs))
         return found[-1]
 
-    monkeypatch.setattr("iprt.viewer.canvas.Renderer", record)
+    monkeypatch.setattr("iprt.viewer.accumulating_renderer.Renderer", record)
     return found
 
 
@@ -93,7 +93,7 @@ def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
         assert rested is not None
         cube = np.array(scene.objects[0].motion.to_world)
         cube[0, 3] += 0.1
-        world = driver.mailbox.world
+        world = driver.shared.world
         moved = world.edited(replace(world.edit_of("cube"), to_world=flat(cube)))
         shown = driver.answer(client, driver.change(edits=moved.edits))
         assert shown.frames == 1

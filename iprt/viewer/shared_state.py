@@ -17,7 +17,7 @@ from iprt.viewer.state import Playback, Request, Status, World
 
 
 @dataclass(frozen=True)
-class Asked:
+class NumberedRequest:
     """A request with its number."""
 
     number: int
@@ -25,7 +25,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Snapshot:
     """A snapshot of the world and all requests.
 
     Attributes
@@ -33,16 +33,16 @@ class Wanted:
     number : int
         Number of the newest change to the world.
     world : World
-    requests : dict of int to Asked
+    requests : dict of int to NumberedRequest
         Requests by client.
     """
 
     number: int
     world: World
-    requests: dict[int, Asked]
+    requests: dict[int, NumberedRequest]
 
 
-class Mailbox:
+class SharedState:
     """Requests to the engine, and its pictures; all methods are thread-safe."""
 
     def __init__(self, world: World, clock: Callable[[], float] = time.monotonic) -> None:
@@ -52,7 +52,7 @@ class Mailbox:
         self._number = 0
         self._clients = 0
         self._world, self._world_number = world, 0
-        self._requests: dict[int, Asked] = {}
+        self._requests: dict[int, NumberedRequest] = {}
         self._shown: dict[int, Shown] = {}
         self._status = Status()
         self._stirred = False
@@ -79,7 +79,7 @@ class Mailbox:
         """Replace a client's request; return its number."""
         with self._condition:
             self._number += 1
-            self._requests[client] = Asked(self._number, request)
+            self._requests[client] = NumberedRequest(self._number, request)
             self._stir()
             return self._number
 
@@ -182,17 +182,17 @@ class Mailbox:
 
     # The engine calls these -------------------------------------------------------------------
 
-    def take(self) -> Wanted:
+    def take(self) -> Snapshot:
         """Return the newest requests, and mark them as seen."""
         with self._condition:
             self._stirred = False
-            return self.wanted
+            return self.snapshot
 
     @property
-    def wanted(self) -> Wanted:
+    def snapshot(self) -> Snapshot:
         """The newest requests."""
         with self._condition:
-            return Wanted(self._world_number, self._world, dict(self._requests))
+            return Snapshot(self._world_number, self._world, dict(self._requests))
 
     def publish(self, client: int, shown: Shown) -> None:
         """Publish a picture to a client."""
@@ -219,7 +219,7 @@ class Mailbox:
             self._condition.wait_for(lambda: self._stirred or self._closed, timeout_s)
 
     def close(self) -> None:
-        """Close the mailbox, and wake all waiting threads."""
+        """Close the shared, and wake all waiting threads."""
         with self._condition:
             self._closed = True
             self._condition.notify_all()

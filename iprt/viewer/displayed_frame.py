@@ -1,4 +1,4 @@
-"""Development of a rendered picture into display pixels, with optional comparisons."""
+"""The picture in a window: development into display pixels, with optional comparisons."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer import labels
 from iprt.viewer.lens import ERROR_LEVELS, Lens
+from iprt.viewer.motion_quality import Preview
 from iprt.viewer.session import Shown
 from iprt.viewer.truth import Truth
 
@@ -27,7 +28,7 @@ OUTDATED = f"{STALE}, says scene.toml: once the truth is made again, remove trut
 
 
 @dataclass(frozen=True, eq=False)
-class Developed:
+class DevelopedPicture:
     """A picture developed for display.
 
     Attributes
@@ -50,7 +51,32 @@ class Developed:
     sides: tuple[str, str] | None = None
 
 
-class Developer:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DisplayedFrame(DevelopedPicture):
+    """The picture in a window.
+
+    Attributes
+    ----------
+    shown : Shown
+        The rendered picture behind it; `shown.picture` is linear.
+    preview : Preview or None
+        Reductions of quality that hold the requested frame rate; None without any.
+    latency_s : float or None
+        Seconds from the newest answered input to this picture; None at rest.
+    latency_frames : int or None
+        The same in view frames of this window.
+    fps : float or None
+        Recent pictures per second; None at rest or at the start of a motion.
+    """
+
+    shown: Shown
+    preview: Preview | None
+    latency_s: float | None
+    latency_frames: int | None
+    fps: float | None
+
+
+class PictureDeveloper:
     """A developer of one window's pixels, for use by one thread at a time.
 
     Attributes
@@ -62,19 +88,13 @@ class Developer:
 
     def __init__(self) -> None:
         self.truth = Truth()
-        self._pool: ThreadPoolExecutor | None = None
+        self._pool = ThreadPoolExecutor(1, "iprt SSIM")
         self._score: tuple[tuple[Radiance, Radiance], Future[float]] | None = None
-        self._done = 0
+        self.scores = 0
 
     def close(self) -> None:
         """Stop scoring."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-
-    @property
-    def scores(self) -> int:
-        """Number of scored comparisons."""
-        return self._done
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def develop(
         self,
@@ -84,7 +104,7 @@ class Developer:
         shown: Shown,
         baseline: Shown | None,
         edits: Sequence[ObjectEdit],
-    ) -> Developed:
+    ) -> DevelopedPicture:
         """Develop a picture for display.
 
         Parameters
@@ -104,17 +124,24 @@ class Developer:
             left = lens.color(buffer, picture.aovs[buffer], exposure)
             words = labels.BUFFERS[buffer].name
         if lens.against is None or shown.plain:
-            return Developed(left, buffer, "" if buffer is None else words)
+            return DevelopedPicture(left, buffer, "" if buffer is None else words)
         other = self._other(scene, name, lens, shown, baseline)
         if isinstance(other, str):
-            return Developed(left, buffer, f"{words}: {other}")
+            return DevelopedPicture(left, buffer, f"{words}: {other}")
         pixels = lens.compare(left, lens.develop(other, exposure))
         warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
+        against = labels.comparisons()[lens.against].name
+        caption = f"{words} | {against}"
+        sides: tuple[str, str] | None = (words, against)
+        if lens.error:
+            percent = 100 * ERROR_LEVELS / 255
+            caption = f"Difference from {against.lower()}, white is {percent:.0f}%"
+            sides = None
         # Only pictures have scores, not buffers.
-        scored = not warning and buffer is None
-        caption = self._caption(lens, words, shown, other, exposure, scored=scored)
-        sides = None if lens.error else (words, labels.comparisons()[lens.against].name)
-        return Developed(pixels, buffer, caption, warning, sides)
+        if not warning and buffer is None:
+            score = self._scored(shown, other, exposure)
+            caption += "" if score is None else f", SSIM {score:.3f}"
+        return DevelopedPicture(pixels, buffer, caption, warning, sides)
 
     def _other(
         self, scene: Scene, name: str | None, lens: Lens, shown: Shown, baseline: Shown | None
@@ -136,25 +163,6 @@ class Developer:
             return f"{lens.method} is being rendered"
         return baseline.picture.color
 
-    def _caption(
-        self,
-        lens: Lens,
-        words: str,
-        shown: Shown,
-        other: Radiance,
-        exposure: float,
-        *,
-        scored: bool,
-    ) -> str:
-        assert lens.against is not None
-        name = labels.comparisons()[lens.against].name
-        if lens.error:
-            caption = f"Difference from {name.lower()}, white is {100 * ERROR_LEVELS / 255:.0f}%"
-        else:
-            caption = f"{words} | {name}"
-        score = self._scored(shown, other, exposure) if scored else None
-        return caption if score is None else f"{caption}, SSIM {score:.3f}"
-
     def _scored(self, shown: Shown, other: Radiance, exposure: float) -> float | None:
         """Return SSIM as in `iprt compare`, computed in the background; None if not available."""
         if not shown.refined or min(other.shape[:2]) < metrics.SSIM_WINDOW:
@@ -171,10 +179,8 @@ class Developer:
             try:
                 return metrics.ssim(*(display(image, exposure) for image in pair))
             finally:
-                self._done += 1
+                self.scores += 1
 
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(1, "iprt SSIM")
         self._score = pair, self._pool.submit(score)
         return None
 

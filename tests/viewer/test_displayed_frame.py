@@ -11,7 +11,7 @@ import pytest
 
 from iprt.measure import metrics
 from iprt.output.display import display
-from iprt.viewer.developer import Developer
+from iprt.viewer.displayed_frame import PictureDeveloper
 from iprt.viewer.lens import Lens
 from tests.waiting import DEADLINE_S
 
@@ -34,18 +34,18 @@ def shown(color: Any, method: str, *, plain: bool = False) -> Any:
     )
 
 
-def developed(developer: Developer, lens: Lens, baseline: Any) -> Any:
+def developed(developer: PictureDeveloper, lens: Lens, baseline: Any) -> Any:
     return developer.develop(SCENE, None, lens, shown(COLOR, "iprt"), baseline, ())
 
 
 @pytest.fixture
 def developer() -> Any:
-    developer = Developer()
+    developer = PictureDeveloper()
     yield developer
     developer.close()
 
 
-def scored(developer: Developer, lens: Lens, baseline: Any) -> str:
+def scored(developer: PictureDeveloper, lens: Lens, baseline: Any) -> str:
     """The caption once its score is known."""
     before, end = developer.scores, time.monotonic() + DEADLINE_S
     developed(developer, lens, baseline)
@@ -55,7 +55,7 @@ def scored(developer: Developer, lens: Lens, baseline: Any) -> str:
     return caption
 
 
-def test_scores_are_of_what_is_compared(developer: Developer) -> None:
+def test_scores_are_of_what_is_compared(developer: PictureDeveloper) -> None:
     ibl = shown(OTHER, "ibl")
     for against, other in (("input", INPUT), ("ibl", OTHER)):
         value = metrics.ssim(*(display(image, 1.0) for image in (COLOR, other)))
@@ -63,7 +63,7 @@ def test_scores_are_of_what_is_compared(developer: Developer) -> None:
         assert caption.endswith(f", SSIM {value:.3f}")
 
 
-def test_a_method_whose_kernels_compile_is_not_compared_with(developer: Developer) -> None:
+def test_a_method_whose_kernels_compile_is_not_compared_with(developer: PictureDeveloper) -> None:
     """Meanwhile its picture is the input."""
     found = developed(developer, Lens(against="ibl", split=0.0), shown(INPUT, "ibl", plain=True))
     assert "ibl is being rendered" in found.caption
@@ -72,7 +72,7 @@ def test_a_method_whose_kernels_compile_is_not_compared_with(developer: Develope
     np.testing.assert_array_equal(found.pixels, Lens().develop(COLOR, 1.0))
 
 
-def test_buffers_have_no_score(developer: Developer) -> None:
+def test_buffers_have_no_score(developer: PictureDeveloper) -> None:
     lens = Lens(buffer="normal", against="input")
     scored(developer, Lens(against="input"), None)
     found = developed(developer, lens, None)
