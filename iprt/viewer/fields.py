@@ -9,8 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-import numpy as np
-
 from iprt.geometry.material import Material
 from iprt.settings.model import Settings
 from iprt.settings.presets import PRESETS, Quality
@@ -22,16 +20,19 @@ from iprt.viewer.labels import (
     NOTHING,
     PARTS,
     PICTURE,
+    PLAYBACK,
     TURNED,
     Label,
     comparisons,
 )
+from iprt.viewer.objects import ObjectState
 from iprt.viewer.ui_state import UiState
 
 Kind = Literal["switch", "choice", "number", "numbers", "vector", "color"]
 REQUIRED: Any = object()
 OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
+NONE = Label("none", "")
 MOST_FPS = 240
 PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
@@ -151,16 +152,15 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
     """Build the fields of the selected object's position and size."""
 
     def position() -> tuple[float, ...]:
-        state = ui.state
-        matrix = np.eye(4) if state is None else state.to_world
-        return tuple(round(float(value), 4) for value in matrix[:3, 3])
+        place = (0.0, 0.0, 0.0) if ui.state is None else ui.state.to_world[:3, 3]
+        return tuple(round(float(value), 4) for value in place)
 
     def move(place: tuple[float, ...]) -> None:
         state = ui.state
         if state is not None:
             to_world = state.to_world.copy()
             to_world[:3, 3] = place
-            ui.engine.place(state.name, state.placed(to_world))
+            ui.place(state, to_world)
 
     def size() -> float:
         return 1.0 if ui.state is None else round(float(ui.state.size.max()), 4)
@@ -169,18 +169,89 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         state = ui.state
         if state is None or not size > 0.0:
             return
-        low, high = state.corners
-        foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
         to_world, factor = state.to_world.copy(), size / float(state.size.max())
         # Scale about the centre of the bottom, so that the object stays in place.
-        to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ foot
+        to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ state.foot
         to_world[:3, :3] *= factor
-        ui.engine.place(state.name, state.placed(to_world))
+        ui.place(state, to_world)
 
     sizes = (Slider(0.001, 1000.0, False, 0.01),)
     return (
         Field("position", "vector", lambda: PARTS["position"], position, move),
         Field("size", "number", lambda: PARTS["size"], size, resize, sliders=sizes),
+    )
+
+
+def selected_field(ui: UiState) -> Field:
+    """Build the choice of the selected object."""
+
+    def options() -> Mapping[Any, Label]:
+        names = {state.name: Label(state.name, "") for state in ui.engine.objects}
+        return {None: NONE, **names}
+
+    def read() -> str | None:
+        return ui.selected if ui.selected in options() else None
+
+    label = PARTS["selected"]
+    return Field(
+        "selected", "choice", lambda: label, read, lambda n: setattr(ui, "selected", n), options
+    )
+
+
+def visibility_field(ui: UiState, state: ObjectState) -> Field:
+    """Build the switch that shows an object in this window."""
+    name = state.name
+    about = "Show or hide it in this window." + (" Keyframes move it." if state.keyframed else "")
+    return Field(
+        name,
+        "switch",
+        lambda: Label(name, about),
+        lambda: ui.visible(name),
+        lambda on: ui.show(name, bool(on)),
+    )
+
+
+def playback_fields(ui: UiState) -> tuple[Field, ...]:
+    """Build the fields of the video's playback."""
+    engine = ui.engine
+
+    def switch(key: str, label: Label, read: Callable[[], bool], write: Any) -> Field:
+        return Field(key, "switch", lambda: label, read, write)
+
+    every, other = PLAYBACK["every frame"], PLAYBACK["real time"]
+    return (
+        switch(
+            "play",
+            Label(PARTS["play"].name, f"{PARTS['play'].about} Key: Space."),
+            lambda: ui.playing,
+            lambda on: engine.play() if on else engine.pause(),
+        ),
+        switch("loop", PARTS["loop"], lambda: engine.loop, engine.set_loop),
+        switch(
+            "mode",
+            Label(every.name, f"{every.about} Otherwise: {other.about}"),
+            lambda: engine.playback_mode == "every frame",
+            lambda on: engine.set_playback_mode("every frame" if on else "real time"),
+        ),
+        Field(
+            "frame",
+            "number",
+            lambda: PARTS["frame"],
+            lambda: ui.frame,
+            engine.seek,
+            sliders=(Slider(ui.frames[0], ui.frames[-1], True, 0.0),),
+        ),
+    )
+
+
+def attribute_switch(ui: UiState, key: str, attribute: str) -> Field:
+    """Build a switch for an attribute of the interface's state, labelled by its key in `PARTS`."""
+    return Field(
+        key,
+        "switch",
+        lambda: PARTS[key],
+        lambda: getattr(ui, attribute),
+        lambda on: setattr(ui, attribute, on),
     )
 
 

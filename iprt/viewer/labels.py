@@ -98,7 +98,7 @@ PLAYBACK: Mapping[PlaybackMode, Label] = {
 
 PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
-    "selected": Label("Selected", "Or click one in the picture."),
+    "selected": Label("Selected", "Or click one in the picture. Shift+click puts it there."),
     "objects": Label("Objects", "Click one to select it, here or in the picture."),
     "preset": Label("Preset", "Sets the settings with the most effect on cost; all others stay."),
     "fps": Label(

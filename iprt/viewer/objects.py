@@ -54,6 +54,17 @@ class ObjectState:
         return np.asarray((high - low) * np.linalg.norm(self.to_world[:3, :3], axis=0))
 
     @property
+    def middle(self) -> Float:
+        """(3,) centre of the object-aligned box, before `to_world`."""
+        return np.asarray(np.mean(self.corners, axis=0))
+
+    @property
+    def foot(self) -> Float:
+        """(3,) centre of the bottom of that box, on which the object stands."""
+        x, _, z = self.middle
+        return np.array([x, self.corners[0][1], z])
+
+    @property
     def keyframed(self) -> bool:
         """True if keyframes move the object."""
         return self.motion.moves

@@ -22,7 +22,7 @@ from iprt.scene.placement import set_on
 from iprt.viewer.controls import with_value
 from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
 from iprt.viewer.engine import Client, Engine
-from iprt.viewer.frame_rate import FrameCounter, FrameRate
+from iprt.viewer.frame_rate import FrameRate
 from iprt.viewer.lens import Lens
 from iprt.viewer.motion_quality import MotionQuality
 from iprt.viewer.picking import Picking, Readout
@@ -269,15 +269,16 @@ class Viewport:
         return self._displayed
 
     @property
-    def counter(self) -> FrameCounter | None:
-        """The position in the video; None for a single frame."""
+    def counter(self) -> str | None:
+        """The position in the video and its rate, in words; None for a single frame."""
         scene, playback = self._engine.scene, self._engine.world.playback
         frames, shown = scene.frame_indices, self._client.shown
         if len(frames) == 1:
             return None
         frame = shown.frame if shown is not None and playback.playing else playback.frame
+        text = f"{frame - frames[0] + 1} of {len(frames)}"
         fps = self._frame_rate.value if playback.playing else None
-        return FrameCounter(frame, frame - frames[0] + 1, len(frames), fps, scene.source.fps)
+        return text if fps is None else f"{text}, {fps:.2g} of {scene.source.fps:g} fps"
 
     @property
     def truth_problem(self) -> str | None:

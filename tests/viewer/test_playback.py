@@ -7,7 +7,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
-from iprt.viewer.frame_rate import EventRate, FrameCounter, FrameRate
+from iprt.viewer.frame_rate import EventRate, FrameRate
 from iprt.viewer.state import Playback
 from tests.viewer.turns import SETTINGS, Clock, turns
 
@@ -99,8 +99,3 @@ def test_rates() -> None:
     assert frames.value is None, "it was started anew"
     frames.follow(None, 0)
     assert frames.value is None
-
-
-def test_counters_in_words() -> None:
-    assert FrameCounter(107, 8, 24, 1.337, 24.0).text == "8 of 24, 1.3 of 24 fps"
-    assert FrameCounter(107, 8, 24, None, 24.0).text == "8 of 24"

@@ -8,7 +8,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from iprt.geometry.camera import View
-from iprt.viewer.desktop import bars, picture_panel, profile_panel, scene_panel, settings_panel
+from iprt.viewer.desktop import bars, panels, profile_panel
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
@@ -33,9 +33,9 @@ _PANEL = (
     | imgui.WindowFlags_.no_nav
 )
 _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
-    ("Scene", scene_panel.draw),
-    ("Picture", picture_panel.draw),
-    ("Settings", settings_panel.draw),
+    ("Scene", panels.scene),
+    ("Picture", panels.picture),
+    ("Settings", panels.settings),
     ("Profile", profile_panel.draw),
 )
 
@@ -90,7 +90,7 @@ class App:
     @property
     def closed(self) -> bool:
         """True if the user closed the window and has no unsaved edits, or discards them."""
-        if self.window.closing and self.ui.unsaved and not self._discarding:
+        if self.window.closing and self.ui.engine.unsaved and not self._discarding:
             self.window.closing = False
             self.ui.leaving = True
         return self.window.closing
@@ -110,8 +110,8 @@ class App:
             self.window.upload(displayed.pixels)
             ui.pass_times.add(displayed.shown)
         ui.displayed = displayed
-        ui.report_saved()
-        if ui.closing and not ui.unsaved:
+        ui.run_posted()
+        if ui.closing and not ui.engine.unsaved:
             self.window.closing, ui.closing = True, False
         # The view counts too: drags change it during drawing, too late for the parts above.
         new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view)
@@ -128,7 +128,7 @@ class App:
 
     def _draw(self) -> None:
         ui = self.ui
-        self.window.rename(f"{ui.engine.scene.name}{' *' if ui.unsaved else ''} - iprt")
+        self.window.rename(f"{ui.engine.scene.name}{' *' if ui.engine.unsaved else ''} - iprt")
         presses = self.window.take_keys()
         if KeyPress("F11", repeated=False) in presses:
             self.window.switch_full_screen()
@@ -142,7 +142,7 @@ class App:
         self.picture_view.draw((0.0, 0.0, width - panel, height - bars_height))
         if self._dropped:
             dropped, self._dropped = self._dropped, []
-            ui.add(dropped)
+            ui.add_all(dropped)
         if bars_height:
             self._draw_bars(height - bars_height, width - panel, bars_height)
         if panel:

@@ -51,7 +51,7 @@ def playback(ui: DesktopState) -> None:
     if counted and counter is not None:
         imgui.same_line()
         imgui.align_text_to_frame_padding()
-        imgui.text_colored(imgui.ImVec4(*QUIET), counter.text)
+        imgui.text_colored(imgui.ImVec4(*QUIET), counter)
 
 
 def _playback_mode(ui: DesktopState) -> None:
@@ -108,7 +108,7 @@ def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
     noise = "" if shown.noise is None else f"noise {100.0 * shown.noise:.2g}%"
     speed = "" if displayed.fps is None else f"{displayed.fps:.1f} fps"
     latency = "" if displayed.latency_s is None else f"latency {1e3 * displayed.latency_s:.0f} ms"
-    unsaved = f"unsaved: {', '.join(ui.engine.unsaved)}" if ui.unsaved else ""
+    unsaved = f"unsaved: {', '.join(ui.engine.unsaved)}" if ui.engine.unsaved else ""
     return [
         (6.5, f"{view.width} × {view.height}", "Pixels that are rendered"),
         (

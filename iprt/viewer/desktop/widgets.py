@@ -13,10 +13,11 @@ from imgui_bundle import imgui
 from iprt.errors import IprtError
 from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
+from iprt.viewer.actions import Action
 from iprt.viewer.controls import DIGITS, Slider
 from iprt.viewer.desktop.style import ACCENT, QUIET
 from iprt.viewer.fields import REQUIRED, Field
-from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.labels import Label
 from iprt.viewer.ui_state import UiState
 
 LABEL_SHARE = 0.38
@@ -27,11 +28,6 @@ drag."""
 _UNSET = "automatic"
 RESET_EM = 2.4
 """Room for the button that resets a value."""
-
-
-def part(name: str) -> None:
-    """Draw the label of a part that both viewers share."""
-    label(PARTS[name].name, PARTS[name].about)
 
 
 def label(text: str, help_text: str = "") -> None:
@@ -83,6 +79,13 @@ def button(text: str, about: str = "", *, width: float = 0.0, enabled: bool = Tr
         pressed = imgui.button(text, imgui.ImVec2(width, 0.0))
     hint(about)
     return bool(pressed)
+
+
+def action_button(action: Action, icon: str, *, width: float, short: bool = False) -> None:
+    """Draw the button of an action, and run it; a short one shows the icon alone."""
+    text = icon if short else f"{icon}  {action.label.name}".strip()
+    if button(f"{text}##{action.name}", action.hint, width=width, enabled=action.enabled()):
+        action.act()
 
 
 def toggle(icon: str, on: bool, about: str) -> bool:

@@ -156,10 +156,9 @@ class Browser(BrowserState):
         self.read = self.viewport.readout(x, y)
 
     def _dropped(self, x: float, y: float) -> None:
-        x, y = self.in_picture(x, y)
         if self.selected is None:
-            self.say("click the object first that is to go there", bad=True)
-        elif not self.viewport.drop(self.selected, x, y, upright=not self.align):
+            self.say("first click the object to place there", bad=True)
+        elif not self.drop(*self.in_picture(x, y)):
             self.say("there is no surface: the video shows open sky there", bad=True)
 
     def _run(self) -> None:
@@ -221,8 +220,7 @@ class Browser(BrowserState):
         client.scene.on_click(modifier="shift")(dropped)
 
     def _work(self) -> None:
-        while self._todo:
-            self._todo.pop(next(iter(self._todo)))()
+        self.run_posted()
         camera = self._camera
         if camera is None or camera == self._followed:
             return

@@ -1,4 +1,4 @@
-"""Inputs of a panel in the browser, built from their descriptions."""
+"""Inputs and buttons of a panel in the browser, built from their descriptions."""
 
 from __future__ import annotations
 
@@ -9,38 +9,48 @@ import numpy as np
 
 from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
+from iprt.viewer.actions import Action
 from iprt.viewer.controls import Slider
 from iprt.viewer.fields import REQUIRED, Field
 from iprt.viewer.labels import Label
-from iprt.viewer.web.binding import Binding, show
+from iprt.viewer.web.binding import Binding, do_on, show
 from iprt.viewer.web.browser_state import BrowserState
 
 STEPS = 200
 """Number of steps of a non-integer slider."""
+QUIET = (60, 66, 74)
+"""Colour (RGB) of buttons."""
+ICONS = {
+    "undo": "arrow-back-up",
+    "redo": "arrow-forward-up",
+    "save": "device-floppy",
+    "remove": "trash",
+}
 
 
 class Inputs:
-    """A column of inputs that follow their values, for use by the window's thread.
+    """A column of inputs and buttons that follow the state, for use by the window's thread.
 
     Parameters
     ----------
     ui : BrowserState
-    fields : iterable of Field
+    rows : iterable of Field or Action
     visible : callable
-        Returns True while the inputs are shown.
+        Returns True while the column is shown.
     """
 
     def __init__(
         self,
         ui: BrowserState,
-        fields: Iterable[Field],
+        rows: Iterable[Field | Action],
         *,
         visible: Callable[[], bool] = lambda: True,
     ) -> None:
         self._ui, self._visible = ui, visible
         self._bound: list[tuple[Field, Binding]] = []
-        for field in fields:
-            self._add(field)
+        self._buttons: list[tuple[Action, Any]] = []
+        for row in rows:
+            self._add_button(row) if isinstance(row, Action) else self._add(row)
 
     @property
     def touched(self) -> bool:
@@ -50,6 +60,9 @@ class Inputs:
     def sync(self) -> None:
         """Show changed values."""
         visible = self._visible()
+        for action, button in self._buttons:
+            show(button, "visible", visible and action.visible())
+            show(button, "disabled", not action.enabled())
         for field, binding in self._bound:
             handle = binding.handle
             show(handle, "visible", visible)
@@ -67,7 +80,7 @@ class Inputs:
             binding.sync()
 
     def remove(self) -> None:
-        """Remove the inputs from the panel."""
+        """Remove the inputs, but not the buttons."""
         for _, binding in self._bound:
             binding.handle.remove()
 
@@ -92,6 +105,16 @@ class Inputs:
             "color": self._add_color,
         }[field.kind]
         add(field)
+
+    def _add_button(self, action: Action) -> None:
+        button = self._ui.client.gui.add_button(
+            action.label.name,
+            icon=ICONS.get(action.name),
+            color=None if action.name == "save" else QUIET,
+            hint=action.hint,
+        )
+        do_on(button.on_click, self._ui.post, action.act)
+        self._buttons.append((action, button))
 
     def _bind(
         self,

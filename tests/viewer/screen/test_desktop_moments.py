@@ -84,7 +84,7 @@ def test_saving_and_closing_after_bad_news(user: User, monkeypatch: pytest.Monke
     text = path.read_text()
     bad = user.folder / "broken.obj"
     bad.write_text("v 1 2\nf 1 2 3\n")
-    user.ui.add([bad])
+    user.ui.add_all([bad])
     user.until(lambda: user.problems() != ())
     user.engine.remove("cube")
     user.at_rest()
@@ -97,7 +97,7 @@ def test_saving_and_closing_after_bad_news(user: User, monkeypatch: pytest.Monke
     user.press("Save and close")
     user.until(lambda: not user.ui.closing)
     assert not user.app.closed
-    assert user.ui.unsaved
+    assert user.engine.unsaved
     path.write_text(text)
     user.app.window.closing = True
     assert not user.app.closed

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from iprt.viewer.displayed_frame import DisplayedFrame
+from iprt.viewer.gizmo import box_edges
 from iprt.viewer.motion_quality import Preview
 
 pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
@@ -16,7 +17,6 @@ pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
 
 from imgui_bundle import imgui
 
-from iprt.viewer.desktop.overlay import edges
 from iprt.viewer.desktop.style import ACCENT
 from tests.viewer.screen.looking import texts, widget
 from tests.viewer.screen.user import SIZE, User
@@ -118,13 +118,13 @@ def test_undo_and_redo_are_grey_when_there_is_nothing_to_do(user: User) -> None:
     assert lit() == (False, True, False)
     user.press(redo)
     user.press(save)
-    user.until(lambda: not user.ui.unsaved)
+    user.until(lambda: not user.engine.unsaved)
     assert lit() == (True, False, False)
     user.press(undo)
     user.until(lambda: user.shows("cube"))
-    assert user.ui.unsaved
+    assert user.engine.unsaved
     user.key("s", control=True)
-    user.until(lambda: not user.ui.unsaved)
+    user.until(lambda: not user.engine.unsaved)
     path.write_text(text)
     user.at_rest()
 
@@ -142,7 +142,7 @@ def assert_values_beside(wide: User) -> None:
     state = wide.ui.state
     assert state is not None
     view = wide.at_rest().request.view
-    ends = np.reshape(edges(state.to_world, state.corners, view, None), (-1, 2))
+    ends = box_edges(state, view, np.zeros(3)).reshape(-1, 2)
     low, high = ends.min(axis=0), ends.max(axis=0)
     right, bottom = wide.app.picture_view.rectangle[2:]
     for x, y in (wide.cube(), (right - 12.0, bottom - 12.0), (300.0, 100.0)):

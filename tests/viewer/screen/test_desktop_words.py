@@ -171,7 +171,7 @@ def test_screenshots_are_where_the_viewer_says(user: User) -> None:
         user.screen.wheel(-20)  # to the end
         user.until(lambda: user.reads(f"to {folder}"))
         for number, kind in ((1, "PNG"), (2, "PNG"), (1, "EXR")):
-            button = next(label for label in user.places if label.endswith(f"  {kind}"))
+            button = next(label for label in user.places if label.endswith(f"##{kind}"))
             user.press(button)
             path = folder / f"clip-ahead-{number:04d}.{kind.lower()}"
             assert user.reads(f"written: {path}")
