@@ -19,7 +19,7 @@ from iprt.memory import require_memory
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.objects import SceneObject
 from iprt.settings.model import Settings
-from iprt.viewer.geometry import Geometry
+from iprt.viewer.visible_surfaces import Geometry
 from iprt.world.shared import Worlds
 
 

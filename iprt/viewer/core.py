@@ -14,7 +14,7 @@ from iprt.film import footage_of
 from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.edits import Look, ObjectEdit, edited_objects, flat
+from iprt.scene.edits import ObjectEdit, edited_objects, flat
 from iprt.scene.objects import SceneObject, objects_at
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
@@ -23,13 +23,13 @@ from iprt.settings.model import Settings
 from iprt.viewer.accumulating_renderer import Stage
 from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.compiling import Compiling
-from iprt.viewer.files import POLL_S, Loaded, SceneFiles
-from iprt.viewer.objects import ObjectState, object_states
+from iprt.viewer.object_states import ObjectState, object_states
 from iprt.viewer.picture_job import PictureJob
 from iprt.viewer.plain_video import plain_video
+from iprt.viewer.scene_files import POLL_S, Loaded, SceneFiles
 from iprt.viewer.session import AbandonedError, Session
 from iprt.viewer.shared_state import NumberedRequest, SharedState, Snapshot
-from iprt.viewer.state import Doing, Playback, Status, World
+from iprt.viewer.state import Doing, Status, World
 from iprt.viewer.video_player import VideoPlayer
 from iprt.world.shared import Worlds
 
@@ -81,7 +81,7 @@ class Core:
         self._under_way: PictureJob | None = None
         self._abandoned = 0  # count of consecutive abandoned pictures
         self.jobs = BackgroundJobs(shared.stir)
-        self._files = SceneFiles(
+        self.files = SceneFiles(
             scene,
             shared,
             self.jobs,
@@ -89,7 +89,7 @@ class Core:
             clock=clock,
             allow_outside=allow_outside,
         )
-        self._video = VideoPlayer(shared, self._problems, clock)
+        self.video = VideoPlayer(shared, self._problems, clock)
         self._settled = 0  # number of the last change that is loaded completely
         self._objects: tuple[Objects, tuple[ObjectEdit, ...], Objects] | None = None
         self._footage: tuple[Loaded, Settings, Footage] | None = None
@@ -105,7 +105,7 @@ class Core:
         for session in self._sessions.values():
             session.close()
         self._sessions.clear()
-        self._video.close()
+        self.video.close()
         self._release_device()
         self._report("closed")
 
@@ -117,7 +117,7 @@ class Core:
         if self._clock() > self._noted_s + NOTE_S:
             self._problems.pop("mesh", None)
             self._notes.clear()
-        self._files.poll()
+        self.files.poll()
         wanted = self._shared.take()
         for client in self._sessions.keys() - wanted.requests.keys():
             self._sessions.pop(client).close()
@@ -137,7 +137,7 @@ class Core:
     @property
     def idle_s(self) -> float:
         """Seconds until the next event, if there is no input."""
-        due = self._video.next_due_s
+        due = self.video.next_due_s
         return POLL_S if due is None else min(max(due - self._clock(), 0.0), POLL_S)
 
     def _most_urgent(self, stage: Stage, requests: Mapping[int, NumberedRequest]) -> int | None:
@@ -274,17 +274,17 @@ class Core:
 
     def _staged(self, wanted: Snapshot) -> Stage | None:
         """Return the stage to render, or None before the scene and its frame are loaded."""
-        loaded = self._files.loaded
+        loaded = self.files.loaded
         if loaded is None:
             return None
         world = wanted.world
-        self._video.follow(loaded, world, shown=self._all_see_the_frame(wanted.requests))
-        frame = self._video.frame
+        self.video.follow(loaded, world, shown=self._all_see_the_frame(wanted.requests))
+        frame = self.video.frame
         if frame is None:
             return None
         objects = self._edited(loaded, world)
         footage = self._footage_of(loaded, frame, world.settings)
-        if self._video.arrived(world.playback):
+        if self.video.arrived(world.playback):
             self._settled = wanted.number
         known = self._stage
         if known is not None and known.number == self._settled:
@@ -316,10 +316,6 @@ class Core:
             for client in clients
         )
 
-    def position(self, playback: Playback) -> int:
-        """Return the frame that a playback has reached; callable from any thread."""
-        return self._video.position(playback)
-
     def _edited(self, loaded: Loaded, world: World) -> Objects:
         known = self._objects
         if known is None or known[0] is not loaded.objects or known[1] != world.edits:
@@ -341,19 +337,19 @@ class Core:
     @property
     def scene(self) -> Scene | None:
         """The scene as last read, or None before that."""
-        loaded = self._files.loaded
+        loaded = self.files.loaded
         return None if loaded is None else loaded.scene
 
     def object_names(self) -> set[str]:
         """Return the names of the scene's objects and of added ones."""
-        loaded = self._files.loaded
+        loaded = self.files.loaded
         objects = () if loaded is None else loaded.objects
         edits = self._shared.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
     def add(self, edit: ObjectEdit, direction: tuple[float, float], stance: Stance) -> None:
         """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
-        path, frame = edit.path, self._video.frame
+        path, frame = edit.path, self.video.frame
         assert path is not None
 
         def job() -> Callable[[], None]:
@@ -377,12 +373,6 @@ class Core:
             return finish
 
         self.jobs.start(str(path), job, self._report_mesh)
-
-    def save(
-        self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
-    ) -> None:
-        """Write all edits to the scene's file; see `SceneFiles.save`."""
-        self._files.save(done, look)
 
     def _report_mesh(self, problem: str) -> None:
         self._problems["mesh"], self._noted_s = problem, self._clock()

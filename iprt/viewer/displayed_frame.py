@@ -15,10 +15,10 @@ from iprt.output.tone import Bytes
 from iprt.scene.edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer import labels
-from iprt.viewer.lens import ERROR_LEVELS, Lens
+from iprt.viewer.lens import BUFFERS, ERROR_LEVELS, Lens
 from iprt.viewer.motion_quality import Preview
 from iprt.viewer.session import Shown
-from iprt.viewer.truth import Truth
+from iprt.viewer.truth_reader import TruthReader
 
 Radiance = NDArray[np.float32]
 STALE = (
@@ -63,8 +63,6 @@ class DisplayedFrame(DevelopedPicture):
         Reductions of quality that hold the requested frame rate; None without any.
     latency_s : float or None
         Seconds from the newest answered input to this picture; None at rest.
-    latency_frames : int or None
-        The same in view frames of this window.
     fps : float or None
         Recent pictures per second; None at rest or at the start of a motion.
     """
@@ -72,8 +70,18 @@ class DisplayedFrame(DevelopedPicture):
     shown: Shown
     preview: Preview | None
     latency_s: float | None
-    latency_frames: int | None
     fps: float | None
+
+    def figures(self) -> dict[str, str]:
+        """Return size, frames, noise, rate and latency in words; empty ones are unknown."""
+        shown, view = self.shown, self.shown.request.view
+        return {
+            "size": f"{view.width} × {view.height}",
+            "frames": f"{shown.frames} of {shown.request.frames} frames",
+            "noise": "" if shown.noise is None else f"noise {100.0 * shown.noise:.2g}%",
+            "rate": "" if self.fps is None else f"{self.fps:.1f} fps",
+            "latency": "" if self.latency_s is None else f"latency {1e3 * self.latency_s:.0f} ms",
+        }
 
 
 class PictureDeveloper:
@@ -81,13 +89,13 @@ class PictureDeveloper:
 
     Attributes
     ----------
-    truth : Truth
+    truth : TruthReader
     scores : int
         Number of scored comparisons; captions change after each.
     """
 
     def __init__(self) -> None:
-        self.truth = Truth()
+        self.truth = TruthReader()
         self._pool = ThreadPoolExecutor(1, "iprt SSIM")
         self._score: tuple[tuple[Radiance, Radiance], Future[float]] | None = None
         self.scores = 0
@@ -122,7 +130,7 @@ class PictureDeveloper:
             left, words = lens.develop(picture.color, exposure), labels.PICTURE.name
         else:
             left = lens.color(buffer, picture.aovs[buffer], exposure)
-            words = labels.BUFFERS[buffer].name
+            words = BUFFERS[buffer].name
         if lens.against is None or shown.plain:
             return DevelopedPicture(left, buffer, "" if buffer is None else words)
         other = self._other(scene, name, lens, shown, baseline)

@@ -12,7 +12,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.measure.tradeoff import Tradeoff, shipped
@@ -22,7 +21,7 @@ from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
@@ -35,7 +34,6 @@ class Client:
     """A client with its own view; all methods are thread-safe."""
 
     def __init__(self, shared: SharedState, request: Request) -> None:
-        _require_renderable(request)
         self._shared = shared
         self._number = shared.join(request)
 
@@ -46,13 +44,7 @@ class Client:
         -------
         int
             Number that `Shown.number` reaches with the first picture that answers it.
-
-        Raises
-        ------
-        ValueError
-            The picture has no pixels, or an auxiliary picture is unknown.
         """
-        _require_renderable(request)
         return self._shared.ask(self._number, request)
 
     @property
@@ -139,19 +131,18 @@ class Engine:
     # Clients and state ------------------------------------------------------------------------
 
     def client(self, request: Request) -> Client:
-        """Connect a client.
-
-        Raises
-        ------
-        ValueError
-            As `Client.ask`.
-        """
+        """Connect a client."""
         return Client(self._shared, request)
 
     @property
     def world(self) -> World:
         """The state that all clients share, as requested."""
         return self._shared.world
+
+    @property
+    def playback(self) -> Playback:
+        """The playback of the video, which all clients share."""
+        return self._shared.world.playback
 
     @property
     def scene(self) -> Scene:
@@ -166,7 +157,7 @@ class Engine:
         """
         return self._core.objects
 
-    def wanted(self, name: str | None) -> ObjectState | None:
+    def object_state(self, name: str | None) -> ObjectState | None:
         """Return an object with all edits, including unrendered ones; None if it is missing."""
         state = next((state for state in self.objects if state.name == name), None)
         return None if state is None else state.edited(self.world.edit_of(state.name))
@@ -177,11 +168,6 @@ class Engine:
         return self._shared.status
 
     # The video --------------------------------------------------------------------------------
-
-    @property
-    def playing(self) -> bool:
-        """True while the video plays."""
-        return self.world.playback.playing
 
     def play(self) -> int:
         """Play the video, from the start if it is at its end."""
@@ -208,19 +194,9 @@ class Engine:
             lambda playback: self._from(playback, frame, playing=playback.playing)
         )
 
-    @property
-    def playback_mode(self) -> PlaybackMode:
-        """Playback in real time, or of every frame."""
-        return self.world.playback.mode
-
     def set_playback_mode(self, mode: PlaybackMode) -> int:
         """Play in real time, or every frame; a playing video continues where it is."""
         return self._change_playback(lambda playback: replace(self._now(playback), mode=mode))
-
-    @property
-    def loop(self) -> bool:
-        """True if the video restarts at its end; initially as in the scene."""
-        return self.world.playback.loop
 
     def set_loop(self, loop: bool) -> int:
         """Set whether the video restarts at its end."""
@@ -232,7 +208,7 @@ class Engine:
     def _position(self, playback: Playback) -> int:
         """Return the frame that the playback has reached."""
         if playback.mode == "every frame":
-            return self._core.position(playback)
+            return self._core.video.position(playback)
         scene = self.scene
         due = playback.due(self._clock(), scene.source.fps)
         return playback.index(due, scene.frame_indices)
@@ -284,12 +260,12 @@ class Engine:
     @property
     def can_undo(self) -> bool:
         """True if there is an edit to undo."""
-        return self._shared.can_undo
+        return self._shared.history.can_undo
 
     @property
     def can_redo(self) -> bool:
         """True if there is an edit to redo."""
-        return self._shared.can_redo
+        return self._shared.history.can_redo
 
     @property
     def unsaved(self) -> tuple[str, ...]:
@@ -341,13 +317,4 @@ class Engine:
             The user's view. It is saved if an added object is not in the scene's other views
             (`save_edits`).
         """
-        self._core.save(done, look)
-
-
-def _require_renderable(request: Request) -> None:
-    if request.view.width < 1 or request.view.height < 1:
-        raise ValueError(f"{request.view}: a picture has at least one pixel")
-    if request.frames < 1:
-        raise ValueError(f"frames = {request.frames}: at least one is rendered")
-    if unknown := set(request.aovs) - set(AOVS):
-        raise ValueError(f"there is no auxiliary picture {', '.join(sorted(unknown))}")
+        self._core.files.save(done, look)

@@ -10,11 +10,17 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from iprt.geometry.material import Material
-from iprt.settings.model import Settings
+from iprt.settings.overrides import Setting, all_settings, groups
 from iprt.settings.presets import PRESETS, Quality
-from iprt.viewer.controls import Control, Slider, preset_of, value_of, with_preset, with_value
+from iprt.viewer.controls import (
+    Slider,
+    preset_of,
+    slider_of,
+    value_of,
+    with_preset,
+    with_value,
+)
 from iprt.viewer.labels import (
-    BUFFERS,
     CURVES,
     MATERIALS,
     NOTHING,
@@ -25,11 +31,11 @@ from iprt.viewer.labels import (
     Label,
     comparisons,
 )
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.lens import BUFFERS
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.ui_state import UiState
 
-Kind = Literal["switch", "choice", "number", "numbers", "vector", "color"]
-REQUIRED: Any = object()
+Kind = Literal["switch", "choice", "number", "vector", "color"]
 OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
 NONE = Label("none", "")
@@ -47,8 +53,8 @@ class Field:
     key : str
         Key, unique in a window.
     kind : str
-        Type of the value: bool; one of `options`; int or float; a list of numbers; (x, y, z);
-        linear (red, green, blue) in [0, 1].
+        Type of the value: bool; one of `options`; int or float; (x, y, z); linear (red, green,
+        blue) in [0, 1].
     label : callable
         Returns the current label.
     read, write : callable
@@ -57,15 +63,13 @@ class Field:
         Returns the labels of a choice by value.
     missing : callable
         Returns the reasons why values are not available now.
-    sliders : tuple of Slider
-        One for a number, or one for each number of a list.
+    slider : Slider or None
+        Slider of a number.
     beyond : bool
-        True if numbers beyond the sliders' ends may be typed; `write` validates them.
+        True if numbers beyond the slider's ends may be typed; `write` validates them.
     unit : str
     default : any
-        Value of the reset button; `REQUIRED` without one.
-    start : any
-        Initial value when an input that may be None gets a value.
+        Value of the reset button; None without one.
     enabled : callable
         Returns True if the input is usable now.
     """
@@ -77,11 +81,10 @@ class Field:
     write: Callable[[Any], object]
     options: Callable[[], Mapping[Any, Label]] = lambda: {}
     missing: Callable[[], Mapping[Any, str]] = lambda: {}
-    sliders: tuple[Slider, ...] = ()
+    slider: Slider | None = None
     beyond: bool = False
     unit: str = ""
-    default: Any = REQUIRED
-    start: Any = REQUIRED
+    default: Any = None
     enabled: Callable[[], bool] = lambda: True
 
 
@@ -132,16 +135,16 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
     buffers: dict[Any, Label] = {None: PICTURE, **BUFFERS}
     others: dict[Any, Label] = {None: NOTHING, **comparisons()}
-    stops, share = (Slider(-8.0, 8.0, False, 0.0),), (Slider(0.0, 1.0, False, 0.0),)
+    stops, share = Slider(-8.0, 8.0, False, 0.0), Slider(0.0, 1.0, False, 0.0)
     return (
-        field("exposure", "number", "exposure_ev", sliders=stops, unit="EV", default=0.0),
+        field("exposure", "number", "exposure_ev", slider=stops, unit="EV", default=0.0),
         field("curve", "choice", options=lambda: CURVES),
         field("buffer", "choice", options=lambda: buffers),
         field("against", "choice", options=lambda: others, missing=missing),
         field(
             "split",
             "number",
-            sliders=share,
+            slider=share,
             enabled=lambda: compared() and not ui.viewport.lens.error,
         ),
         field("error", "switch", enabled=compared),
@@ -175,10 +178,10 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         to_world[:3, :3] *= factor
         ui.place(state, to_world)
 
-    sizes = (Slider(0.001, 1000.0, False, 0.01),)
+    sizes = Slider(0.001, 1000.0, False, 0.01)
     return (
         Field("position", "vector", lambda: PARTS["position"], position, move),
-        Field("size", "number", lambda: PARTS["size"], size, resize, sliders=sizes),
+        Field("size", "number", lambda: PARTS["size"], size, resize, slider=sizes),
     )
 
 
@@ -226,11 +229,11 @@ def playback_fields(ui: UiState) -> tuple[Field, ...]:
             lambda: ui.playing,
             lambda on: engine.play() if on else engine.pause(),
         ),
-        switch("loop", PARTS["loop"], lambda: engine.loop, engine.set_loop),
+        switch("loop", PARTS["loop"], lambda: engine.playback.loop, engine.set_loop),
         switch(
             "mode",
             Label(every.name, f"{every.about} Otherwise: {other.about}"),
-            lambda: engine.playback_mode == "every frame",
+            lambda: engine.playback.mode == "every frame",
             lambda on: engine.set_playback_mode("every frame" if on else "real time"),
         ),
         Field(
@@ -239,7 +242,7 @@ def playback_fields(ui: UiState) -> tuple[Field, ...]:
             lambda: PARTS["frame"],
             lambda: ui.frame,
             engine.seek,
-            sliders=(Slider(ui.frames[0], ui.frames[-1], True, 0.0),),
+            slider=Slider(ui.frames[0], ui.frames[-1], True, 0.0),
         ),
     )
 
@@ -277,7 +280,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             **more,
         )
 
-    alphas, indices = (Slider(0.0, 1.0, False, 0.0),), (Slider(1.01, 3.0, False, 0.0),)
+    alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
     rough, coated = (
         {"enabled": lambda: material().kind != "diffuse"},
         {"enabled": lambda: material().kind == "plastic"},
@@ -285,8 +288,8 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
     return (
         field("material", "choice", "kind", options=lambda: MATERIALS),
         field("color", "color", "albedo", label=color),
-        field("alpha", "number", "alpha", sliders=alphas, **rough),
-        field("ior", "number", "ior", sliders=indices, **coated),
+        field("alpha", "number", "alpha", slider=alphas, **rough),
+        field("ior", "number", "ior", slider=indices, **coated),
     )
 
 
@@ -311,33 +314,57 @@ def rate_field(ui: UiState) -> Field:
     """Build the field of the frame rate to hold during motion."""
 
     def write(fps: float) -> None:
-        ui.viewport.target_fps = float(fps) if fps > 0 else None
+        ui.viewport.motion.target_fps = float(fps) if fps > 0 else None
 
     return Field(
         "fps",
         "number",
         lambda: PARTS["fps"],
-        lambda: round(ui.viewport.target_fps or 0.0),
+        lambda: round(ui.viewport.motion.target_fps or 0.0),
         write,
-        sliders=(Slider(0, MOST_FPS, True, 1.0),),
+        slider=Slider(0, MOST_FPS, True, 1.0),
     )
 
 
-def setting_field(ui: UiState, control: Control) -> Field:
-    """Build the field of a renderer setting."""
-    key = control.key
-    label = Label(control.label, f"{control.help} ({control.allowed}; {key})")
-    options = {word: Label(word, "") for word in control.choices}
+def setting_groups(ui: UiState) -> tuple[tuple[Label, tuple[Field, ...]], ...]:
+    """Build the fields of all settings by group, in the order of the model."""
+    by_group: dict[str, list[Field]] = {}
+    for setting in all_settings().values():
+        by_group.setdefault(setting.group, []).append(setting_field(ui, setting))
+    abouts = {"": "Settings of all passes.", **groups()}
+    return tuple(
+        (Label((name or "general").replace("_", " "), abouts[name]), tuple(fields))
+        for name, fields in by_group.items()
+    )
+
+
+def setting_field(ui: UiState, setting: Setting) -> Field:
+    """Build the field of a renderer setting.
+
+    Raises
+    ------
+    TypeError
+        No field supports its type.
+    """
+    key, schema = setting.key, setting.schema
+    options = {word: Label(word, "") for word in schema.get("enum", ())}
+    kind = "choice" if options else _KINDS.get(schema.get("type"))
+    if kind is None:
+        raise TypeError(f"{key}: no field takes {setting.allowed}")
+    name = key.rpartition(".")[2].replace("_", " ")
+    label = Label(name, f"{setting.help} ({setting.allowed}; {key})")
     return Field(
         key,
-        "number" if control.kind == "integer" else control.kind,
+        kind,
         lambda: label,
         lambda: value_of(ui.settings, key),
         lambda value: setattr(ui, "settings", with_value(ui.settings, key, value)),
         lambda: options,
-        sliders=control.sliders,
+        slider=slider_of(schema, setting.default) if kind == "number" else None,
         beyond=True,
-        unit=control.unit,
-        default=value_of(Settings(), key),
-        start=control.start if control.nullable else REQUIRED,
+        unit=str(schema.get("unit", "")),
+        default=setting.default,
     )
+
+
+_KINDS: Mapping[object, Kind] = {"boolean": "switch", "integer": "number", "number": "number"}

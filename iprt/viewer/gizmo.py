@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from iprt.geometry.camera import View
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.object_states import ObjectState
 
 Float = NDArray[np.float64]
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.geometry import Geometry, Surface
-from iprt.viewer.labels import BUFFERS
-from iprt.viewer.lens import UNITS
+from iprt.viewer.lens import BUFFERS
 from iprt.viewer.session import Shown
+from iprt.viewer.visible_surfaces import Geometry, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +104,7 @@ class Picking:
             shown.picture.color[row, column],
             None if values is None else buffer,
             None if values is None else np.atleast_1d(values[row, column]),
-            "" if buffer is None else UNITS.get(buffer, ""),
+            "" if buffer is None else BUFFERS[buffer].unit,
             depth,
             normal,
             name,

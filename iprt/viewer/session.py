@@ -13,8 +13,8 @@ from iprt.device.profile import PassTime
 from iprt.renderer import RenderedFrame
 from iprt.viewer.accumulating_renderer import AccumulatingRenderer, Stage
 from iprt.viewer.compiling import Compiling
-from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
+from iprt.viewer.visible_surfaces import Geometry
 from iprt.world.shared import Worlds
 
 

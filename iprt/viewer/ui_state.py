@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
+from iprt.files.toml_text import printable
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.settings.model import Settings
 from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.viewport import Viewport
 
 
@@ -77,7 +78,7 @@ class UiState(ABC):
     @property
     def state(self) -> ObjectState | None:
         """The selected object with all edits."""
-        return self.engine.wanted(self.selected)
+        return self.engine.object_state(self.selected)
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -148,7 +149,7 @@ class UiState(ABC):
         """Show or hide an object in this window."""
         names = [state.name for state in self.engine.objects]
         shown = [other for other in names if (on if other == name else self.visible(other))]
-        self.viewport.show_objects(None if shown == names else tuple(shown))
+        self.viewport.objects = None if shown == names else tuple(shown)
 
     # The video --------------------------------------------------------------------------------
 
@@ -160,13 +161,13 @@ class UiState(ABC):
     @property
     def frame(self) -> int:
         """The requested video frame, or the displayed one during playback."""
-        playback, shown = self.engine.world.playback, self.displayed
+        playback, shown = self.engine.playback, self.displayed
         return playback.frame if not playback.playing or shown is None else shown.shown.frame
 
     @property
     def playing(self) -> bool:
         """True while the video plays."""
-        return self.engine.playing
+        return self.engine.playback.playing
 
     def toggle_playing(self) -> None:
         """Play or pause."""
@@ -178,4 +179,4 @@ def require_mesh(path: Path) -> None:
     """Raise IprtError if a file is not a mesh, by its name."""
     if path.suffix.lower() not in MESH_SUFFIXES:
         kinds = ", ".join(MESH_SUFFIXES)
-        raise IprtError(f"{path.name}: not a mesh; these are read: {kinds}")
+        raise IprtError(f"{printable(path.name, 80)}: not a mesh; these are read: {kinds}")

@@ -14,7 +14,7 @@ from iprt.errors import IprtError
 from iprt.footage.frame import Frame
 from iprt.footage.video.stream import Ahead
 from iprt.scene.scene import Scene
-from iprt.viewer.files import Loaded
+from iprt.viewer.scene_files import Loaded
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, World
 

@@ -30,7 +30,7 @@ def test_viewers_place_meshes_as_scene_add_does(stance: Stance, tmp_path: Path) 
     mesh = tmp_path / "m.stl"
     mesh.write_text(solid(x=2))
     turns = Turns(Scene.open(room), no_device, SETTINGS)
-    turns.until(lambda: turns.core._video.frame is not None)
+    turns.until(lambda: turns.core.video.frame is not None)
     turns.core.add(ObjectEdit("m", path=mesh), (20.0, -50.0), stance)
     turns.until(lambda: bool(turns.shared.world.edits))
     (edit,) = turns.shared.world.edits

@@ -7,13 +7,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from iprt.device.compute import ComputeDevice
 from iprt.device.profile import PassTime
-from iprt.scene.scene import Scene
 from iprt.viewer.pass_times import MOST_FRAMES, PassTimes
 from iprt.viewer.session import Shown
-from tests.clips import write_clip
-from tests.viewer.turns import turns
 
 
 def frame(step: int, **passes: float) -> Shown:
@@ -49,19 +45,23 @@ def test_the_last_frames_are_kept() -> None:
         assert rows[name].share == pytest.approx(values.sum() / whole.sum())
 
 
-def test_times_of_a_client(tmp_path_factory: pytest.TempPathFactory, device: ComputeDevice) -> None:
-    """Each frame on its own: host and device, which may work at once, took no longer than all."""
-    scene = Scene.open(write_clip(tmp_path_factory.mktemp("clip"), 1))
-    pass_times = PassTimes()
-    with turns(scene, device) as driver:
-        client = driver.join(frames=5)
-        driver.answer(client)
-        for _ in range(4):
-            pass_times.add(driver.shown(client))
-            driver.core.turn()
-        pass_times.add(driver.shown(client))
-    assert list(pass_times.steps) == [1, 2, 3, 4, 5]
-    assert {"composite", "temporal"} <= pass_times.series().keys()
-    whole = np.sum(list(pass_times.series().values()), axis=0)
-    assert (whole > 0.0).all()
-    assert (whole <= 2.0 * pass_times.wall_ms).all()
+def test_passes_that_ran_no_more_lose_their_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five passes, then three of them with two others, until the window holds only these."""
+    pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
+    from iprt.viewer.web import profile_panel
+
+    monkeypatch.setattr(profile_panel, "EVERY_S", 0.0)
+    browser = Mock()
+    panel = profile_panel.ProfilePanel(browser)
+    plot = browser.client.gui.add_uplot.return_value
+    for step in range(3 * MOST_FRAMES):
+        names = "abcde" if step < MOST_FRAMES else "cdefg"
+        browser.displayed.shown = frame(step, **dict.fromkeys(names, 1.0 + step))
+        panel.sync()
+        labels = [line["label"] for line in plot.series[3:]]
+        assert len(labels) == len(set(labels)) == profile_panel.MOST_PASSES
+        assert len(plot.data) == len(plot.series)
+        for times in plot.data[3:]:
+            assert times[-1] in (0.0, 1.0 + step)
+    assert set(labels) <= set("cdefg")
+    assert np.array_equal(plot.data[0], np.arange(2 * MOST_FRAMES, 3 * MOST_FRAMES))

@@ -59,26 +59,30 @@ def test_every_frame_comes_no_faster_than_in_the_video(scene: Scene, device: Com
 def test_loop_and_mode_can_be_changed_while_it_plays(scene: Scene, device: ComputeDevice) -> None:
     clock = Clock()
     with Engine(scene, lambda: device, SETTINGS, clock=clock) as engine:
-        assert (engine.loop, engine.playback_mode, engine.playing) == (False, "real time", False)
+        assert (engine.playback.loop, engine.playback.mode, engine.playback.playing) == (
+            False,
+            "real time",
+            False,
+        )
         engine.play()
         clock.now += 2.5 / 24.0
         engine.set_loop(True)
-        assert engine.world.playback == Playback(2, clock.now, "real time", loop=True)
+        assert engine.playback == Playback(2, clock.now, "real time", loop=True)
         clock.now += 4.5 / 24.0
         engine.pause()
-        assert engine.world.playback == Playback(0, None, "real time", loop=True)
+        assert engine.playback == Playback(0, None, "real time", loop=True)
         engine.set_playback_mode("every frame")
-        assert not engine.playing
+        assert not engine.playback.playing
         engine.seek(5)
         engine.play()
-        assert engine.world.playback == Playback(5, clock.now, "every frame", loop=True)
+        assert engine.playback == Playback(5, clock.now, "every frame", loop=True)
 
 
 def test_scenes_say_whether_videos_loop(scene: Scene, device: ComputeDevice) -> None:
     manifest = scene.root / "scene.toml"
     manifest.write_text(manifest.read_text().replace("fps = 24.0", "fps = 24.0\nloop = true"))
     with Engine(Scene.open(scene.root), lambda: device, SETTINGS) as engine:
-        assert engine.loop
+        assert engine.playback.loop
 
 
 def test_rates() -> None:

@@ -13,6 +13,7 @@ from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
+from iprt.viewer.scene_files import POLL_S
 from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, Request, World
@@ -75,12 +76,22 @@ class Turns:
         self.until(answered)
         return self.shown(client)
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        return self.shared.status.problems
+
+    def look_again(self) -> None:
+        """It is time to look at the scene's files, and what is found there is read."""
+        self.clock.now += POLL_S
+        self.core.turn()
+        self.settle()
+
     def settle(self) -> int:
         """Turns until nothing is left to do and nothing is on its way; how many rendered."""
         count = 0
-        feed = self.core._video._feed
+        feed = self.core.video._feed
         while self.core.turn() or self.core.jobs.running or feed is None or not feed.arrived:
-            feed = self.core._video._feed
+            feed = self.core.video._feed
             count += 1
         return count
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from iprt.geometry.camera import View
 from iprt.viewer.desktop import bars, panels, profile_panel
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
@@ -15,7 +14,6 @@ from iprt.viewer.desktop.shortcuts import act_on_keys
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
-from iprt.viewer.screenshots import default_folder
 from iprt.viewer.viewport import Viewport
 
 PANEL_WIDTH = 360.0
@@ -46,15 +44,8 @@ class App:
     Parameters
     ----------
     engine : Engine
-    view : View
-        Initial view; its size is the window's, in screen units.
-    objects : tuple of str or None
-        Names of the initially shown objects; None for all.
-    folder : Path or None
-        Folder of screenshots, and initial folder of the mesh browser. None means the user's
-        pictures (`default_folder`) and the current folder.
-    frames : int
-        View frames to which a picture at rest is refined.
+    viewport : Viewport
+        Its view has the window's initial size, in screen units.
 
     Raises
     ------
@@ -62,21 +53,12 @@ class App:
         No window can be opened.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        view: View,
-        *,
-        objects: tuple[str, ...] | None,
-        folder: Path | None,
-        frames: int,
-    ) -> None:
-        self._engine = engine
+    def __init__(self, engine: Engine, viewport: Viewport) -> None:
+        self._engine, view = engine, viewport.view
         self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
-        viewport = Viewport(engine, view, objects=objects, frames=frames)
-        self.ui = DesktopState(engine, viewport, folder or default_folder())
+        self.ui = DesktopState(engine, viewport)
         self.picture_view = PictureView(self.ui, self.window)
-        self._browser = MeshBrowser(folder or Path.cwd())
+        self._browser = MeshBrowser(Path.cwd())
         self._dropped: list[Path] = []
         self._drawn: tuple[object, ...] = ()
         self._unsettled = 0

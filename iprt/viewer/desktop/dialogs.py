@@ -29,7 +29,7 @@ def draw_help(ui: DesktopState) -> None:
     unfolded, opened = imgui.begin("Keys and mouse", True, _FIXED)
     ui.help = bool(opened)
     if unfolded:
-        rows = [(action.keys, action.label.name) for action in shortcuts(ui)]
+        rows = [(a.keys, a.label.name[0].lower() + a.label.name[1:]) for a in shortcuts(ui)]
         for heading, part in (("Mouse", ELSEWHERE[1:]), ("Keys", [*rows, ELSEWHERE[0]])):
             imgui.separator_text(heading)
             for key, about in part:

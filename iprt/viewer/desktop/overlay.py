@@ -16,7 +16,7 @@ from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import toggle, tooltip
 from iprt.viewer.gizmo import box_edges
 from iprt.viewer.labels import PARTS
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.object_states import ObjectState
 
 Box = tuple[float, float, float, float]
 """A box on the screen: left, top, right and bottom."""

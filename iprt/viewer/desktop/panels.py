@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from iprt.settings.model import Settings
 from iprt.viewer.actions import Action, actions
-from iprt.viewer.controls import control_groups, preset_of
+from iprt.viewer.controls import preset_of
 from iprt.viewer.desktop.style import ACCENT, TEXT
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import (
@@ -29,7 +29,6 @@ from iprt.viewer.fields import (
     place_fields,
     quality_field,
     rate_field,
-    setting_field,
     view_field,
 )
 from iprt.viewer.labels import PARTS, Label
@@ -75,11 +74,11 @@ def settings(ui: DesktopState) -> None:
     """Draw the panel of the renderer's settings, derived from their model."""
     _preset(ui)
     draw_field(ui, rate_field(ui))
-    for group in control_groups():
-        unfolded = imgui.collapsing_header((group.name or "general").replace("_", " "))
-        hint(group.about)
-        for control in group.controls if unfolded else ():
-            draw_field(ui, setting_field(ui, control))
+    for words, fields in ui.setting_groups:
+        unfolded = imgui.collapsing_header(words.name)
+        hint(words.about)
+        for field in fields if unfolded else ():
+            draw_field(ui, field)
 
 
 def _files(ui: DesktopState) -> None:

@@ -146,7 +146,7 @@ class PictureView:
         elif imgui.is_mouse_clicked(0):
             self.gesture = "press"
             self._take_hold()
-            self._object = None if ui.cursor is None else ui.viewport.object_at(*ui.cursor)
+            self._object = None if ui.cursor is None else ui.viewport.picking.object_at(*ui.cursor)
 
     def _drag(self, dx: float, dy: float) -> None:
         ui = self._ui

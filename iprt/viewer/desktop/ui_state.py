@@ -9,7 +9,9 @@ from pathlib import Path
 from iprt.errors import IprtError
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
+from iprt.viewer.fields import setting_groups
 from iprt.viewer.pass_times import PassTimes
+from iprt.viewer.screenshots import default_folder
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
@@ -24,11 +26,11 @@ class DesktopState(UiState):
     ----------
     engine : Engine
     viewport : Viewport
-    folder : Path
-        Folder of screenshots.
 
     Attributes
     ----------
+    folder : Path
+        Folder of screenshots.
     mode : {"move", "turn", "scale"}
         Mode of the gizmo.
     readout : bool
@@ -42,16 +44,18 @@ class DesktopState(UiState):
         Mouse position in the last picture, as fractions of width and height.
     pass_times : PassTimes
         Times of the last view frames.
+    setting_groups : tuple
+        Fields of all settings.
     """
 
-    def __init__(self, engine: Engine, viewport: Viewport, folder: Path) -> None:
+    def __init__(self, engine: Engine, viewport: Viewport) -> None:
         super().__init__(engine)
-        self.viewport, self.folder = viewport, folder
+        self.viewport, self.folder = viewport, default_folder()
         self.mode: Mode = "move"
         self.readout = self.panels = True
         self.help = self.browsing = self.leaving = self.closing = False
         self.cursor: tuple[float, float] | None = None
-        self.pass_times = PassTimes()
+        self.pass_times, self.setting_groups = PassTimes(), setting_groups(self)
         self._notice: tuple[str, bool, float] | None = None
 
     # Notices ----------------------------------------------------------------------------------

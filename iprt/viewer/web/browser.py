@@ -44,7 +44,7 @@ class Start:
     objects : tuple of str or None
         Names of the shown objects; None for all.
     target_fps : float or None
-        See `Viewport.target_fps`.
+        See `Viewport`.
     """
 
     view: View
@@ -152,7 +152,7 @@ class Browser(BrowserState):
     def _clicked(self, x: float, y: float) -> None:
         """Select the object at a window position, and read the pixel's values."""
         x, y = self.in_picture(x, y)
-        self.selected = self.viewport.object_at(x, y)
+        self.selected = self.viewport.picking.object_at(x, y)
         self.read = self.viewport.readout(x, y)
 
     def _dropped(self, x: float, y: float) -> None:

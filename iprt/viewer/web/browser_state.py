@@ -61,7 +61,7 @@ class BrowserState(UiState):
     def in_picture(self, x: float, y: float) -> tuple[float, float]:
         """Convert a window position to a position in the picture, which may be wider or narrower.
 
-        Both have the same height: see `Truth.view`.
+        Both have the same height: see `TruthReader.view`.
         """
         if self.displayed is None:
             return x, y

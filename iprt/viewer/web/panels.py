@@ -8,11 +8,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from iprt.files.toml_text import printable
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.scene.edit import free_name
 from iprt.viewer.actions import Action, actions
-from iprt.viewer.controls import control_groups, preset_of
+from iprt.viewer.controls import preset_of
 from iprt.viewer.fields import (
     Field,
     attribute_switch,
@@ -23,14 +22,14 @@ from iprt.viewer.fields import (
     quality_field,
     rate_field,
     selected_field,
-    setting_field,
+    setting_groups,
     view_field,
     visibility_field,
 )
 from iprt.viewer.labels import PARTS, PICTURE
 from iprt.viewer.ui_state import require_mesh
-from iprt.viewer.web.binding import do_on, show
 from iprt.viewer.web.browser_state import BrowserState
+from iprt.viewer.web.handles import do_on, show
 from iprt.viewer.web.inputs import QUIET, Inputs
 from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.status import status_html
@@ -159,7 +158,7 @@ class Panels:
 
         def add(name: str, content: bytes) -> None:
             stem, suffix = free_name(Path(name).stem[:LONGEST], set()), Path(name).suffix.lower()
-            require_mesh(Path(printable(name, 80)))
+            require_mesh(Path(name))
             # Keep the file in its own folder: saving the scene reads it again.
             path = Path(tempfile.mkdtemp(dir=ui.uploads)) / f"{stem}{suffix}"
             path.write_bytes(content)
@@ -178,9 +177,8 @@ class Panels:
         inputs = [Inputs(ui, [quality_field(ui)])]
         about, shown = gui.add_html(""), object()
         inputs.append(Inputs(ui, [rate_field(ui)]))
-        for group in control_groups():
-            with gui.add_folder(group.name or "general", expand_by_default=False):
-                fields = [setting_field(ui, control) for control in group.controls]
+        for words, fields in setting_groups(ui):
+            with gui.add_folder(words.name, expand_by_default=False):
                 inputs.append(Inputs(ui, fields))
 
         def sync() -> None:

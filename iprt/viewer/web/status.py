@@ -37,26 +37,18 @@ def status_html(ui: BrowserState) -> str:
 
 
 def _picture(displayed: DisplayedFrame, sent: str) -> list[str]:
-    shown = displayed.shown
-    view = shown.request.view
-    lines = []
-    if displayed.preview is None:
-        lines.append(_line("picture", f"{view.width} × {view.height}, {sent}"))
+    words, preview, lines = displayed.figures(), displayed.preview, []
+    size = f"{words['size']}, {sent}"
+    if preview is None:
+        lines.append(_line("picture", size))
     else:
-        about = f"{view.width} × {view.height}, {sent}. {displayed.preview.details}"
-        lines.append(_line("picture", displayed.preview.short, about))
-    if shown.plain:
+        lines.append(_line("picture", preview.short, f"{size}. {preview.details}"))
+    if displayed.shown.plain:
         lines.append(_line("shows", "the video; objects follow"))
     else:
-        noise = "" if shown.noise is None else f", noise {100 * shown.noise:.2g} %"
-        lines.append(_line("frames", f"{shown.frames} of {shown.request.frames}{noise}"))
-    speed = []
-    if displayed.fps is not None:
-        speed.append(f"{displayed.fps:.1f} per second")
-    if displayed.latency_s is not None:
-        speed.append(f"{1000 * displayed.latency_s:.0f} ms from input to picture")
-    if speed:
-        lines.append(_line("speed", ", ".join(speed)))
+        lines.append(_line("frames", ", ".join(filter(None, (words["frames"], words["noise"])))))
+    if speed := ", ".join(filter(None, (words["rate"], words["latency"]))):
+        lines.append(_line("speed", speed))
     if displayed.caption:
         lines.append(_line("shows", displayed.caption))
     return lines

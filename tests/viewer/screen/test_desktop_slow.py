@@ -11,16 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
+from iprt.viewer.desktop.turning import BESIDE
 from iprt.viewer.gizmo import box_edges
 from iprt.viewer.session import Session
-
-pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
-pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
-
-from iprt.viewer.desktop.turning import BESIDE
 from tests.viewer.screen.user import SIZE, User
-
-pytestmark = pytest.mark.screen
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from iprt.scene.manifest import MANIFEST_NAME, manifest_text
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from iprt.viewer.background_jobs import BackgroundJobs
+from iprt.viewer.file_watch import Stamp, Watch
 from iprt.viewer.shared_state import SharedState
-from iprt.viewer.watch import Stamp, Watch
 
 POLL_S = 0.5
 """Polling interval in seconds for changed files."""
@@ -96,7 +96,7 @@ class SceneFiles:
         self._meshes: dict[str, Path] = {}  # files of saved objects, in the scene's folder
 
         def first() -> Loaded:
-            loaded = load_what_can_be(scene, self._watch.look())
+            loaded = load(scene, self._watch.look(), partly=True)
             self._text = loaded.text
             return loaded
 
@@ -195,32 +195,22 @@ class SceneFiles:
         self._jobs.start(what, job, fail)
 
 
-def load(scene: Scene, stamp: Stamp) -> Loaded:
-    """Read everything except frames.
+def load(scene: Scene, stamp: Stamp, *, partly: bool = False) -> Loaded:
+    """Read everything except frames; `partly` leaves out unreadable objects.
 
     Raises
     ------
     FormatError
         An object or the metadata of the video cannot be read.
     """
-    text, objects = manifest_text(scene.root / MANIFEST_NAME), scene.objects
+    text, problem = manifest_text(scene.root / MANIFEST_NAME), None
     # Cached by the scene, so that later accesses do not wait for files.
-    assert scene.real_materials is not None
     assert scene.source.white > 0.0
-    return Loaded(scene, stamp, objects, scene, text)
-
-
-def load_what_can_be(scene: Scene, stamp: Stamp) -> Loaded:
-    """Read like `load`, but without objects if they are unreadable.
-
-    Raises
-    ------
-    FormatError
-        The video's files cannot be read.
-    """
     try:
-        return load(scene, stamp)
+        objects = scene.objects
+        assert scene.real_materials is not None
     except IprtError as error:
-        assert scene.source.white > 0.0
-        text = manifest_text(scene.root / MANIFEST_NAME)
-        return Loaded(scene, stamp, (), scene, text, str(error))
+        if not partly:
+            raise
+        objects, problem = (), str(error)
+    return Loaded(scene, stamp, objects, scene, text, problem)

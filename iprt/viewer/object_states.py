@@ -20,7 +20,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ObjectState:
-    """The state of an object at one moment, with read-only arrays.
+    """The state of an object at one moment; its arrays must not be written to.
 
     Attributes
     ----------
@@ -98,11 +98,11 @@ def object_states(
     for entry, instance in zip(objects, instances, strict=True):
         mesh = instance.mesh
         if id(mesh.positions) not in corners:
-            corners[id(mesh.positions)] = _corners(mesh)
+            corners[id(mesh.positions)] = bounds(mesh)
         states.append(
             ObjectState(
                 entry.name,
-                _read_only(instance.to_world),
+                instance.to_world,
                 corners[id(mesh.positions)],
                 mesh.materials,
                 entry.motion,
@@ -111,14 +111,3 @@ def object_states(
             )
         )
     return tuple(states)
-
-
-def _corners(mesh: Mesh) -> tuple[Float, Float]:
-    low, high = bounds(mesh)
-    return _read_only(low), _read_only(high)
-
-
-def _read_only(array: Float) -> Float:
-    view = array.view()
-    view.flags.writeable = False
-    return view

@@ -7,38 +7,28 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.scene.edits import ObjectEdit
+from iprt.scene.edits import SAVED_VIEW, Look, ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.scene.stance import Stance
 from iprt.settings.model import Settings
-from iprt.viewer.files import POLL_S
+from iprt.viewer.file_watch import MOST_FRAMES, Watch
 from iprt.viewer.history import GESTURE_S
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, World
-from iprt.viewer.watch import MOST_FRAMES, Watch
 from tests.clips import clip_color, write_clip
 from tests.scene.files import CUBE, write_rgb
-from tests.viewer.turns import Clock, Turns, turns
+from tests.viewer.turns import FEWEST, VIEW, Clock, Turns, turns
 
 CLIP_FRAMES = 3
 
 PLASTIC = Material("plastic", (0.2, 0.5, 0.3), alpha=0.3)
 """For which the clip's kernels need not be compiled again."""
-
-
-def look_again(driver: Turns) -> None:
-    """It is time to look at the scene's files, and what is found there is read."""
-    driver.clock.now += POLL_S
-    driver.core.turn()
-    driver.settle()
-
-
-def problems(driver: Turns) -> tuple[str, ...]:
-    return driver.shared.status.problems
 
 
 def replaced(path: Path, content: bytes) -> None:
@@ -104,31 +94,31 @@ def test_meshes_and_pictures_are_followed_while_they_are_edited(
         client = driver.join()
         first = driver.answer(client)
         replaced(mesh, b"no mesh")
-        look_again(driver)
-        (problem,) = problems(driver)
+        driver.look_again()
+        (problem,) = driver.problems
         assert "cube.obj" in problem
         assert driver.shown(client) is first
         replaced(mesh, CUBE.replace("1 1 1", "1 2 1").encode())
-        look_again(driver)
-        assert problems(driver) == ()
+        driver.look_again()
+        assert driver.problems == ()
         (state,) = driver.core.objects
         assert state.corners[1][1] == 2.0
         taller = driver.shown(client)
         assert taller is not first
 
         replaced(picture, b"no picture")
-        look_again(driver)
-        driver.until(lambda: bool(problems(driver)))
-        (problem,) = problems(driver)
+        driver.look_again()
+        driver.until(lambda: bool(driver.problems))
+        (problem,) = driver.problems
         assert "color.0000.exr" in problem
         assert np.array_equal(driver.shown(client).picture.color, taller.picture.color)
         write_rgb(picture, 2.0 * clip_color(0))
-        look_again(driver)
-        assert problems(driver) == ()
+        driver.look_again()
+        assert driver.problems == ()
         brighter = driver.shown(client).picture.color
         np.testing.assert_allclose(np.median(brighter / taller.picture.color), 2.0, rtol=0.05)
         replaced(picture, good)
-        look_again(driver)
+        driver.look_again()
         seen = driver.shown(client).picture.color
         np.testing.assert_allclose(np.median(seen / taller.picture.color), 1.0, rtol=0.05)
 
@@ -150,13 +140,13 @@ def test_a_saved_scene_is_what_was_shown(
         shared.edit("cube", lambda edit: replace(edit, removed=True))
         driver.settle()
         (shown,) = core.objects
-        core.save()
+        core.files.save()
         driver.settle()
-        assert problems(driver) == ()
+        assert driver.problems == ()
         assert shared.world.unsaved == ()
         (saved,) = core.objects
         loaded = core.scene
-        look_again(driver)
+        driver.look_again()
         assert core.scene is loaded
     (reopened,) = Scene.open(scene.root).instances
     for now in (saved, reopened):
@@ -174,21 +164,22 @@ def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) 
         driver.answer(driver.join())
         driver.shared.edit("cube", lambda edit: replace(edit, removed=True))
         path.write_text(text.replace("format = 1", "format = "))
-        driver.core.save(told.append)
+        driver.core.files.save(told.append)
         driver.settle()
-        assert told == list(problems(driver))
+        assert told == list(driver.problems)
         assert "scene.toml: not valid TOML" in str(told[0])
         assert [edit.name for edit in driver.shared.world.edits] == ["cube"]
         path.write_text("# mine\n" + text)
-        driver.core.save(told.append)
+        driver.core.files.save(told.append)
         driver.settle()
         assert told[1:] == [None]
-        assert problems(driver) == ()
+        assert driver.problems == ()
     assert path.read_text().startswith("# mine\n")
     assert Scene.open(scene.root).objects == ()
 
 
 def test_edits_are_undone_and_made_again() -> None:
+    """A gesture is one step; another edit ends what can be made again."""
     clock = Clock()
     shared = SharedState(World(Settings(), Playback(0)), clock)
 
@@ -196,43 +187,142 @@ def test_edits_are_undone_and_made_again() -> None:
         clock.now += 0.1
         shared.edit(name, lambda edit: replace(edit, to_world=(x,) * 16))
 
-    def now() -> dict[str, tuple[float | None, bool, bool]]:
-        return {
-            edit.name: (edit.to_world and edit.to_world[0], edit.removed, edit.material is not None)
-            for edit in shared.world.edits
-        }
-
-    states = [now()]
-    for x in range(20):  # a drag
-        place("a", float(x))
-    states.append(now())
-    shared.edit("a", lambda edit: replace(edit, material=Material()))
-    states.append(now())
-    place("b", 1.0)
-    states.append(now())
-    clock.now += 2 * GESTURE_S
-    place("b", 2.0)
-    states.append(now())
-    shared.edit("a", lambda edit: replace(edit, removed=True))
-    states.append(now())
-    assert len({str(state) for state in states}) == len(states)
+    states = [shared.world.edits]
+    for steps in (
+        lambda: [place("a", float(x)) for x in range(20)],  # a drag
+        lambda: shared.edit("a", lambda edit: replace(edit, material=Material())),
+        lambda: place("b", 1.0),
+        lambda: setattr(clock, "now", clock.now + 2 * GESTURE_S) or place("b", 2.0),
+        lambda: shared.edit("a", lambda edit: replace(edit, removed=True)),
+    ):
+        steps()
+        states.append(shared.world.edits)
     for state in reversed(states[:-1]):
         shared.undo()
-        assert now() == state
-    last = shared.undo()
-    assert shared.undo() == last, "nothing is left to undo"
+        assert shared.world.edits == state
+    assert shared.undo() == shared.undo(), "nothing is left to undo"
     for state in states[1:]:
         shared.redo()
-        assert now() == state
-    assert shared.redo() == shared.redo()
+        assert shared.world.edits == state
     shared.undo()
     place("b", 3.0)
     assert shared.redo() == shared.redo(), "another edit was made since"
     shared.undo()
-    assert now() == states[-2]
+    assert shared.world.edits == states[-2]
     shared.saved(shared.world.edits)
-    assert shared.world.unsaved == ()
-    shared.undo()
-    assert shared.world.unsaved != ()
-    shared.redo()
-    assert shared.world.unsaved == ()
+    for change, unsaved in ((shared.undo, True), (shared.redo, False)):
+        change()
+        assert bool(shared.world.unsaved) == unsaved
+
+
+def save(driver: Turns, look: Look | None = None) -> None:
+    driver.core.files.save(look=look)
+    driver.settle()
+    assert driver.problems == ()
+    assert driver.shared.world.unsaved == ()
+
+
+@pytest.mark.thorough
+def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path: Path) -> None:
+    """To the bytes that the file had: comments, materials and removed objects come back."""
+    path = scene.root / "scene.toml"
+    first = path.read_text() + "# the end\n"
+    path.write_text(first)
+    mesh = tmp_path / "other.obj"
+    mesh.write_bytes((scene.root / "cube.obj").read_bytes())
+    with turns(Scene.open(scene.root), device, FEWEST) as driver:
+        driver.answer(driver.join())
+        shared = driver.shared
+        moved = flat(np.diag([0.2, 0.2, 0.2, 1.0]))
+        shared.edit("cube", lambda edit: replace(edit, to_world=moved))
+        save(driver)
+        shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        save(driver)
+        assert 'kind = "plastic"' in path.read_text()
+        shared.edit("cube", lambda edit: replace(edit, removed=True))
+        driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
+        driver.settle()
+        save(driver)
+        assert [entry.name for entry in Scene.open(scene.root).objects] == ["other"]
+        texts = [path.read_text()]
+        while shared.history.can_undo:
+            shared.undo()
+            driver.settle()
+            assert shared.world.unsaved
+            save(driver)
+            texts.append(path.read_text())
+        assert texts[-1] == first
+        assert [state.name for state in driver.core.objects] == ["cube"]
+        while shared.history.can_redo:
+            shared.redo()
+        driver.settle()
+        save(driver)
+        assert path.read_text() == texts[0]
+
+
+def test_what_others_write_is_kept(scene: Scene, device: ComputeDevice) -> None:
+    """What was saved before cannot be undone then: the file may have it otherwise by now."""
+    path = scene.root / "scene.toml"
+    with turns(scene, device, FEWEST) as driver:
+        driver.answer(driver.join())
+        shared = driver.shared
+        shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        save(driver)
+        path.write_text(path.read_text().replace("yaw_deg = 0.0", "yaw_deg = 7.0") + "# mine\n")
+        driver.look_again()
+        assert not shared.history.can_undo
+        assert driver.core.objects[0].materials == (PLASTIC,)
+        shared.edit("cube", lambda edit: replace(edit, removed=True))
+        path.write_text(path.read_text() + "# too\n")  # not seen before it is saved
+        save(driver)
+        assert path.read_text().endswith("# mine\n# too\n")
+    assert Scene.open(scene.root).objects == ()
+
+
+@pytest.fixture
+def judged(scene: Scene) -> Scene:
+    """Its only view has a truth."""
+    path = scene.root / "scene.toml"
+    path.write_text(path.read_text() + 'objects = ["cube"]\ntruth = "truth.exr"\n')
+    write_rgb(scene.root / "truth.exr", np.zeros((VIEW.height, VIEW.width, 3), np.float32))
+    return Scene.open(scene.root)
+
+
+@pytest.mark.thorough
+def test_what_was_added_is_seen_when_the_scene_is_opened_again(
+    judged: Scene, device: ComputeDevice
+) -> None:
+    """In a view of its own, where the user looked; `iprt view` opens that one."""
+    look = Look(View(640, 480, 12.0, -34.0, 50.0))
+    mesh = judged.root / "cube.obj"
+    with turns(judged, device, FEWEST) as driver:
+        driver.answer(driver.join())
+        driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), Stance(height_m=0.3))
+        driver.settle()
+        save(driver, look)
+        driver.shared.edit("other", lambda edit: replace(edit, material=PLASTIC))
+        save(driver, replace(look, view=replace(look.view, yaw_deg=15.0)))
+    reopened = Scene.open(judged.root)
+    assert list(reopened.views) == [*judged.views, SAVED_VIEW]
+    saved = reopened.views[SAVED_VIEW]
+    assert saved.view == replace(look.view, yaw_deg=15.0)
+    assert saved.objects == ("cube", "other")
+    with turns(reopened, device, FEWEST) as driver:
+        shown = driver.answer(driver.join(view=VIEW, objects=saved.objects))
+        assert shown.geometry is not None
+        assert shown.geometry.names == ("cube", "other")
+        # Later saves keep it up to date, with what is shown then.
+        driver.shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        save(driver, Look(look.view, ("other",)))
+    assert Scene.open(judged.root).views[SAVED_VIEW].objects == ("other",)
+
+
+def test_no_view_is_made_where_all_is_seen(scene: Scene, device: ComputeDevice) -> None:
+    with turns(scene, device, FEWEST) as driver:
+        driver.answer(driver.join())
+        driver.core.add(
+            ObjectEdit("other", path=scene.root / "cube.obj"), (20.0, -40.0), Stance(height_m=0.3)
+        )
+        driver.settle()
+        save(driver, Look(View(64, 48)))
+    assert list(Scene.open(scene.root).views) == list(scene.views)
