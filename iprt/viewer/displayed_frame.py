@@ -85,7 +85,7 @@ class DisplayedFrame(DevelopedPicture):
 
 
 class PictureDeveloper:
-    """A developer of one window's pixels, for use by one thread at a time.
+    """Development of one window's pictures into pixels, for use by one thread at a time.
 
     Attributes
     ----------
