@@ -84,6 +84,15 @@ def test_what_was_added_is_shown_in_views_that_list_objects(
         viewport.close()
 
 
+def test_a_truth_that_cannot_be_read_is_told(device: ComputeDevice, judged: Scene) -> None:
+    (judged.root / "truth.exr").write_bytes(b"no picture")
+    with Engine(judged, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, VIEW, frames=1)
+        viewport.lens = Lens(against="truth")
+        until(viewport, lambda s: "truth.exr" in s.caption)
+        viewport.close()
+
+
 def test_a_truth_of_other_objects_is_stale(device: ComputeDevice, judged: Scene) -> None:
     """What was edited, added or hidden since; not once that is taken back."""
     with Engine(judged, lambda: device, SETTINGS) as engine:

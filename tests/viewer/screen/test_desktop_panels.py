@@ -207,5 +207,5 @@ def test_news_of_an_added_mesh_are_told(user: User) -> None:
 def test_the_profile_names_the_passes(user: User) -> None:
     user.at_rest()
     user.press("Profile")
-    user.until(lambda: user.reads("frame", "composite", "100 %"))
+    user.until(lambda: "composite" in user.places)
     user.press("Scene")
