@@ -17,6 +17,7 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
+from iprt.viewer.viewport import Viewport
 from tests.viewer.screen.x11 import Screen, xvfb
 
 FOLDER = Path(__file__).resolve().parent
@@ -37,7 +38,7 @@ def main() -> None:
         device = choose_device()
         engine = Engine(scene, lambda: ComputeDevice(device, limit_s=600.0))
         aside = replace(view, yaw_deg=-5.0)  # the first picture takes as long as kernels compile
-        app = App(engine, aside, objects=entry.objects, folder=FOLDER, frames=FRAMES)
+        app = App(engine, Viewport(engine, aside, objects=entry.objects, frames=FRAMES))
         app.ui.selected = "pot"
         screen = Screen(display)
         screen.move(SIZE[0] - 20, SIZE[1] - 20)

@@ -89,7 +89,7 @@ def mitsuba() -> Record:
 
 def window() -> Record:
     """Raise an error if `iprt view` cannot open a window."""
-    from iprt.viewer.needs import require_window
+    from iprt.viewer.requirements import require_window
 
     require_window()
     return {"found": "works"}
@@ -97,7 +97,7 @@ def window() -> Record:
 
 def browser() -> Record:
     """Raise an error if `iprt view --web` cannot serve."""
-    from iprt.viewer.needs import require_browser
+    from iprt.viewer.requirements import require_browser
 
     require_browser()
     return {"found": "works"}

@@ -1,8 +1,4 @@
-"""Controls for all settings, derived from their model: sliders, switches, choices.
-
-This module does not draw. Both viewers walk `control_groups()`, show each control at
-`value_of(settings, key)`, and apply changes by `with_value(settings, key, value)`.
-"""
+"""Sliders of settings, derived from their model; reading and writing of values; presets."""
 
 from __future__ import annotations
 
@@ -10,8 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import Any, Literal
+from typing import Any
 
 from iprt.files.message_text import printable
 from iprt.settings.methods import DEFAULT
@@ -19,16 +14,11 @@ from iprt.settings.model import Settings
 from iprt.settings.overrides import (
     Assignment,
     Schema,
-    Setting,
-    all_settings,
     assigned,
     changed,
-    groups,
     plain_values,
 )
 from iprt.settings.presets import PRESETS, Quality
-
-Kind = Literal["switch", "choice", "integer", "number", "numbers"]
 
 REACH = 100.0
 """Sliders end at this multiple of the default if the model allows more."""
@@ -77,132 +67,7 @@ class Slider:
         return min(max(rounded, self.low), self.high)
 
 
-@dataclass(frozen=True)
-class Control:
-    """A setting as shown by an interface.
-
-    Attributes
-    ----------
-    key : str
-        Key of the setting, `trace.object_rays`.
-    label : str
-        Label, `object rays`.
-    kind : {"switch", "choice", "integer", "number", "numbers"}
-        Kind of its values: bool, str, int, float, or a list of numbers.
-    choices : tuple of str
-        Options of a choice.
-    sliders : tuple of Slider
-        One for a number, or one for each number of a list.
-    nullable : bool
-        True if the value may be None, for which interfaces show an additional switch.
-    start : bool, str, int, float or list
-        Default, or the initial value if the default is None.
-    unit : str
-        Unit; empty if there is none.
-    help : str
-        Meaning and effect.
-    allowed : str
-        Type, bounds and unit in words.
-    """
-
-    key: str
-    label: str
-    kind: Kind
-    choices: tuple[str, ...]
-    sliders: tuple[Slider, ...]
-    nullable: bool
-    start: Any
-    unit: str
-    help: str
-    allowed: str
-
-
-@dataclass(frozen=True)
-class ControlGroup:
-    """The controls of a group of settings.
-
-    Attributes
-    ----------
-    name : str
-        Name, `trace`; empty for settings outside groups.
-    about : str
-        Description in one sentence.
-    controls : tuple of Control
-        In the order of the model.
-    """
-
-    name: str
-    about: str
-    controls: tuple[Control, ...]
-
-
-@cache
-def control_groups() -> tuple[ControlGroup, ...]:
-    """Return the controls of all settings, in the order of the model."""
-    by_group: dict[str, list[Control]] = {}
-    for setting in all_settings().values():
-        by_group.setdefault(setting.group, []).append(control_of(setting))
-    abouts = {"": "Settings of all passes.", **groups()}
-    return tuple(ControlGroup(g, abouts[g], tuple(c)) for g, c in by_group.items())
-
-
-@cache
-def controls() -> Mapping[str, Control]:
-    """Return all controls by key."""
-    return {control.key: control for group in control_groups() for control in group.controls}
-
-
-def control_of(setting: Setting) -> Control:
-    """Derive the control of a setting.
-
-    Raises
-    ------
-    TypeError
-        No control supports its type.
-    """
-    options = setting.schema.get("anyOf", [setting.schema])
-    schemas = [option for option in options if option.get("type") != "null"]
-    if len(schemas) != 1:
-        raise TypeError(f"{setting.key}: no control takes {setting.allowed}")
-    schema = schemas[0]
-    choices = tuple(schema.get("enum", ()))
-    kind = "choice" if choices else _KINDS.get(str(schema.get("type")))
-    sliders: tuple[Slider, ...] = ()
-    if kind in ("integer", "number"):
-        sliders = (slider_of(schema, setting.default),)
-    elif kind == "numbers":
-        items = schema.get("prefixItems", ())
-        defaults = setting.default if setting.default is not None else [None] * len(items)
-        sliders = tuple(map(slider_of, items, defaults))
-    if kind is None or (kind == "numbers" and not sliders):
-        raise TypeError(f"{setting.key}: no control takes {setting.allowed}")
-    start = setting.default
-    if start is None:
-        middle = [slider.value(0.5) for slider in sliders]
-        start = choices[0] if choices else middle if kind == "numbers" else (*middle, False)[0]
-    return Control(
-        key=setting.key,
-        label=setting.key.rpartition(".")[2].replace("_", " "),
-        kind=kind,
-        choices=choices,
-        sliders=sliders,
-        nullable=len(options) > 1,
-        start=start,
-        unit=str(setting.schema.get("unit", schema.get("unit", ""))),
-        help=setting.help,
-        allowed=setting.allowed,
-    )
-
-
-_KINDS: Mapping[str, Kind] = {
-    "boolean": "switch",
-    "integer": "integer",
-    "number": "number",
-    "array": "numbers",
-}
-
-
-def slider_of(schema: Schema, default: float | None) -> Slider:
+def slider_of(schema: Schema, default: float) -> Slider:
     """Derive the slider of a number from its JSON schema.
 
     The ends are the model's bounds, limited to `REACH` times the default. They stay away from an
@@ -211,16 +76,15 @@ def slider_of(schema: Schema, default: float | None) -> Slider:
     whole = schema["type"] == "integer"
     lower = schema.get("minimum", schema.get("exclusiveMinimum", -math.inf))
     upper = schema.get("maximum", schema.get("exclusiveMaximum", math.inf))
-    usual = default if default is not None else min(max(1, lower), upper)
-    reach = REACH * max(abs(usual), 1 if whole else 0) or REACH
-    low = max(lower, min(-reach, usual))
-    high = min(upper, max(reach, usual))
+    reach = REACH * max(abs(default), 1 if whole else 0) or REACH
+    low = max(lower, min(-reach, default))
+    high = min(upper, max(reach, default))
     if low == schema.get("exclusiveMinimum"):
-        low += 1 if whole else (usual - low) / REACH
+        low += 1 if whole else (default - low) / REACH
     if high == schema.get("exclusiveMaximum"):
-        high -= 1 if whole else (high - usual) / REACH
-    spans_decades = low >= 0.0 and 0.0 < DECADE * usual < high
-    bend = (low if low > 0.0 else usual / DECADE) if spans_decades else 0.0
+        high -= 1 if whole else (high - default) / REACH
+    spans_decades = low >= 0.0 and 0.0 < DECADE * default < high
+    bend = (low if low > 0.0 else default / DECADE) if spans_decades else 0.0
     if whole:
         return Slider(math.ceil(low), math.floor(high), whole, bend)
     return Slider(float(low), float(high), whole, bend)

@@ -15,22 +15,22 @@ from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.mesh_pose import MeshPose
-from iprt.scene.object_edits import Look, ObjectEdit, edited_objects, flat
+from iprt.scene.object_edits import ObjectEdit, edited_objects, flat
 from iprt.scene.objects import SceneObject, objects_at
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
-from iprt.viewer.canvas import Stage
+from iprt.viewer.accumulating_renderer import Stage
+from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.compiling import Compiling
-from iprt.viewer.files import POLL_S, Loaded, SceneFiles
-from iprt.viewer.loading import Loader
-from iprt.viewer.mailbox import Asked, Mailbox, Wanted
-from iprt.viewer.objects import ObjectState, object_states
-from iprt.viewer.plain import plain
+from iprt.viewer.object_states import ObjectState, object_states
+from iprt.viewer.picture_job import PictureJob
+from iprt.viewer.plain_video import plain_video
+from iprt.viewer.scene_files import POLL_S, Loaded, SceneFiles
 from iprt.viewer.session import AbandonedError, Session
-from iprt.viewer.state import Doing, Playback, Status, World
-from iprt.viewer.video import Video
-from iprt.viewer.work import Work
+from iprt.viewer.shared_state import NumberedRequest, SharedState, Snapshot
+from iprt.viewer.state import Doing, Status, World
+from iprt.viewer.video_player import VideoPlayer
 from iprt.world.shared import Worlds
 
 LOG = logging.getLogger("iprt.viewer")
@@ -42,11 +42,11 @@ MOST_PROGRAMS = 96
 
 
 class Core:
-    """The renderer behind a `Mailbox`; all methods are called by one thread.
+    """The renderer behind a `SharedState`; all methods are called by one thread.
 
     Parameters
     ----------
-    mailbox : Mailbox
+    shared : SharedState
     scene : Scene
     device : callable
         Creates the device; called again after the driver lost it.
@@ -63,14 +63,14 @@ class Core:
 
     def __init__(
         self,
-        mailbox: Mailbox,
+        shared: SharedState,
         scene: Scene,
         device: Callable[[], ComputeDevice],
         *,
         clock: Callable[[], float],
         allow_outside: bool = False,
     ) -> None:
-        self._mailbox, self._make_device, self._clock = mailbox, device, clock
+        self._shared, self._make_device, self._clock = shared, device, clock
         self._device: ComputeDevice | None = None
         self._worlds = Worlds()
         self._lost = False  # the device was lost since the last picture
@@ -78,34 +78,34 @@ class Core:
         self._problems: dict[str, str] = {}
         self._notes: dict[str, str] = {}
         self._noted_s = 0.0  # time of the newest note on a mesh
-        self._under_way: Work | None = None
+        self._under_way: PictureJob | None = None
         self._abandoned = 0  # count of consecutive abandoned pictures
-        self.loader = Loader(mailbox.stir)
-        self._files = SceneFiles(
+        self.jobs = BackgroundJobs(shared.stir)
+        self.files = SceneFiles(
             scene,
-            mailbox,
-            self.loader,
+            shared,
+            self.jobs,
             self._problems,
             clock=clock,
             allow_outside=allow_outside,
         )
-        self._video = Video(mailbox, self._problems, clock)
+        self.video = VideoPlayer(shared, self._problems, clock)
         self._settled = 0  # number of the last change that is loaded completely
         self._objects: tuple[Objects, tuple[ObjectEdit, ...], Objects] | None = None
         self._footage: tuple[Loaded, Settings, Footage] | None = None
         self._stage: Stage | None = None
         self.objects: tuple[ObjectState, ...] = ()
         self._sessions: dict[int, Session] = {}
-        self._failed: dict[int, tuple[Stage, Asked]] = {}
+        self._failed: dict[int, tuple[Stage, NumberedRequest]] = {}
         self._turns: dict[int, int] = {}
         self._turn = 0
 
     def close(self) -> None:
-        """Release all resources; the loader's threads end by themselves."""
+        """Release all resources; the jobs's threads end by themselves."""
         for session in self._sessions.values():
             session.close()
         self._sessions.clear()
-        self._video.close()
+        self.video.close()
         self._release_device()
         self._report("closed")
 
@@ -113,12 +113,12 @@ class Core:
 
     def turn(self) -> bool:
         """Do the most urgent work; return True if there was any."""
-        collected = self.loader.collect()
+        collected = self.jobs.collect()
         if self._clock() > self._noted_s + NOTE_S:
             self._problems.pop("mesh", None)
             self._notes.clear()
-        self._files.poll()
-        wanted = self._mailbox.take()
+        self.files.poll()
+        wanted = self._shared.take()
         for client in self._sessions.keys() - wanted.requests.keys():
             self._sessions.pop(client).close()
             self._problems.pop(f"client {client}", None)
@@ -127,20 +127,20 @@ class Core:
         chosen = None if stage is None else self._most_urgent(stage, wanted.requests)
         if stage is None or chosen is None:
             missing = stage is None and not self._problems
-            self._report("loading" if missing or self.loader.running else "waiting")
+            self._report("loading" if missing or self.jobs.running else "waiting")
             return collected
         self._render(
-            Work(chosen, stage, wanted.requests[chosen], wanted.world, time.perf_counter())
+            PictureJob(chosen, stage, wanted.requests[chosen], wanted.world, time.perf_counter())
         )
         return True
 
     @property
     def idle_s(self) -> float:
         """Seconds until the next event, if there is no input."""
-        due = self._video.next_due_s
+        due = self.video.next_due_s
         return POLL_S if due is None else min(max(due - self._clock(), 0.0), POLL_S)
 
-    def _most_urgent(self, stage: Stage, requests: Mapping[int, Asked]) -> int | None:
+    def _most_urgent(self, stage: Stage, requests: Mapping[int, NumberedRequest]) -> int | None:
         """Return the client to render for, or None.
 
         Clients waiting for a change come before clients whose picture can be refined. Among equals,
@@ -156,7 +156,7 @@ class Core:
                 ranked.append((not behind, self._turns.get(client, 0), client))
         return min(ranked)[-1] if ranked else None
 
-    def _render(self, work: Work) -> None:
+    def _render(self, work: PictureJob) -> None:
         client, stage, asked = work.client, work.stage, work.asked
         self._turn += 1
         self._turns[client] = self._turn
@@ -191,7 +191,7 @@ class Core:
             self._lost, self._abandoned = False, 0
             self._problems.pop(problem, None)
             self._failed.pop(client, None)
-            self._mailbox.publish(client, shown)
+            self._shared.publish(client, shown)
             self._report("rendering")
         finally:
             self._under_way = None
@@ -202,7 +202,7 @@ class Core:
         self._problems["defect"] = f"a defect of iprt: {type(error).__name__}: {error}"
         self._report("waiting")
 
-    def _give_up(self, client: int, stage: Stage, asked: Asked, problem: str) -> None:
+    def _give_up(self, client: int, stage: Stage, asked: NumberedRequest, problem: str) -> None:
         """Keep the last good picture until something else is wanted, and report the problem."""
         self._problems[f"client {client}"] = problem
         self._failed[client] = stage, asked
@@ -241,7 +241,7 @@ class Core:
         work = self._under_way
         if work is None:
             return
-        if self._mailbox.closed or work.unwanted(self._mailbox.wanted, self._abandoned):
+        if self._shared.closed or work.unwanted(self._shared.snapshot, self._abandoned):
             raise AbandonedError
 
     def _show_plain(self) -> None:
@@ -249,13 +249,13 @@ class Core:
         work, device = self._under_way, self._device
         if work is None or device is None:
             return
-        asked = self._mailbox.wanted.requests.get(work.client)
-        shown = self._mailbox.shown(work.client)
+        asked = self._shared.snapshot.requests.get(work.client)
+        shown = self._shared.shown(work.client)
         if asked is None or (shown is not None and not shown.plain):
             return
         if shown is None or shown.request.view != asked.request.view:
-            picture = plain(work.stage.frame, asked.request, device.name)
-            self._mailbox.publish(work.client, picture)
+            picture = plain_video(work.stage.frame, asked.request, device.name)
+            self._shared.publish(work.client, picture)
 
     def _report_compiling(self) -> None:
         self._report("rendering" if self._compiling.file is None else "compiling")
@@ -265,26 +265,26 @@ class Core:
         if doing == "compiling":
             what = compiling.file or ""
         elif doing == "loading":
-            what = ", ".join(self.loader.running)
+            what = ", ".join(self.jobs.running)
         counts = (compiling.built, compiling.to_build) if doing == "compiling" else (0, 0)
         lines = tuple(self._problems.values()), tuple(self._notes.values())
-        self._mailbox.report(Status(doing, what, *lines, *counts))
+        self._shared.report(Status(doing, what, *lines, *counts))
 
     # The world --------------------------------------------------------------------------------
 
-    def _staged(self, wanted: Wanted) -> Stage | None:
+    def _staged(self, wanted: Snapshot) -> Stage | None:
         """Return the stage to render, or None before the scene and its frame are loaded."""
-        loaded = self._files.loaded
+        loaded = self.files.loaded
         if loaded is None:
             return None
         world = wanted.world
-        self._video.follow(loaded, world, shown=self._all_see_the_frame(wanted.requests))
-        frame = self._video.frame
+        self.video.follow(loaded, world, shown=self._all_see_the_frame(wanted.requests))
+        frame = self.video.frame
         if frame is None:
             return None
         objects = self._edited(loaded, world)
         footage = self._footage_of(loaded, frame, world.settings)
-        if self._video.arrived(world.playback):
+        if self.video.arrived(world.playback):
             self._settled = wanted.number
         known = self._stage
         if known is not None and known.number == self._settled:
@@ -316,10 +316,6 @@ class Core:
             for client in clients
         )
 
-    def position(self, playback: Playback) -> int:
-        """Return the frame that a playback has reached; callable from any thread."""
-        return self._video.position(playback)
-
     def _edited(self, loaded: Loaded, world: World) -> Objects:
         known = self._objects
         if known is None or known[0] is not loaded.objects or known[1] != world.edits:
@@ -341,19 +337,19 @@ class Core:
     @property
     def scene(self) -> Scene | None:
         """The scene as last read, or None before that."""
-        loaded = self._files.loaded
+        loaded = self.files.loaded
         return None if loaded is None else loaded.scene
 
     def object_names(self) -> set[str]:
         """Return the names of the scene's objects and of added ones."""
-        loaded = self._files.loaded
+        loaded = self.files.loaded
         objects = () if loaded is None else loaded.objects
-        edits = self._mailbox.world.edits
+        edits = self._shared.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
     def add(self, edit: ObjectEdit, direction: tuple[float, float], pose: MeshPose) -> None:
         """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
-        path, frame = edit.path, self._video.frame
+        path, frame = edit.path, self.video.frame
         assert path is not None
 
         def job() -> Callable[[], None]:
@@ -372,17 +368,11 @@ class Core:
                 if notes := [*placed.warnings(), *mesh.warnings, *unread]:
                     self._notes[path.name] = f"{path.name}: {'; '.join(notes)}"
                     self._noted_s = self._clock()
-                self._mailbox.edit(added.name, lambda _: added)
+                self._shared.edit(added.name, lambda _: added)
 
             return finish
 
-        self.loader.start(str(path), job, self._report_mesh)
-
-    def save(
-        self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None
-    ) -> None:
-        """Write all edits to the scene's file; see `SceneFiles.save`."""
-        self._files.save(done, look)
+        self.jobs.start(str(path), job, self._report_mesh)
 
     def _report_mesh(self, problem: str) -> None:
         self._problems["mesh"], self._noted_s = problem, self._clock()

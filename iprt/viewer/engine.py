@@ -12,7 +12,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.aovs import AOVS
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.measure.tradeoff import Tradeoff, shipped
@@ -22,9 +21,9 @@ from iprt.scene.object_edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
-from iprt.viewer.mailbox import Mailbox
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.session import Shown
+from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
 
 LEAVING_S = 5.0
@@ -34,10 +33,9 @@ LEAVING_S = 5.0
 class Client:
     """A client with its own view; all methods are thread-safe."""
 
-    def __init__(self, mailbox: Mailbox, request: Request) -> None:
-        _require_renderable(request)
-        self._mailbox = mailbox
-        self._number = mailbox.join(request)
+    def __init__(self, shared: SharedState, request: Request) -> None:
+        self._shared = shared
+        self._number = shared.join(request)
 
     def ask(self, request: Request) -> int:
         """Replace the client's request.
@@ -46,27 +44,21 @@ class Client:
         -------
         int
             Number that `Shown.number` reaches with the first picture that answers it.
-
-        Raises
-        ------
-        ValueError
-            The picture has no pixels, or an auxiliary picture is unknown.
         """
-        _require_renderable(request)
-        return self._mailbox.ask(self._number, request)
+        return self._shared.ask(self._number, request)
 
     @property
     def shown(self) -> Shown | None:
         """The newest picture, or None before the first."""
-        return self._mailbox.shown(self._number)
+        return self._shared.shown(self._number)
 
     def wait(self, number: int, timeout_s: float) -> Shown | None:
         """Wait for a picture that answers `number`; None after the timeout."""
-        return self._mailbox.wait(self._number, lambda s: s.number >= number, timeout_s)
+        return self._shared.wait(self._number, lambda s: s.number >= number, timeout_s)
 
     def close(self) -> None:
         """Disconnect from the engine."""
-        self._mailbox.leave(self._number)
+        self._shared.leave(self._number)
 
 
 class Engine:
@@ -103,8 +95,8 @@ class Engine:
         self._clock, self._scene = clock, scene
         self._names: set[str] = set()  # names of added objects, some still loading
         playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)
-        self._mailbox = Mailbox(World(settings or Settings(), playback), clock)
-        self._core = Core(self._mailbox, scene, device, clock=clock, allow_outside=allow_outside)
+        self._shared = SharedState(World(settings or Settings(), playback), clock)
+        self._core = Core(self._shared, scene, device, clock=clock, allow_outside=allow_outside)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
 
@@ -117,14 +109,14 @@ class Engine:
     def close(self) -> None:
         """End the thread after its current view frame, or abandon it after `LEAVING_S`."""
         until_s = time.monotonic() + LEAVING_S
-        self._mailbox.close()
+        self._shared.close()
         self._thread.join(LEAVING_S)
-        self._core.loader.close(until_s)
+        self._core.jobs.close(until_s)
 
     def _run(self) -> None:
-        core, mailbox = self._core, self._mailbox
+        core, shared = self._core, self._shared
         try:
-            while not mailbox.closed:
+            while not shared.closed:
                 try:
                     busy = core.turn()
                 except Exception as error:
@@ -132,26 +124,25 @@ class Engine:
                     core.report_defect(error)
                     busy = False
                 if not busy:
-                    mailbox.rest(core.idle_s)
+                    shared.rest(core.idle_s)
         finally:
             core.close()
 
     # Clients and state ------------------------------------------------------------------------
 
     def client(self, request: Request) -> Client:
-        """Connect a client.
-
-        Raises
-        ------
-        ValueError
-            As `Client.ask`.
-        """
-        return Client(self._mailbox, request)
+        """Connect a client."""
+        return Client(self._shared, request)
 
     @property
     def world(self) -> World:
         """The state that all clients share, as requested."""
-        return self._mailbox.world
+        return self._shared.world
+
+    @property
+    def playback(self) -> Playback:
+        """The playback of the video, which all clients share."""
+        return self._shared.world.playback
 
     @property
     def scene(self) -> Scene:
@@ -166,7 +157,7 @@ class Engine:
         """
         return self._core.objects
 
-    def wanted(self, name: str | None) -> ObjectState | None:
+    def object_state(self, name: str | None) -> ObjectState | None:
         """Return an object with all edits, including unrendered ones; None if it is missing."""
         state = next((state for state in self.objects if state.name == name), None)
         return None if state is None else state.edited(self.world.edit_of(state.name))
@@ -174,14 +165,9 @@ class Engine:
     @property
     def status(self) -> Status:
         """The engine's current activity and problems."""
-        return self._mailbox.status
+        return self._shared.status
 
     # The video --------------------------------------------------------------------------------
-
-    @property
-    def playing(self) -> bool:
-        """True while the video plays."""
-        return self.world.playback.playing
 
     def play(self) -> int:
         """Play the video, from the start if it is at its end."""
@@ -208,31 +194,21 @@ class Engine:
             lambda playback: self._from(playback, frame, playing=playback.playing)
         )
 
-    @property
-    def playback_mode(self) -> PlaybackMode:
-        """Playback in real time, or of every frame."""
-        return self.world.playback.mode
-
     def set_playback_mode(self, mode: PlaybackMode) -> int:
         """Play in real time, or every frame; a playing video continues where it is."""
         return self._change_playback(lambda playback: replace(self._now(playback), mode=mode))
-
-    @property
-    def loop(self) -> bool:
-        """True if the video restarts at its end; initially as in the scene."""
-        return self.world.playback.loop
 
     def set_loop(self, loop: bool) -> int:
         """Set whether the video restarts at its end."""
         return self._change_playback(lambda playback: replace(self._now(playback), loop=loop))
 
     def _change_playback(self, change: Callable[[Playback], Playback]) -> int:
-        return self._mailbox.change(lambda world: replace(world, playback=change(world.playback)))
+        return self._shared.change(lambda world: replace(world, playback=change(world.playback)))
 
     def _position(self, playback: Playback) -> int:
         """Return the frame that the playback has reached."""
         if playback.mode == "every frame":
-            return self._core.position(playback)
+            return self._core.video.position(playback)
         scene = self.scene
         due = playback.due(self._clock(), scene.source.fps)
         return playback.index(due, scene.frame_indices)
@@ -248,7 +224,7 @@ class Engine:
 
     def set_settings(self, settings: Settings) -> int:
         """Render with other settings, which may need compilation."""
-        return self._mailbox.change(lambda world: replace(world, settings=settings))
+        return self._shared.change(lambda world: replace(world, settings=settings))
 
     def place(self, name: str, to_world: NDArray[np.float64]) -> int:
         """Move an object to a transform (4, 4); keyframes are relative to it.
@@ -260,36 +236,36 @@ class Engine:
         """
         require_place(name, to_world)
         placed = flat(to_world)
-        return self._mailbox.edit(name, lambda edit: replace(edit, to_world=placed))
+        return self._shared.edit(name, lambda edit: replace(edit, to_world=placed))
 
     def paint(self, name: str, material: Material) -> int:
         """Give an object a single other material."""
-        return self._mailbox.edit(name, lambda edit: replace(edit, material=material))
+        return self._shared.edit(name, lambda edit: replace(edit, material=material))
 
     def remove(self, name: str) -> int:
         """Remove an object."""
-        return self._mailbox.edit(name, lambda edit: replace(edit, removed=True))
+        return self._shared.edit(name, lambda edit: replace(edit, removed=True))
 
     def undo(self) -> int:
         """Undo the last edit, or the last whole gesture.
 
         Edits of all clients are undone in their order, including saved ones.
         """
-        return self._mailbox.undo()
+        return self._shared.undo()
 
     def redo(self) -> int:
         """Redo the last undone edit, if there was no edit since."""
-        return self._mailbox.redo()
+        return self._shared.redo()
 
     @property
     def can_undo(self) -> bool:
         """True if there is an edit to undo."""
-        return self._mailbox.can_undo
+        return self._shared.history.can_undo
 
     @property
     def can_redo(self) -> bool:
         """True if there is an edit to redo."""
-        return self._mailbox.can_redo
+        return self._shared.history.can_redo
 
     @property
     def unsaved(self) -> tuple[str, ...]:
@@ -341,13 +317,4 @@ class Engine:
             The user's view. It is saved if an added object is not in the scene's other views
             (`save_edits`).
         """
-        self._core.save(done, look)
-
-
-def _require_renderable(request: Request) -> None:
-    if request.view.width < 1 or request.view.height < 1:
-        raise ValueError(f"{request.view}: a picture has at least one pixel")
-    if request.frames < 1:
-        raise ValueError(f"frames = {request.frames}: at least one is rendered")
-    if unknown := set(request.aovs) - set(AOVS):
-        raise ValueError(f"there is no auxiliary picture {', '.join(sorted(unknown))}")
+        self._core.files.save(done, look)

@@ -9,29 +9,36 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-import numpy as np
-
 from iprt.geometry.material import Material
-from iprt.settings.model import Settings
+from iprt.settings.overrides import Setting, all_settings, groups
 from iprt.settings.presets import PRESETS, Quality
-from iprt.viewer.controls import Control, Slider, preset_of, value_of, with_preset, with_value
+from iprt.viewer.controls import (
+    Slider,
+    preset_of,
+    slider_of,
+    value_of,
+    with_preset,
+    with_value,
+)
 from iprt.viewer.labels import (
-    BUFFERS,
     CURVES,
     MATERIALS,
     NOTHING,
     PARTS,
     PICTURE,
+    PLAYBACK,
     TURNED,
     Label,
     comparisons,
 )
+from iprt.viewer.lens import BUFFERS
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.ui_state import UiState
 
-Kind = Literal["switch", "choice", "number", "numbers", "vector", "color"]
-REQUIRED: Any = object()
+Kind = Literal["switch", "choice", "number", "vector", "color"]
 OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
+NONE = Label("none", "")
 MOST_FPS = 240
 PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
@@ -46,8 +53,8 @@ class Field:
     key : str
         Key, unique in a window.
     kind : str
-        Type of the value: bool; one of `options`; int or float; a list of numbers; (x, y, z);
-        linear (red, green, blue) in [0, 1].
+        Type of the value: bool; one of `options`; int or float; (x, y, z); linear (red, green,
+        blue) in [0, 1].
     label : callable
         Returns the current label.
     read, write : callable
@@ -56,15 +63,13 @@ class Field:
         Returns the labels of a choice by value.
     missing : callable
         Returns the reasons why values are not available now.
-    sliders : tuple of Slider
-        One for a number, or one for each number of a list.
+    slider : Slider or None
+        Slider of a number.
     beyond : bool
-        True if numbers beyond the sliders' ends may be typed; `write` validates them.
+        True if numbers beyond the slider's ends may be typed; `write` validates them.
     unit : str
     default : any
-        Value of the reset button; `REQUIRED` without one.
-    start : any
-        Initial value when an input that may be None gets a value.
+        Value of the reset button; None without one.
     enabled : callable
         Returns True if the input is usable now.
     """
@@ -76,11 +81,10 @@ class Field:
     write: Callable[[Any], object]
     options: Callable[[], Mapping[Any, Label]] = lambda: {}
     missing: Callable[[], Mapping[Any, str]] = lambda: {}
-    sliders: tuple[Slider, ...] = ()
+    slider: Slider | None = None
     beyond: bool = False
     unit: str = ""
-    default: Any = REQUIRED
-    start: Any = REQUIRED
+    default: Any = None
     enabled: Callable[[], bool] = lambda: True
 
 
@@ -131,16 +135,16 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
     buffers: dict[Any, Label] = {None: PICTURE, **BUFFERS}
     others: dict[Any, Label] = {None: NOTHING, **comparisons()}
-    stops, share = (Slider(-8.0, 8.0, False, 0.0),), (Slider(0.0, 1.0, False, 0.0),)
+    stops, share = Slider(-8.0, 8.0, False, 0.0), Slider(0.0, 1.0, False, 0.0)
     return (
-        field("exposure", "number", "exposure_ev", sliders=stops, unit="EV", default=0.0),
+        field("exposure", "number", "exposure_ev", slider=stops, unit="EV", default=0.0),
         field("curve", "choice", options=lambda: CURVES),
         field("buffer", "choice", options=lambda: buffers),
         field("against", "choice", options=lambda: others, missing=missing),
         field(
             "split",
             "number",
-            sliders=share,
+            slider=share,
             enabled=lambda: compared() and not ui.viewport.lens.error,
         ),
         field("error", "switch", enabled=compared),
@@ -151,16 +155,15 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
     """Build the fields of the selected object's position and size."""
 
     def position() -> tuple[float, ...]:
-        state = ui.state
-        matrix = np.eye(4) if state is None else state.to_world
-        return tuple(round(float(value), 4) for value in matrix[:3, 3])
+        place = (0.0, 0.0, 0.0) if ui.state is None else ui.state.to_world[:3, 3]
+        return tuple(round(float(value), 4) for value in place)
 
     def move(place: tuple[float, ...]) -> None:
         state = ui.state
         if state is not None:
             to_world = state.to_world.copy()
             to_world[:3, 3] = place
-            ui.engine.place(state.name, state.placed(to_world))
+            ui.place(state, to_world)
 
     def size() -> float:
         return 1.0 if ui.state is None else round(float(ui.state.size.max()), 4)
@@ -169,18 +172,89 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         state = ui.state
         if state is None or not size > 0.0:
             return
-        low, high = state.corners
-        foot = np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
         to_world, factor = state.to_world.copy(), size / float(state.size.max())
         # Scale about the centre of the bottom, so that the object stays in place.
-        to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ foot
+        to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ state.foot
         to_world[:3, :3] *= factor
-        ui.engine.place(state.name, state.placed(to_world))
+        ui.place(state, to_world)
 
-    sizes = (Slider(0.001, 1000.0, False, 0.01),)
+    sizes = Slider(0.001, 1000.0, False, 0.01)
     return (
         Field("position", "vector", lambda: PARTS["position"], position, move),
-        Field("size", "number", lambda: PARTS["size"], size, resize, sliders=sizes),
+        Field("size", "number", lambda: PARTS["size"], size, resize, slider=sizes),
+    )
+
+
+def selected_field(ui: UiState) -> Field:
+    """Build the choice of the selected object."""
+
+    def options() -> Mapping[Any, Label]:
+        names = {state.name: Label(state.name, "") for state in ui.engine.objects}
+        return {None: NONE, **names}
+
+    def read() -> str | None:
+        return ui.selected if ui.selected in options() else None
+
+    label = PARTS["selected"]
+    return Field(
+        "selected", "choice", lambda: label, read, lambda n: setattr(ui, "selected", n), options
+    )
+
+
+def visibility_field(ui: UiState, state: ObjectState) -> Field:
+    """Build the switch that shows an object in this window."""
+    name = state.name
+    about = "Show or hide it in this window." + (" Keyframes move it." if state.keyframed else "")
+    return Field(
+        name,
+        "switch",
+        lambda: Label(name, about),
+        lambda: ui.visible(name),
+        lambda on: ui.show(name, bool(on)),
+    )
+
+
+def playback_fields(ui: UiState) -> tuple[Field, ...]:
+    """Build the fields of the video's playback."""
+    engine = ui.engine
+
+    def switch(key: str, label: Label, read: Callable[[], bool], write: Any) -> Field:
+        return Field(key, "switch", lambda: label, read, write)
+
+    every, other = PLAYBACK["every frame"], PLAYBACK["real time"]
+    return (
+        switch(
+            "play",
+            Label(PARTS["play"].name, f"{PARTS['play'].about} Key: Space."),
+            lambda: ui.playing,
+            lambda on: engine.play() if on else engine.pause(),
+        ),
+        switch("loop", PARTS["loop"], lambda: engine.playback.loop, engine.set_loop),
+        switch(
+            "mode",
+            Label(every.name, f"{every.about} Otherwise: {other.about}"),
+            lambda: engine.playback.mode == "every frame",
+            lambda on: engine.set_playback_mode("every frame" if on else "real time"),
+        ),
+        Field(
+            "frame",
+            "number",
+            lambda: PARTS["frame"],
+            lambda: ui.frame,
+            engine.seek,
+            slider=Slider(ui.frames[0], ui.frames[-1], True, 0.0),
+        ),
+    )
+
+
+def attribute_switch(ui: UiState, key: str, attribute: str) -> Field:
+    """Build a switch for an attribute of the interface's state, labelled by its key in `PARTS`."""
+    return Field(
+        key,
+        "switch",
+        lambda: PARTS[key],
+        lambda: getattr(ui, attribute),
+        lambda on: setattr(ui, attribute, on),
     )
 
 
@@ -206,7 +280,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             **more,
         )
 
-    alphas, indices = (Slider(0.0, 1.0, False, 0.0),), (Slider(1.01, 3.0, False, 0.0),)
+    alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
     rough, coated = (
         {"enabled": lambda: material().kind != "diffuse"},
         {"enabled": lambda: material().kind == "plastic"},
@@ -214,8 +288,8 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
     return (
         field("material", "choice", "kind", options=lambda: MATERIALS),
         field("color", "color", "albedo", label=color),
-        field("alpha", "number", "alpha", sliders=alphas, **rough),
-        field("ior", "number", "ior", sliders=indices, **coated),
+        field("alpha", "number", "alpha", slider=alphas, **rough),
+        field("ior", "number", "ior", slider=indices, **coated),
     )
 
 
@@ -240,33 +314,57 @@ def rate_field(ui: UiState) -> Field:
     """Build the field of the frame rate to hold during motion."""
 
     def write(fps: float) -> None:
-        ui.viewport.target_fps = float(fps) if fps > 0 else None
+        ui.viewport.motion.target_fps = float(fps) if fps > 0 else None
 
     return Field(
         "fps",
         "number",
         lambda: PARTS["fps"],
-        lambda: round(ui.viewport.target_fps or 0.0),
+        lambda: round(ui.viewport.motion.target_fps or 0.0),
         write,
-        sliders=(Slider(0, MOST_FPS, True, 1.0),),
+        slider=Slider(0, MOST_FPS, True, 1.0),
     )
 
 
-def setting_field(ui: UiState, control: Control) -> Field:
-    """Build the field of a renderer setting."""
-    key = control.key
-    label = Label(control.label, f"{control.help} ({control.allowed}; {key})")
-    options = {word: Label(word, "") for word in control.choices}
+def setting_groups(ui: UiState) -> tuple[tuple[Label, tuple[Field, ...]], ...]:
+    """Build the fields of all settings by group, in the order of the model."""
+    by_group: dict[str, list[Field]] = {}
+    for setting in all_settings().values():
+        by_group.setdefault(setting.group, []).append(setting_field(ui, setting))
+    abouts = {"": "Settings of all passes.", **groups()}
+    return tuple(
+        (Label((name or "general").replace("_", " "), abouts[name]), tuple(fields))
+        for name, fields in by_group.items()
+    )
+
+
+def setting_field(ui: UiState, setting: Setting) -> Field:
+    """Build the field of a renderer setting.
+
+    Raises
+    ------
+    TypeError
+        No field supports its type.
+    """
+    key, schema = setting.key, setting.schema
+    options = {word: Label(word, "") for word in schema.get("enum", ())}
+    kind = "choice" if options else _KINDS.get(schema.get("type"))
+    if kind is None:
+        raise TypeError(f"{key}: no field takes {setting.allowed}")
+    name = key.rpartition(".")[2].replace("_", " ")
+    label = Label(name, f"{setting.help} ({setting.allowed}; {key})")
     return Field(
         key,
-        "number" if control.kind == "integer" else control.kind,
+        kind,
         lambda: label,
         lambda: value_of(ui.settings, key),
         lambda value: setattr(ui, "settings", with_value(ui.settings, key, value)),
         lambda: options,
-        sliders=control.sliders,
+        slider=slider_of(schema, setting.default) if kind == "number" else None,
         beyond=True,
-        unit=control.unit,
-        default=value_of(Settings(), key),
-        start=control.start if control.nullable else REQUIRED,
+        unit=str(schema.get("unit", "")),
+        default=setting.default,
     )
+
+
+_KINDS: Mapping[object, Kind] = {"boolean": "switch", "integer": "number", "number": "number"}

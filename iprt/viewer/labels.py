@@ -30,37 +30,6 @@ class Label:
 TURNED = "(turned)"
 """Name in place of the view's after the user has turned away."""
 PICTURE = Label("Picture", "The finished picture: the video with the objects in it.")
-BUFFERS: Mapping[str, Label] = {
-    "background": Label("Background", "The video without objects."),
-    "normal": Label("Normal", "World-space normals of surfaces: x, y, z as red, green, blue."),
-    "depth": Label("Depth", "Distance from the camera in metres. Near is bright."),
-    "albedo": Label("Albedo", "Base colour of the objects, without light."),
-    "coverage": Label("Coverage", "Fraction of each pixel that objects cover."),
-    "motion": Label("Motion", "Motion of each point since the last frame. Grey: none."),
-    "ratio": Label(
-        "Light ratio", "Light on real surfaces with objects over that without. Grey: no change."
-    ),
-    "irradiance_real": Label("Light without objects", "Light that reaches real surfaces."),
-    "irradiance_mixed": Label(
-        "Light with objects", "Light that reaches real surfaces past the objects and from them."
-    ),
-    "diffuse": Label("Diffuse light", "Light that objects scatter in all directions."),
-    "specular": Label("Reflections", "Light that glossy objects reflect."),
-    "highlight": Label("Real reflections", "Highlights of glossy real surfaces in the video."),
-    "gloss": Label(
-        "Change of real reflections", "Change of the reflections on real surfaces by objects."
-    ),
-    "tracing_level": Label(
-        "Ray density",
-        "Where real surfaces are traced: every pixel (red), every second (yellow), every fourth "
-        "(blue), or none (black).",
-    ),
-    "hit_distance": Label("Reflection distance", "Distance of the surfaces that objects reflect."),
-    "history_length": Label("Frames averaged", "Number of frames averaged in each pixel."),
-    "variance": Label("Noise", "Variance of each pixel before the filter."),
-    "learned": Label("Learned light", "Radiance of real surfaces as learned by the method oil."),
-}
-"""Labels of all buffers in `iprt.viewer.lens.BUFFERS`."""
 
 CURVES: Mapping[Curve, Label] = {
     "srgb": Label("Standard", "Highlights are clipped at white, as in written files."),
@@ -98,7 +67,7 @@ PLAYBACK: Mapping[PlaybackMode, Label] = {
 
 PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
-    "selected": Label("Selected", "Or click one in the picture."),
+    "selected": Label("Selected", "Or click one in the picture. Shift+click puts it there."),
     "objects": Label("Objects", "Click one to select it, here or in the picture."),
     "preset": Label("Preset", "Sets the settings with the most effect on cost; all others stay."),
     "fps": Label(

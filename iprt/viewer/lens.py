@@ -11,10 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.output.display import Bytes, Curve, developed
+from iprt.viewer.labels import Label
 
 Appearance = Literal[
     "radiance", "change", "share", "ratio", "direction", "distance", "motion", "label", "count"
 ]
+
+
+@dataclass(frozen=True)
+class Buffer(Label):
+    """An auxiliary picture as it is shown.
+
+    Attributes
+    ----------
+    appearance : str
+        Kind of its false colours.
+    unit : str
+        Unit of its values; empty if there is none.
+    """
+
+    appearance: Appearance
+    unit: str = ""
+
 
 ERROR_LEVELS = 64
 """Difference, out of 255, shown as white in an error map."""
@@ -22,33 +40,64 @@ MOTION_PX = 16.0
 """Motion in pixels with full colour."""
 
 
-BUFFERS: Mapping[str, Appearance] = {
-    "background": "radiance",
-    "normal": "direction",
-    "depth": "distance",
-    "albedo": "share",
-    "coverage": "share",
-    "motion": "motion",
-    "ratio": "ratio",
-    "irradiance_real": "radiance",
-    "irradiance_mixed": "radiance",
-    "diffuse": "radiance",
-    "specular": "radiance",
-    "highlight": "radiance",
-    "gloss": "change",
-    "tracing_level": "label",
-    "hit_distance": "distance",
-    "history_length": "count",
-    "variance": "count",
-    "learned": "radiance",
+BUFFERS: Mapping[str, Buffer] = {
+    "background": Buffer("Background", "The video without objects.", "radiance"),
+    "normal": Buffer(
+        "Normal", "World-space normals of surfaces: x, y, z as red, green, blue.", "direction"
+    ),
+    "depth": Buffer(
+        "Depth", "Distance from the camera in metres. Near is bright.", "distance", "m"
+    ),
+    "albedo": Buffer("Albedo", "Base colour of the objects, without light.", "share"),
+    "coverage": Buffer("Coverage", "Fraction of each pixel that objects cover.", "share"),
+    "motion": Buffer(
+        "Motion", "Motion of each point since the last frame. Grey: none.", "motion", "px"
+    ),
+    "ratio": Buffer(
+        "Light ratio",
+        "Light on real surfaces with objects over that without. Grey: no change.",
+        "ratio",
+    ),
+    "irradiance_real": Buffer(
+        "Light without objects", "Light that reaches real surfaces.", "radiance"
+    ),
+    "irradiance_mixed": Buffer(
+        "Light with objects",
+        "Light that reaches real surfaces past the objects and from them.",
+        "radiance",
+    ),
+    "diffuse": Buffer("Diffuse light", "Light that objects scatter in all directions.", "radiance"),
+    "specular": Buffer("Reflections", "Light that glossy objects reflect.", "radiance"),
+    "highlight": Buffer(
+        "Real reflections", "Highlights of glossy real surfaces in the video.", "radiance"
+    ),
+    "gloss": Buffer(
+        "Change of real reflections",
+        "Change of the reflections on real surfaces by objects.",
+        "change",
+    ),
+    "tracing_level": Buffer(
+        "Ray density",
+        "Where real surfaces are traced: every pixel (red), every second (yellow), every fourth "
+        "(blue), or none (black).",
+        "label",
+    ),
+    "hit_distance": Buffer(
+        "Reflection distance", "Distance of the surfaces that objects reflect.", "distance", "m"
+    ),
+    "history_length": Buffer(
+        "Frames averaged", "Number of frames averaged in each pixel.", "count", "frames"
+    ),
+    "variance": Buffer("Noise", "Variance of each pixel before the filter.", "count"),
+    "learned": Buffer(
+        "Learned light", "Radiance of real surfaces as learned by the method oil.", "radiance"
+    ),
 }
-"""Mapping of each auxiliary picture of `iprt.aovs.AOVS` to its kind of false colours."""
+"""Auxiliary pictures of `iprt.aovs.AOVS`."""
 CUBEHELIX: Bytes = np.rint(255.0 * matplotlib.colormaps["cubehelix"](np.arange(256))[:, :3]).astype(
     np.uint8
 )
 """(256, 3) colours from black to white with evenly increasing brightness."""
-UNITS = {"depth": "m", "motion": "px", "hit_distance": "m", "history_length": "frames"}
-"""Units of auxiliary pictures, where they have one."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +142,7 @@ class Lens:
 
     def color(self, name: str, values: NDArray[np.float32], exposure: float) -> Bytes:
         """Convert an auxiliary picture, (H, W) or (H, W, 3) float32, to (H, W, 3) uint8."""
-        appearance = BUFFERS[name]
+        appearance = BUFFERS[name].appearance
         if appearance == "radiance":
             return self.develop(_three(values), exposure)
         if appearance == "change":

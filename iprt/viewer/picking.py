@@ -2,12 +2,64 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from iprt.viewer.displayed import Readout
-from iprt.viewer.geometry import Geometry, Surface
-from iprt.viewer.lens import UNITS
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.viewer.lens import BUFFERS
 from iprt.viewer.session import Shown
+from iprt.viewer.visible_surfaces import Geometry, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Readout:
+    """Values of a pixel.
+
+    Attributes
+    ----------
+    x, y : int
+        Pixel of the rendered picture.
+    radiance : (3,) float32
+        Linear radiance.
+    buffer : str or None
+        The displayed auxiliary picture, if any.
+    value : (1..3,) float32 or None
+        Value of that picture, in `unit`.
+    unit : str
+    depth_m : float or None
+        Distance of the visible surface from the capture centre; +inf for open sky, None if unknown
+        during motion.
+    normal : (3,) float64 or None
+        World-space normal; None for open sky, or if unknown.
+    name : str or None
+        Name of the object at the pixel.
+    """
+
+    x: int
+    y: int
+    radiance: NDArray[np.float32]
+    buffer: str | None
+    value: NDArray[np.float32] | None
+    unit: str
+    depth_m: float | None
+    normal: NDArray[np.float64] | None
+    name: str | None
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return labels and formatted values with units."""
+        rows = [("pixel", f"{self.x}, {self.y}"), ("linear RGB", _numbers(self.radiance))]
+        if self.buffer is not None and self.value is not None:
+            value = f"{_numbers(self.value)} {self.unit}".rstrip()
+            rows.append((BUFFERS[self.buffer].name.lower(), value))
+        if self.depth_m is not None:
+            far = f"{self.depth_m:.3f} m" if self.depth_m < np.inf else "open sky"
+            rows.append(("distance", far))
+        if self.normal is not None:
+            rows.append(("normal", ", ".join(f"{value:+.2f}" for value in self.normal)))
+        if self.name is not None:
+            rows.append(("object", self.name))
+        return rows
 
 
 class Picking:
@@ -52,7 +104,7 @@ class Picking:
             shown.picture.color[row, column],
             None if values is None else buffer,
             None if values is None else np.atleast_1d(values[row, column]),
-            "" if buffer is None else UNITS.get(buffer, ""),
+            "" if buffer is None else BUFFERS[buffer].unit,
             depth,
             normal,
             name,
@@ -92,3 +144,7 @@ class Picking:
         if frame != shown.frame or shown.request.view.resized(view.width, view.height) != view:
             return None
         return geometry, int(x * view.width), int(y * view.height)
+
+
+def _numbers(values: NDArray[np.float32]) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import PassTime
 from iprt.renderer import RenderedFrame
-from iprt.viewer.canvas import Canvas, Stage, Wanted
+from iprt.viewer.accumulating_renderer import AccumulatingRenderer, Stage
 from iprt.viewer.compiling import Compiling
-from iprt.viewer.geometry import Geometry
 from iprt.viewer.state import Request
+from iprt.viewer.visible_surfaces import Geometry
 from iprt.world.shared import Worlds
 
 
@@ -97,8 +97,8 @@ class Session:
 
     def __init__(self, compiling: Compiling, worlds: Worlds) -> None:
         self._compiling, self._worlds = compiling, worlds
-        self._canvases: list[Canvas] = []  # most recently used first
-        self._changing: Canvas | None = None  # the canvas of the frame under way
+        self._renderers: list[AccumulatingRenderer] = []  # most recently used first
+        self._changing: AccumulatingRenderer | None = None  # the renderer of the frame under way
         self._shown_stage: Stage | None = None
         self._shown_number: int | None = None
         self._steps = 0
@@ -114,13 +114,13 @@ class Session:
 
     def unrefined(self, request: Request) -> bool:
         """Return True if the picture may still gain from another view frame."""
-        return not self._canvases or self._canvases[0].rested < request.frames
+        return not self._renderers or self._renderers[0].rested < request.frames
 
     def close(self) -> None:
         """Release the renderers; the next `render` creates new ones."""
-        for canvas in self._canvases:
-            canvas.close()
-        self._canvases.clear()
+        for renderer in self._renderers:
+            renderer.close()
+        self._renderers.clear()
         self._shown_stage = self._shown_number = None
 
     def render(self, device: ComputeDevice, stage: Stage, number: int, request: Request) -> Shown:
@@ -134,22 +134,22 @@ class Session:
             The picture is obsolete, and the renderer it was made with is closed.
         """
         begin = time.perf_counter()
-        known = self._canvases[0] if self._canvases else None
+        known = self._renderers[0] if self._renderers else None
         self._changing = None
         try:
-            canvas = self._canvas(device, stage, request)
+            renderer = self._renderer(device, stage, request)
             # A request for other buffers alone needs no rendering.
-            steps = 1 if canvas.rested < request.frames else 0
+            steps = 1 if renderer.rested < request.frames else 0
             if not self._compiling.built:
                 self._compiling.pause()  # else drivers compile at the first launch
             device.profile.reset()
-            picture = canvas.paint(steps, request.aovs)
-            geometry = canvas.geometry(request.frames) if request.geometry else None
+            picture = renderer.paint(steps, request.aovs)
+            geometry = renderer.geometry(request.frames) if request.geometry else None
         except AbandonedError:
             self._drop_changing()
             raise
         device.finish()
-        compiled = canvas is not known or self._compiling.built > 0
+        compiled = renderer is not known or self._compiling.built > 0
         self._compiling.finish()
         self._steps += steps
         self._shown_stage, self._shown_number = stage, number
@@ -161,8 +161,8 @@ class Session:
             picture,
             stage.frame.pose,
             geometry,
-            canvas.rested,
-            canvas.noise,
+            renderer.rested,
+            renderer.noise,
             tuple(device.profile.passes()),
             time.perf_counter() - begin,
             device.name,
@@ -170,29 +170,32 @@ class Session:
         )
 
     def _drop_changing(self) -> None:
-        """Close the canvas of an abandoned frame, whose histories are half updated."""
+        """Close the renderer of an abandoned frame, whose histories are half updated."""
         if self._changing is not None:
-            self._canvases.remove(self._changing)
+            self._renderers.remove(self._changing)
             self._changing.close()
 
-    def _canvas(self, device: ComputeDevice, stage: Stage, request: Request) -> Canvas:
-        """Return a canvas for the request: a kept one if it can follow, or a new one."""
-        instances = stage.instances
+    def _renderer(
+        self, device: ComputeDevice, stage: Stage, request: Request
+    ) -> AccumulatingRenderer:
+        """Return a renderer for the request: a kept one if it can follow, or a new one."""
+        instances, view, kept = stage.instances, request.view, self._renderers
         if request.objects is not None:
             instances = tuple(i for i in instances if i.name in request.objects)
-        wanted = Wanted(stage, instances, request.view, request.settings or stage.settings)
-        for canvas in self._canvases:
-            if canvas.serves(device, wanted):
-                self._canvases.remove(canvas)
-                self._canvases.insert(0, canvas)
-                self._changing = canvas
-                canvas.follow(wanted)
-                return canvas
+        settings = request.settings or stage.settings
+        stage = replace(stage, instances=instances, settings=settings)
+        found = next((known for known in kept if known.serves(device, stage, view)), None)
+        if found is not None:
+            kept.remove(found)
+            kept.insert(0, found)
+            self._changing = found
+            found.follow(stage, view)
+            return found
         # Keep only renderers that differ in size and settings, as only those may be needed again.
-        for canvas in self._canvases[KEPT - 1 :]:
-            canvas.close()
-        del self._canvases[KEPT - 1 :]
-        canvas = Canvas(device, wanted, self._worlds, self._compiling.expect)
-        self._canvases.insert(0, canvas)
-        self._changing = canvas
-        return canvas
+        for old in kept[KEPT - 1 :]:
+            old.close()
+        del kept[KEPT - 1 :]
+        made = AccumulatingRenderer(device, stage, view, self._worlds, self._compiling.expect)
+        kept.insert(0, made)
+        self._changing = made
+        return made

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.errors import IprtError
+from iprt.files.message_text import printable
+from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.settings.model import Settings
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
-from iprt.viewer.objects import ObjectState
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.viewport import Viewport
 
 
 class UiState(ABC):
     """A viewport on an engine with its selection, for use by the interface's thread.
+
+    Only `post` is thread-safe.
 
     Attributes
     ----------
@@ -35,6 +45,16 @@ class UiState(ABC):
         self.selected: str | None = None
         self.align = False
         self.displayed: DisplayedFrame | None = None
+        self._posted: dict[object, Callable[[], object]] = {}
+
+    def post(self, key: object, do: Callable[[], object]) -> None:
+        """Schedule a call on the interface's thread; only the newest of each key runs."""
+        self._posted[key] = do
+
+    def run_posted(self) -> None:
+        """Run the scheduled calls."""
+        while self._posted:
+            self._posted.pop(next(iter(self._posted)))()
 
     @abstractmethod
     def say(self, text: str, *, bad: bool = False) -> None:
@@ -58,7 +78,31 @@ class UiState(ABC):
     @property
     def state(self) -> ObjectState | None:
         """The selected object with all edits."""
-        return self.engine.wanted(self.selected)
+        return self.engine.object_state(self.selected)
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """(3,) world position of the capture centre."""
+        pose = None if self.displayed is None else self.displayed.shown.pose
+        return np.zeros(3) if pose is None else pose[:3, 3]
+
+    def drop(self, x: float, y: float) -> bool:
+        """Place the selected object on the surface at a position in the picture, if there is one.
+
+        Returns
+        -------
+        bool
+            True if it was placed.
+        """
+        name = self.selected
+        return name is not None and self.viewport.drop(name, x, y, upright=not self.align)
+
+    def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
+        """Move an object to a transform (4, 4) in the displayed frame."""
+        try:
+            self.engine.place(state.name, state.placed(to_world))
+        except IprtError as error:
+            self.say(str(error), bad=True)
 
     def paint(self, **part: Any) -> None:
         """Change attributes of the selected object's material."""
@@ -73,6 +117,29 @@ class UiState(ABC):
             self.say(f"{self.selected} removed; Ctrl+Z brings it back")
             self.selected = None
 
+    def add(self, path: Path, x: float, y: float) -> None:
+        """Add a mesh on the surface at a position in the picture, and select it.
+
+        Raises
+        ------
+        IprtError
+            The file is not a mesh.
+        """
+        require_mesh(path)
+        self.selected = self.engine.add(path, *self.viewport.aim(x, y))
+
+    def save(self) -> None:
+        """Write the scene's file."""
+        if self.engine.unsaved:
+            self.viewport.save(lambda problem: self.post("saved", lambda: self.saved(problem)))
+        else:
+            self.say("nothing to save")
+
+    def saved(self, problem: str | None) -> None:
+        """Report the result of `save`."""
+        if problem is None:
+            self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
+
     def visible(self, name: str) -> bool:
         """Return True if this window shows an object."""
         shown = self.viewport.objects
@@ -82,7 +149,7 @@ class UiState(ABC):
         """Show or hide an object in this window."""
         names = [state.name for state in self.engine.objects]
         shown = [other for other in names if (on if other == name else self.visible(other))]
-        self.viewport.show_objects(None if shown == names else tuple(shown))
+        self.viewport.objects = None if shown == names else tuple(shown)
 
     # The video --------------------------------------------------------------------------------
 
@@ -94,15 +161,22 @@ class UiState(ABC):
     @property
     def frame(self) -> int:
         """The requested video frame, or the displayed one during playback."""
-        playback, shown = self.engine.world.playback, self.displayed
+        playback, shown = self.engine.playback, self.displayed
         return playback.frame if not playback.playing or shown is None else shown.shown.frame
 
     @property
     def playing(self) -> bool:
         """True while the video plays."""
-        return self.engine.playing
+        return self.engine.playback.playing
 
     def toggle_playing(self) -> None:
         """Play or pause."""
         if len(self.frames) > 1:
             (self.engine.pause if self.playing else self.engine.play)()
+
+
+def require_mesh(path: Path) -> None:
+    """Raise IprtError if a file is not a mesh, by its name."""
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        kinds = ", ".join(MESH_SUFFIXES)
+        raise IprtError(f"{printable(path.name, 80)}: not a mesh; these are read: {kinds}")

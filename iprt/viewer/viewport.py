@@ -19,17 +19,16 @@ from iprt.output.picture import check_output, write_picture, write_pixels
 from iprt.scene.object_edits import Look
 from iprt.scene.placement import set_on
 from iprt.viewer.controls import with_value
-from iprt.viewer.developer import Developer
-from iprt.viewer.displayed import DisplayedFrame, Readout
+from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
 from iprt.viewer.engine import Client, Engine
+from iprt.viewer.frame_rate import FrameRate
 from iprt.viewer.lens import Lens
-from iprt.viewer.motion import Motion
-from iprt.viewer.picking import Picking
-from iprt.viewer.rate import FrameCounter, FrameRate
+from iprt.viewer.motion_quality import MotionQuality
+from iprt.viewer.picking import Picking, Readout
 from iprt.viewer.screenshots import free_path
 from iprt.viewer.session import Shown
 from iprt.viewer.state import REST_FRAMES, Request
-from iprt.viewer.truth import truth_problem
+from iprt.viewer.truth_reader import truth_problem
 
 MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
 ZOOM_STEP = 0.9
@@ -49,7 +48,7 @@ class Viewport:
     objects : tuple of str or None
         Names of the shown objects; None for all.
     target_fps : float or None
-        See the property.
+        Frames per second to hold during motion, at reduced quality; None keeps it full.
     frames : int
         View frames to which a picture at rest is refined.
     clock : callable
@@ -61,6 +60,10 @@ class Viewport:
         Current view, with the window's size.
     name : str or None
         Name of the scene's view, until the user turns away.
+    motion : MotionQuality
+        Quality during motion.
+    picking : Picking
+        Objects and surfaces in the displayed picture.
     """
 
     def __init__(
@@ -76,15 +79,14 @@ class Viewport:
         self._engine, self._time = engine, clock
         self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
         self._objects, self._frames = objects, frames
-        self._lens, self._motion = Lens(), Motion(target_fps, engine.tradeoff, clock)
+        self._lens, self.motion = Lens(), MotionQuality(target_fps, engine.tradeoff, clock)
         self._edits = engine.world.edits
-        self._developer = Developer()
+        self._developer = PictureDeveloper()
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
-        self._latency: tuple[float, int] | None = None
-        # Number, time and view frame of each input.
-        self._asked: deque[tuple[int, float, int]] = deque(maxlen=256)
-        self._picking = Picking()
+        self._latency_s: float | None = None
+        self._asked: deque[tuple[int, float]] = deque(maxlen=256)  # number and time of inputs
+        self.picking = Picking()
         self._frame_rate = FrameRate(clock)
         self._show_added()
         self._wanted = self._request()
@@ -122,7 +124,7 @@ class Viewport:
         view = view.resized(self.view.width, self.view.height)
         if view != self.view:
             self.view, self.name = view, None
-            self._motion.stir()
+            self.motion.stir()
             self._input()
 
     def resize(self, width: int, height: int) -> None:
@@ -130,7 +132,7 @@ class Viewport:
         view = _fitted(self.view, max(width, 1), max(height, 1))
         if view != self.view:
             self.view = view
-            self._motion.stir()
+            self.motion.stir()
             self._input()
 
     def go_to(self, name: str) -> None:
@@ -164,24 +166,15 @@ class Viewport:
             self._input()
 
     @property
-    def target_fps(self) -> float | None:
-        """Frames per second to hold during motion, at reduced quality; None keeps it full."""
-        return self._motion.target_fps
-
-    @target_fps.setter
-    def target_fps(self, target_fps: float | None) -> None:
-        self._motion.target_fps = target_fps
-
-    def show_objects(self, names: tuple[str, ...] | None) -> None:
-        """Show these objects only; None for all."""
-        if names != self._objects:
-            self._objects = names
-            self._input()
-
-    @property
     def objects(self) -> tuple[str, ...] | None:
         """Names of the shown objects, including added ones; None for all."""
         return self._objects
+
+    @objects.setter
+    def objects(self, names: tuple[str, ...] | None) -> None:
+        if names != self._objects:
+            self._objects = names
+            self._input()
 
     def _show_added(self) -> None:
         """Show objects added by any client, even after they are saved."""
@@ -191,15 +184,14 @@ class Viewport:
 
     def _input(self) -> None:
         """Send the current request, and start measuring its latency."""
-        step = self._client.shown.step if self._client.shown else 0
-        self._asked.append((self._ask(), self._time(), step))
+        self._asked.append((self._ask(), self._time()))
 
     def _follow(self) -> None:
         """Send a new request after changes by others, and between motion and rest."""
         if self._engine.world.edits is not self._edits:
             self._edits = self._engine.world.edits
             self._show_added()
-            self._motion.stir()
+            self.motion.stir()
         if self._request() != self._wanted:
             self._ask()
 
@@ -223,7 +215,7 @@ class Viewport:
         lens, world = self._lens, self._engine.world
         # In "every frame" mode, each frame has full quality.
         playing = world.playback.playing and world.playback.mode == "real time"
-        level = self._motion.level(world.settings, playing=playing)
+        level = self.motion.level(world.settings, playing=playing)
         view = self.view
         if lens.against == "truth" and self.name is not None:
             view = self._developer.truth.view(self._engine.scene, self.name, view)
@@ -242,14 +234,14 @@ class Viewport:
         """Return the newest picture, the same object if nothing is new; None before the first."""
         shown = self._client.shown
         if shown is not None and (self._displayed is None or shown is not self._displayed.shown):
-            self._motion.observe(shown)
-            self._picking.follow(shown)
-            self._frame_rate.follow(self._engine.world.playback.since_s, shown.frame)
+            self.motion.observe(shown)
+            self.picking.follow(shown)
+            self._frame_rate.follow(self._engine.playback.since_s, shown.frame)
         self._follow()
         if shown is None:
             return None
         other = None if self._baseline is None else self._baseline.shown
-        edits, lively = self._engine.world.edits, self._motion.lively
+        edits, lively = self._engine.world.edits, self.motion.lively
         made_of = (shown, other, self._lens, self.name, self._developer.scores, edits, lively)
         if self._displayed is None or made_of != self._made_of:
             self._clock(shown)
@@ -257,31 +249,26 @@ class Viewport:
                 self._engine.scene, self.name, self._lens, shown, other, edits
             )
             self._made_of = made_of
-            latency_s, frames = (self._latency if lively else None) or (None, None)
             self._displayed = DisplayedFrame(
-                found.pixels,
-                shown,
-                found.buffer,
-                found.caption,
-                found.warning,
-                found.sides,
-                self._motion.preview(shown),
-                latency_s,
-                frames,
-                self._motion.fps,
+                **vars(found),
+                shown=shown,
+                preview=self.motion.preview(shown),
+                latency_s=self._latency_s if lively else None,
+                fps=self.motion.fps,
             )
         return self._displayed
 
     @property
-    def counter(self) -> FrameCounter | None:
-        """The position in the video; None for a single frame."""
-        scene, playback = self._engine.scene, self._engine.world.playback
+    def counter(self) -> str | None:
+        """The position in the video and its rate, in words; None for a single frame."""
+        scene, playback = self._engine.scene, self._engine.playback
         frames, shown = scene.frame_indices, self._client.shown
         if len(frames) == 1:
             return None
         frame = shown.frame if shown is not None and playback.playing else playback.frame
+        text = f"{frame - frames[0] + 1} of {len(frames)}"
         fps = self._frame_rate.value if playback.playing else None
-        return FrameCounter(frame, frame - frames[0] + 1, len(frames), fps, scene.source.fps)
+        return text if fps is None else f"{text}, {fps:.2g} of {scene.source.fps:g} fps"
 
     @property
     def truth_problem(self) -> str | None:
@@ -292,20 +279,16 @@ class Viewport:
 
     def _clock(self, shown: Shown) -> None:
         while self._asked and self._asked[0][0] <= shown.number:
-            _, asked_s, step = self._asked.popleft()
-            self._latency = self._time() - asked_s, shown.step - step
+            _, asked_s = self._asked.popleft()
+            self._latency_s = self._time() - asked_s
 
     # Positions in the picture -----------------------------------------------------------------
 
     def readout(self, x: float, y: float) -> Readout | None:
         """Return the values of the pixel at a position; None without a picture or outside of it."""
-        return self._picking.readout(
+        return self.picking.readout(
             x, y, None if self._displayed is None else self._displayed.buffer
         )
-
-    def object_at(self, x: float, y: float) -> str | None:
-        """Return the name of the visible object at a position, or None."""
-        return self._picking.object_at(x, y)
 
     def drop(self, name: str, x: float, y: float, *, upright: bool) -> bool:
         """Place an object on the real surface at a position; return True if there is one.
@@ -315,11 +298,11 @@ class Viewport:
         upright : bool
             Keep the object's rotation. Otherwise align its +Y axis with the surface normal.
         """
-        state = self._engine.wanted(name)
+        state = self._engine.object_state(name)
         if state is None:
             return False
         footprint = 0.25 * float(np.hypot(state.size[0], state.size[2]))
-        surface = self._picking.ground(x, y, footprint)
+        surface = self.picking.ground(x, y, footprint)
         if surface is None:
             return False
         normal = None if upright else surface.normal

@@ -30,10 +30,10 @@ def test_viewers_place_meshes_as_scene_add_does(pose: MeshPose, tmp_path: Path) 
     mesh = tmp_path / "m.stl"
     mesh.write_text(solid(x=2))
     turns = Turns(Scene.open(room), no_device, SETTINGS)
-    turns.until(lambda: turns.core._video.frame is not None)
+    turns.until(lambda: turns.core.video.frame is not None)
     turns.core.add(ObjectEdit("m", path=mesh), (20.0, -50.0), pose)
-    turns.until(lambda: bool(turns.mailbox.world.edits))
-    (edit,) = turns.mailbox.world.edits
+    turns.until(lambda: bool(turns.shared.world.edits))
+    (edit,) = turns.shared.world.edits
     turns.core.close()
     add_object(room, mesh, 20.0, -50.0, pose=pose)
     (instance,) = Scene.open(room).instances

@@ -10,9 +10,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material
 from iprt.renderer import Renderer
-from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.placement import bounds, set_on
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
@@ -74,14 +72,6 @@ def test_closing_ends_all_threads(scene: Scene, device: ComputeDevice) -> None:
     assert client.wait(10**9, DEADLINE_S) is None
 
 
-def test_requests_that_make_no_sense(scene: Scene, device: ComputeDevice) -> None:
-    with engine_of(scene, device) as engine:
-        with pytest.raises(ValueError, match="at least one pixel"):
-            engine.client(Request(VIEW.resized(0, 4)))
-        with pytest.raises(ValueError, match="no auxiliary picture nonsense"):
-            engine.client(Request(VIEW, aovs=("nonsense",)))
-
-
 def test_what_is_at_a_pixel(scene: Scene, device: ComputeDevice) -> None:
     """The floor where the room is known to have it, with the object in front of it."""
     view = View(33, 17, pitch_deg=-35.0)
@@ -128,56 +118,16 @@ def test_the_video_is_steered(scene: Scene, device: ComputeDevice) -> None:
     engine = Engine(scene, lambda: device, SETTINGS, clock=lambda: now[0])
     with engine:
         engine.seek(2)
-        assert engine.world.playback == Playback(2)
+        assert engine.playback == Playback(2)
         engine.play()
         now[0] += 0.5 / 24.0
         engine.pause()
-        assert engine.world.playback == Playback(2)
+        assert engine.playback == Playback(2)
         engine.play()
         now[0] += 10.0
         engine.pause()
-        assert engine.world.playback == Playback(3)
+        assert engine.playback == Playback(3)
         engine.play()
-        assert engine.world.playback == Playback(0, now[0])
+        assert engine.playback == Playback(0, now[0])
         engine.seek(99)
-        assert engine.world.playback == Playback(3, now[0])
-
-
-@pytest.mark.thorough
-def test_edits_are_saved_with_all_else_as_it_was(scene: Scene, device: ComputeDevice) -> None:
-    path = scene.root / "scene.toml"
-    text = path.read_text().replace("[[objects]]", "# my cube\n[[objects]]  # here")
-    path.write_text(text)
-    to_world = np.diag([0.2, 0.2, 0.2, 1.0])
-    to_world[:3, 3] = (0.5, -1.1, -1.5)
-    with engine_of(Scene.open(scene.root), device) as engine:
-        client = engine.client(Request(VIEW, frames=1))
-        assert client.wait(0, DEADLINE_S) is not None
-        engine.place("cube", to_world)
-        engine.paint("cube", Material("conductor", (0.9, 0.8, 0.7), alpha=0.05))
-        edited = client.wait(engine.place("cube", to_world), DEADLINE_S)
-        edits = engine.world.edits
-        assert edits == (
-            ObjectEdit("cube", flat(to_world), Material("conductor", (0.9, 0.8, 0.7), alpha=0.05)),
-        )
-        engine.save()
-        number = _until_saved(engine)
-        saved = client.wait(number, DEADLINE_S)
-    assert edited is not None
-    assert saved is not None
-    assert engine.status.problems == ()
-    written = path.read_text()
-    kept = [line for line in text.splitlines() if not line.startswith(("to_world", "material"))]
-    assert [line for line in kept if line not in written.splitlines()] == []
-    reopened = Scene.open(scene.root)
-    np.testing.assert_allclose(reopened.instances[0].to_world, to_world)
-    material = reopened.instances[0].mesh.materials[0]
-    assert (material.kind, material.albedo, material.alpha) == ("conductor", (0.9, 0.8, 0.7), 0.05)
-
-
-def _until_saved(engine: Engine) -> int:
-    """Number of the change that takes the saved edits off."""
-    mailbox = engine._mailbox
-    with mailbox._condition:
-        assert mailbox._condition.wait_for(lambda: mailbox._world.unsaved == (), DEADLINE_S)
-        return mailbox._world_number
+        assert engine.playback == Playback(3, now[0])

@@ -15,7 +15,6 @@ from iprt.viewer.controls import with_value
 from iprt.viewer.engine import Engine
 from iprt.viewer.fields import (
     OWN,
-    REQUIRED,
     Field,
     lens_fields,
     material_fields,
@@ -146,10 +145,9 @@ def test_own_settings_and_views_have_a_name_while_they_are_shown(ui: Ui) -> None
 def test_zero_frames_per_second_hold_none(ui: Ui) -> None:
     rate = rate_field(ui)
     rate.write(10)
-    assert ui.viewport.target_fps == 10.0
+    assert ui.viewport.motion.target_fps == 10.0
     rate.write(0)
-    assert ui.viewport.target_fps is None
-    assert rate.default is REQUIRED
+    assert ui.viewport.motion.target_fps is None
 
 
 def test_a_removed_object_is_not_selected_any_more(ui: Ui) -> None:
@@ -159,3 +157,10 @@ def test_a_removed_object_is_not_selected_any_more(ui: Ui) -> None:
     assert ui.state is None
     ui.remove()
     assert len(ui.said) == 1
+
+
+def test_a_place_where_nothing_can_be_is_refused(ui: Ui) -> None:
+    by_key(place_fields(ui))["position"].write((np.inf, 0.0, 0.0))
+    ((_, bad),) = ui.said
+    assert bad
+    assert ui.engine.world.edits == ()

@@ -7,46 +7,27 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from iprt.aovs import AOVS
 from iprt.geometry.material import MaterialKind
-from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.output.display import Curve
 from iprt.settings.methods import methods
 from iprt.viewer import labels
-from iprt.viewer.displayed import Readout
 from iprt.viewer.lens import BUFFERS
+from iprt.viewer.picking import Readout
 from iprt.viewer.screenshots import default_folder, free_path
-from iprt.viewer.state import PlaybackMode, Status
+from iprt.viewer.state import PlaybackMode
 
 
 def test_everything_has_a_name_and_a_tooltip() -> None:
     groups = (
-        (labels.BUFFERS, BUFFERS),
+        (BUFFERS, AOVS),
         (labels.CURVES, get_args(Curve)),
         (labels.comparisons(), ["input", "truth", *methods()]),
         (labels.MATERIALS, get_args(MaterialKind)),
         (labels.PLAYBACK, get_args(PlaybackMode)),
-        (labels.PARTS, labels.PARTS),
     )
     for found, expected in groups:
         assert list(found) == list(expected)
-        for label in found.values():
-            assert label.name[0].isupper()
-            assert "_" not in label.name
-            assert label.about.endswith((".", ")"))
-    names = [label.name for label in labels.BUFFERS.values()]
-    assert len(set(names)) == len(names)
-
-
-def test_all_kinds_of_meshes_are_named() -> None:
-    assert all(
-        f"{suffix} " in labels.PARTS["add"].about.replace(",", " ") for suffix in MESH_SUFFIXES
-    )
-
-
-def test_status_in_words() -> None:
-    assert Status("compiling", "trace.cl", built=7, to_build=24).text == "compiling 7 of 24"
-    assert Status("loading", "a.ply").text == "loading a.ply"
-    assert Status("waiting").text == "ready"
 
 
 @pytest.mark.parametrize("known", [False, True])

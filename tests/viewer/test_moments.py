@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,7 @@ from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer.core import POLL_S
-from iprt.viewer.state import Status
-from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
+from tests.viewer.turns import FEWEST, VIEW, turns
 
 CLIP_FRAMES = 3
 
@@ -32,54 +32,6 @@ def rewrite(scene: Scene, before: str, after: str) -> None:
     other.rename(path)
 
 
-def look_again(driver: Turns) -> None:
-    """It is time to look at the scene's file, and what is found there is read."""
-    driver.clock.now += POLL_S
-    driver.core.turn()
-    driver.settle()
-
-
-def problems(driver: Turns) -> tuple[str, ...]:
-    return driver.mailbox.status.problems
-
-
-def test_a_scene_is_followed_while_it_is_edited(scene: Scene, device: ComputeDevice) -> None:
-    with turns(scene, device) as driver:
-        client = driver.join()
-        first = driver.answer(client)
-        look_again(driver)
-        assert driver.shown(client) is first
-        rewrite(scene, "0.3, 0, 0, 0.1", "0.3, 0, 0, 0.3")
-        look_again(driver)
-        moved = driver.shown(client)
-        rewrite(scene, "0.3, 0, 0, 0.3", "0.3, 0, 0, oops")
-        look_again(driver)
-        assert driver.shown(client) is moved
-        (problem,) = problems(driver)
-        assert "scene.toml" in problem
-        assert "\n" not in problem
-        asked = driver.ask(client, view=replace(VIEW, yaw_deg=2.0))
-        turned = driver.answer(client, asked)
-        rewrite(scene, "0.3, 0, 0, oops", "0.3, 0, 0, 0.3")
-        look_again(driver)
-        assert problems(driver) == ()
-    assert np.abs(moved.picture.color - first.picture.color).max() > 0.01
-    assert np.abs(turned.picture.color - moved.picture.color).max() > 0.001
-
-
-def test_edits_stay_when_the_scene_is_read_again(scene: Scene, device: ComputeDevice) -> None:
-    with turns(scene, device) as driver:
-        client = driver.join()
-        driver.answer(client)
-        driver.mailbox.change(lambda world: world.edited(ObjectEdit("cube", removed=True)))
-        driver.settle()
-        rewrite(scene, "0.3, 0, 0, 0.1", "0.3, 0, 0, 0.3")
-        look_again(driver)
-        geometry = driver.shown(client).geometry
-    assert geometry is not None
-    assert geometry.names == ()
-
-
 @pytest.mark.thorough
 def test_a_mesh_that_cannot_be_read_is_told(
     scene: Scene, device: ComputeDevice, tmp_path: Path
@@ -91,14 +43,14 @@ def test_a_mesh_that_cannot_be_read_is_told(
         first = driver.answer(client)
         driver.core.add(ObjectEdit("bad", path=bad), (0.0, -40.0), MeshPose())
         driver.settle()
-        (problem,) = problems(driver)
+        (problem,) = driver.problems
         assert "bad.ply" in problem
         assert driver.shown(client) is first
         driver.core.add(
             ObjectEdit("good", path=scene.root / "cube.obj"), (40.0, -40.0), MeshPose(height_m=0.3)
         )
         driver.settle()
-        assert problems(driver) == ()
+        assert driver.problems == ()
         added = driver.shown(client).geometry
     assert added is not None
     assert added.names == ("cube", "good")
@@ -108,7 +60,7 @@ def test_a_scene_whose_mesh_is_broken_is_shown_without(scene: Scene, device: Com
     (scene.root / "cube.obj").write_text("no mesh")
     with turns(Scene.open(scene.root), device) as driver:
         shown = driver.answer(driver.join())
-        (problem,) = problems(driver)
+        (problem,) = driver.problems
     assert "cube.obj" in problem
     assert shown.geometry is not None
     assert shown.geometry.names == ()
@@ -121,58 +73,25 @@ def test_a_video_that_cannot_be_read_is_told(scene: Scene, device: ComputeDevice
     first.write_bytes(b"no picture")
     with turns(scene, device) as driver:
         client = driver.join()
-        driver.until(lambda: bool(problems(driver)))
-        assert "color.0000.exr" in problems(driver)[0]
-        assert driver.mailbox.status.doing == "waiting"
+        driver.until(lambda: bool(driver.problems))
+        assert "color.0000.exr" in driver.problems[0]
+        assert driver.shared.status.doing == "waiting"
         first.write_bytes(good)
         rewrite(scene, "fps = 24.0", "fps = 25.0")
         driver.clock.now += POLL_S
         driver.answer(client)
-        assert problems(driver) == ()
+        assert driver.problems == ()
 
 
-@pytest.mark.thorough
-def test_a_compiler_at_work_is_told(
-    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Only where there is something to compile, and until its kernels have run once."""
-    own = ComputeDevice(device.device)
-    told: list[Status] = []
-    with turns(scene, own) as driver:
-        client = driver.join()
-        driver.answer(client)
-        report = driver.mailbox.report
-        monkeypatch.setattr(driver.mailbox, "report", lambda s: (told.append(s), report(s)))
-        driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
-        assert "compiling" not in {status.doing for status in told}
-        settings = SETTINGS.model_copy(update={"method": "ibl"})
-        driver.answer(client, driver.change(settings=settings))
-        files = [status.what for status in told if status.doing == "compiling"]
-        assert "trace/trace_virtual.cl" in files
-        assert driver.mailbox.status.doing == "rendering"
-        driver.settle()
-        assert driver.mailbox.status == Status("waiting")
+def devices(device: ComputeDevice) -> tuple[list[ComputeDevice], Callable[[], ComputeDevice]]:
+    """All devices that are made, and what makes another one."""
+    made: list[ComputeDevice] = []
 
+    def make() -> ComputeDevice:
+        made.append(ComputeDevice(device.device))
+        return made[-1]
 
-def test_it_is_told_that_a_picture_is_rendered(
-    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """From before the first kernel on, and not that one is compiled."""
-    with turns(scene, device) as driver:
-        client = driver.join()
-        driver.answer(client)
-        driver.settle()
-        assert driver.mailbox.status.doing == "waiting"
-        told: list[Status] = []
-        launch = module.Kernel.__call__
-
-        def noting(kernel: module.Kernel, *args: Any, **named: Any) -> None:
-            told.append(driver.mailbox.status)
-            launch(kernel, *args, **named)
-
-        monkeypatch.setattr(module.Kernel, "__call__", noting)
-        driver.answer(client, driver.ask(client, view=replace(VIEW, yaw_deg=1.0)))
-    assert set(told) == {Status("rendering")}
+    return made, make
 
 
 class Fails:
@@ -196,12 +115,7 @@ class Fails:
 def test_a_lost_device_is_made_anew_once(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made: list[ComputeDevice] = []
-
-    def make() -> ComputeDevice:
-        made.append(ComputeDevice(device.device))
-        return made[-1]
-
+    made, make = devices(device)
     fails = Fails(monkeypatch)
     with turns(scene, make, FEWEST) as driver:
         client = driver.join()
@@ -210,15 +124,15 @@ def test_a_lost_device_is_made_anew_once(
         again = driver.answer(client, driver.ask(client, frames=2))
         assert len(made) == 2
         assert np.array_equal(again.picture.color, first.picture.color)
-        assert problems(driver) == ()
+        assert driver.problems == ()
         fails.times = 2
         driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
         driver.settle()
-        (problem,) = problems(driver)
+        (problem,) = driver.problems
         assert "for the second time" in problem
         assert driver.shown(client).request == again.request
         driver.answer(client, driver.ask(client))
-        assert problems(driver) == ()
+        assert driver.problems == ()
 
 
 @pytest.mark.thorough
@@ -227,12 +141,7 @@ def test_a_device_that_hangs_is_left_alone(
 ) -> None:
     """No second try of what it hung at, which would take as long; the next request gets another
     device."""
-    made: list[ComputeDevice] = []
-
-    def make() -> ComputeDevice:
-        made.append(ComputeDevice(device.device))
-        return made[-1]
-
+    made, make = devices(device)
     fails = Fails(monkeypatch)
     with turns(scene, make, FEWEST) as driver:
         client = driver.join()
@@ -240,13 +149,13 @@ def test_a_device_that_hangs_is_left_alone(
         fails.error, fails.times = DeviceHangError("has not answered for 60 s"), 1
         driver.ask(client, view=replace(VIEW, yaw_deg=1.0))
         driver.settle()
-        assert problems(driver) == ("has not answered for 60 s",)
-        assert driver.mailbox.status.doing == "waiting"
+        assert driver.problems == ("has not answered for 60 s",)
+        assert driver.shared.status.doing == "waiting"
         assert (fails.times, len(made)) == (0, 1)
         assert driver.shown(client) is first
         again = driver.answer(client, driver.ask(client))
         assert len(made) == 2
-        assert problems(driver) == ()
+        assert driver.problems == ()
     assert np.array_equal(again.picture.color, first.picture.color)
 
 
@@ -261,10 +170,10 @@ def test_a_device_that_cannot_be_had_is_told(scene: Scene, device: ComputeDevice
     with turns(scene, make) as driver:
         client = driver.join()
         driver.settle()
-        assert problems(driver)[0].startswith("no device")
+        assert driver.problems[0].startswith("no device")
         there = True
         driver.answer(client, driver.ask(client))
-        assert problems(driver) == ()
+        assert driver.problems == ()
 
 
 @pytest.mark.thorough
@@ -274,11 +183,11 @@ def test_a_view_that_does_not_fit_is_told(scene: Scene, device: ComputeDevice) -
         first = driver.answer(client)
         driver.ask(client, view=VIEW.resized(16384, 16384))
         driver.settle()
-        (problem,) = problems(driver)
+        (problem,) = driver.problems
         assert "16384 x 16384" in problem
         assert driver.shown(client) is first
         driver.answer(client, driver.ask(client))
-        assert problems(driver) == ()
+        assert driver.problems == ()
 
 
 def test_a_defect_is_told_and_the_viewer_goes_on(
@@ -288,11 +197,11 @@ def test_a_defect_is_told_and_the_viewer_goes_on(
         client = driver.join()
         first = driver.answer(client)
         with monkeypatch.context() as patch:
-            patch.setattr("iprt.viewer.canvas.Renderer.render", lambda *_: 1 / 0)
+            patch.setattr("iprt.viewer.accumulating_renderer.Renderer.render", lambda *_: 1 / 0)
             driver.ask(client)
             driver.settle()
-        (problem,) = problems(driver)
+        (problem,) = driver.problems
         assert "ZeroDivisionError" in problem
         assert driver.shown(client) is first
         driver.answer(client, driver.ask(client))
-        assert problems(driver) == ()
+        assert driver.problems == ()

@@ -7,7 +7,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
-from iprt.viewer.rate import FrameCounter, FrameRate, Rate
+from iprt.viewer.frame_rate import EventRate, FrameRate
 from iprt.viewer.state import Playback
 from tests.viewer.turns import SETTINGS, Clock, turns
 
@@ -34,11 +34,11 @@ def test_every_frame_is_shown_however_slow_the_device_is(
                     # Nobody is a frame ahead of who has not seen the one before.
                     frames.append(shown)
                     assert len({len(other) for other in seen} - {len(frames)}) <= 1
-            return not driver.mailbox.world.playback.playing
+            return not driver.shared.world.playback.playing
 
         driver.until(look)
         assert seen == [[0, 1, 2, 3, 4, 5]] * 2
-        assert driver.mailbox.world.playback == Playback(5, None, "every frame")
+        assert driver.shared.world.playback == Playback(5, None, "every frame")
 
 
 def test_every_frame_comes_no_faster_than_in_the_video(scene: Scene, device: ComputeDevice) -> None:
@@ -59,31 +59,35 @@ def test_every_frame_comes_no_faster_than_in_the_video(scene: Scene, device: Com
 def test_loop_and_mode_can_be_changed_while_it_plays(scene: Scene, device: ComputeDevice) -> None:
     clock = Clock()
     with Engine(scene, lambda: device, SETTINGS, clock=clock) as engine:
-        assert (engine.loop, engine.playback_mode, engine.playing) == (False, "real time", False)
+        assert (engine.playback.loop, engine.playback.mode, engine.playback.playing) == (
+            False,
+            "real time",
+            False,
+        )
         engine.play()
         clock.now += 2.5 / 24.0
         engine.set_loop(True)
-        assert engine.world.playback == Playback(2, clock.now, "real time", loop=True)
+        assert engine.playback == Playback(2, clock.now, "real time", loop=True)
         clock.now += 4.5 / 24.0
         engine.pause()
-        assert engine.world.playback == Playback(0, None, "real time", loop=True)
+        assert engine.playback == Playback(0, None, "real time", loop=True)
         engine.set_playback_mode("every frame")
-        assert not engine.playing
+        assert not engine.playback.playing
         engine.seek(5)
         engine.play()
-        assert engine.world.playback == Playback(5, clock.now, "every frame", loop=True)
+        assert engine.playback == Playback(5, clock.now, "every frame", loop=True)
 
 
 def test_scenes_say_whether_videos_loop(scene: Scene, device: ComputeDevice) -> None:
     manifest = scene.root / "scene.toml"
     manifest.write_text(manifest.read_text().replace("fps = 24.0", "fps = 24.0\nloop = true"))
     with Engine(Scene.open(scene.root), lambda: device, SETTINGS) as engine:
-        assert engine.loop
+        assert engine.playback.loop
 
 
 def test_rates() -> None:
     clock = Clock()
-    rate = Rate(clock)
+    rate = EventRate(clock)
     assert rate.value is None
     for _ in range(40):
         rate.add()
@@ -99,8 +103,3 @@ def test_rates() -> None:
     assert frames.value is None, "it was started anew"
     frames.follow(None, 0)
     assert frames.value is None
-
-
-def test_counters_in_words() -> None:
-    assert FrameCounter(107, 8, 24, 1.337, 24.0).text == "8 of 24, 1.3 of 24 fps"
-    assert FrameCounter(107, 8, 24, None, 24.0).text == "8 of 24"

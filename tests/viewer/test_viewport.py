@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,7 +20,7 @@ from iprt.output.display import display
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.viewer.controls import with_value
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.viewport import Viewport
@@ -45,17 +44,6 @@ def viewport(engine: Engine) -> Iterator[Viewport]:
     made.close()
 
 
-def test_shows_what_iprt_renders(viewport: Viewport, engine: Engine, device: ComputeDevice) -> None:
-    displayed = at_rest(viewport)
-    scene = engine.scene
-    settings = SETTINGS.model_copy(update={"fading": 0.0})
-    with Renderer(device, scene.frame(0), scene.instances, LOOK, settings) as renderer:
-        picture = renderer.render(2).color
-    expected = np.rint(255.0 * display(picture, scene.exposure))
-    np.testing.assert_array_equal(displayed.pixels, expected)
-    assert viewport.poll() is displayed, "nothing new"
-
-
 def test_dragging_keeps_the_scene_under_the_cursor(viewport: Viewport) -> None:
     """At the centre, where degrees per pixel are those of the focal length."""
     before = viewport.view
@@ -72,13 +60,6 @@ def test_dragging_keeps_the_scene_under_the_cursor(viewport: Viewport) -> None:
     assert viewport.view.fov_y_deg < before.fov_y_deg
     viewport.zoom(-1000.0)
     assert viewport.view.fov_y_deg < 180.0
-
-
-def test_any_size_of_a_window(viewport: Viewport) -> None:
-    for width, height in ((0, 0), (1, 1), (40, 7), (48, 32)):
-        viewport.resize(width, height)
-        displayed = until(viewport, lambda s: s.shown.request.view == viewport.view)
-        assert displayed.pixels.shape == (max(height, 1), max(width, 1), 3)
 
 
 def test_a_panorama_keeps_its_sides(engine: Engine) -> None:
@@ -104,12 +85,11 @@ def test_exposure_renders_nothing_anew(viewport: Viewport, engine: Engine) -> No
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("against", ["input", "ibl"])
 def test_comparisons_are_of_the_same_view(
-    viewport: Viewport, engine: Engine, device: ComputeDevice, against: str
+    viewport: Viewport, engine: Engine, device: ComputeDevice
 ) -> None:
-    """Beside the object, input and baseline are the video as it is; ours has shadows there."""
-    viewport.lens = Lens(against=against, split=0.0)
+    """The input is the video as it is; ours has shadows beside the object."""
+    viewport.lens = Lens(against="input", split=0.0)
     viewport.turn(1.0, 0.0)
     displayed = until(
         viewport,
@@ -122,15 +102,10 @@ def test_comparisons_are_of_the_same_view(
     with Renderer(device, engine.scene.frame(0), (), viewport.view, SETTINGS) as renderer:
         video = Lens().develop(renderer.render().color, engine.scene.exposure)
     geometry = displayed.shown.geometry
-    beside, on = geometry.coverage == 0.0, geometry.coverage == 1.0
-    assert on.any()
+    beside = geometry.coverage == 0.0
     ours = Lens().develop(displayed.shown.picture.color, engine.scene.exposure)
     assert (np.abs(ours.astype(int) - video)[beside] > 4).any(), "no shadow"
-    np.testing.assert_array_equal(displayed.pixels[beside], video[beside])
-    if against == "input":
-        np.testing.assert_array_equal(displayed.pixels, video)
-    else:
-        assert (np.abs(displayed.pixels.astype(int) - video)[on] > 4).any(), "no object"
+    np.testing.assert_array_equal(displayed.pixels, video)
 
 
 @pytest.mark.thorough
@@ -202,18 +177,8 @@ def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: E
     low, high = state.corners
     foot = state.to_world @ [0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]), 1.0]
     np.testing.assert_allclose(foot[:3], surface.point, atol=1e-4)
-    assert viewport.object_at(x, y - 0.02) == "cube"
+    assert viewport.picking.object_at(x, y - 0.02) == "cube"
     assert not viewport.drop("nobody", x, y, upright=True)
-
-
-def test_latency_is_told(viewport: Viewport) -> None:
-    at_rest(viewport)
-    viewport.turn(2.0, 0.0)
-    displayed = until(viewport, lambda s: s.shown.request.view == viewport.view)
-    assert displayed.latency_frames is not None
-    assert 1 <= displayed.latency_frames <= 2
-    assert displayed.latency_s is not None
-    assert displayed.latency_s > 0.0
 
 
 def test_all_buffers_can_be_seen(viewport: Viewport) -> None:
@@ -249,12 +214,6 @@ def test_motion_gives_up_what_rest_gives_back(device: ComputeDevice, tmp_path: P
             assert time.monotonic() < end
             time.sleep(0.005)
         assert displayed.preview is not None
-        share = displayed.pixels.shape[0] / LOOK.height
-        assert re.fullmatch(r"Preview at (\d+)% resolution", displayed.preview.short)
-        assert int(re.findall(r"\d+", displayed.preview.short)[0]) == pytest.approx(
-            100 * share, abs=3
-        )
-        assert displayed.preview.details.startswith(f"{displayed.preview.short[11:]}\n")
         # The same places are the same directions.
         small, large = displayed.shown.request.view, viewport.view
         corner = np.array([0.25, 0.75])
@@ -276,12 +235,11 @@ def test_nothing_is_told_of_speed_at_rest(engine: Engine) -> None:
         now[0] += 0.2
         viewport.turn(1.0, 0.0)
         moving = until(viewport, lambda s: s.shown.request.view == viewport.view)
-    assert moving.latency_frames is not None
     assert moving.latency_s is not None
     assert moving.fps == pytest.approx(5.0)
     now[0] += 10.0
     rested = at_rest(viewport)
-    assert (rested.latency_s, rested.latency_frames, rested.fps) == (None, None, None)
+    assert (rested.latency_s, rested.fps) == (None, None)
     assert viewport.poll() is rested
     viewport.close()
 
@@ -305,30 +263,4 @@ def test_a_slow_window_counts_what_moves(engine: Engine) -> None:
     moving = viewport.poll()
     assert moving is not None
     assert moving.fps == pytest.approx(5.0)
-    assert moving.latency_frames == 2
     viewport.close()
-
-
-def test_captions_tell_what_is_displayed(viewport: Viewport) -> None:
-    """Not what was asked for and is still to come."""
-    assert at_rest(viewport).caption == ""
-    client, shown = viewport._client, viewport._client.shown
-    viewport.lens = Lens(buffer="hit_distance")
-    # The picture that is there does not have the buffer yet.
-    assert shown is not None
-    assert "hit_distance" not in shown.picture.aovs
-    displayed = viewport.poll()
-    assert displayed is not None
-    assert (displayed.caption != "") == ("hit_distance" in displayed.shown.picture.aovs)
-    displayed = until(viewport, lambda s: "hit_distance" in s.shown.picture.aovs)
-    assert (displayed.caption, displayed.buffer) == ("Reflection distance", "hit_distance")
-    read = viewport.readout(0.5, 0.5)
-    assert read is not None
-    assert [name for name, _ in read.rows()].count("reflection distance") == 1
-    viewport.lens = Lens(buffer="hit_distance", against="input")
-    displayed = until(viewport, lambda s: "|" in s.caption)
-    assert displayed.caption.startswith("Reflection distance | Input")
-    viewport.lens = Lens(against="input", error=True)
-    displayed = until(viewport, lambda s: s.caption.startswith("Difference"))
-    assert displayed.caption.startswith("Difference from input, white is 25%")
-    assert client is viewport._client

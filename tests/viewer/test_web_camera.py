@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from iprt.geometry.camera import View
+from iprt.viewer.gizmo import polar
 from iprt.viewer.web.camera import ORBIT_M, camera_of, look_of, position_of, quaternion, rotation
-from iprt.viewer.web.gizmo import polar
 
 
 @pytest.mark.parametrize("pitch", [-90.0, -89.999, -30.0, 0.0, 45.0, 90.0])

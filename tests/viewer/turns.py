@@ -13,8 +13,9 @@ from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
-from iprt.viewer.mailbox import Mailbox
+from iprt.viewer.scene_files import POLL_S
 from iprt.viewer.session import Shown
+from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, Request, World
 from tests.films import FEW
 from tests.waiting import DEADLINE_S
@@ -40,20 +41,20 @@ class Turns:
 
     def __init__(self, scene: Scene, make: Callable[[], ComputeDevice], settings: Settings) -> None:
         self.clock = Clock()
-        self.mailbox = Mailbox(World(settings, Playback(scene.frame_indices[0])))
-        self.core = Core(self.mailbox, scene, make, clock=self.clock)
+        self.shared = SharedState(World(settings, Playback(scene.frame_indices[0])))
+        self.core = Core(self.shared, scene, make, clock=self.clock)
 
     def join(self, **request: Any) -> int:
-        return self.mailbox.join(Request(**{"view": VIEW, "frames": 1, **request}))
+        return self.shared.join(Request(**{"view": VIEW, "frames": 1, **request}))
 
     def ask(self, client: int, **request: Any) -> int:
-        return self.mailbox.ask(client, Request(**{"view": VIEW, "frames": 1, **request}))
+        return self.shared.ask(client, Request(**{"view": VIEW, "frames": 1, **request}))
 
     def change(self, **parts: Any) -> int:
-        return self.mailbox.change(lambda world: replace(world, **parts))
+        return self.shared.change(lambda world: replace(world, **parts))
 
     def shown(self, client: int) -> Shown:
-        shown = self.mailbox.shown(client)
+        shown = self.shared.shown(client)
         assert shown is not None
         return shown
 
@@ -61,7 +62,7 @@ class Turns:
         """Turns until something is so; how many of them did something."""
         count, end = 0, time.monotonic() + DEADLINE_S
         while not done():
-            assert time.monotonic() < end, self.mailbox.status
+            assert time.monotonic() < end, self.shared.status
             count += self.core.turn() or self._pause()
         return count
 
@@ -69,18 +70,28 @@ class Turns:
         """The first picture that answers a number."""
 
         def answered() -> bool:
-            shown = self.mailbox.shown(client)
+            shown = self.shared.shown(client)
             return shown is not None and shown.number >= number
 
         self.until(answered)
         return self.shown(client)
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        return self.shared.status.problems
+
+    def look_again(self) -> None:
+        """It is time to look at the scene's files, and what is found there is read."""
+        self.clock.now += POLL_S
+        self.core.turn()
+        self.settle()
+
     def settle(self) -> int:
         """Turns until nothing is left to do and nothing is on its way; how many rendered."""
         count = 0
-        feed = self.core._video._feed
-        while self.core.turn() or self.core.loader.running or feed is None or not feed.arrived:
-            feed = self.core._video._feed
+        feed = self.core.video._feed
+        while self.core.turn() or self.core.jobs.running or feed is None or not feed.arrived:
+            feed = self.core.video._feed
             count += 1
         return count
 
@@ -102,4 +113,4 @@ def turns(
         yield driver
     finally:
         driver.core.close()
-        driver.core.loader.close(time.monotonic() + DEADLINE_S)
+        driver.core.jobs.close(time.monotonic() + DEADLINE_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.viewport import Viewport
 from tests.viewer.turns import VIEW
 from tests.waiting import DEADLINE_S

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from iprt.viewer.needs import require_window
-from iprt.viewer.state import REST_FRAMES
+from iprt.viewer.requirements import require_window
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from iprt.geometry.camera import View
     from iprt.viewer.engine import Engine
 
@@ -19,8 +16,6 @@ def run(
     view: View,
     *,
     objects: tuple[str, ...] | None = None,
-    folder: Path | None = None,
-    frames: int = REST_FRAMES,
     target_fps: float | None = None,
 ) -> None:
     """Show a scene in a window until the user closes it.
@@ -33,13 +28,8 @@ def run(
         Initial view; its size is the window's.
     objects : tuple of str or None
         Names of the initially shown objects; None for all.
-    folder : Path or None
-        Folder of screenshots, and initial folder of the mesh browser. None means the user's
-        pictures and the current folder.
-    frames : int
-        View frames to which a picture at rest is refined.
     target_fps : float or None
-        Initial frame rate to hold during motion (`Viewport.target_fps`).
+        Initial frame rate to hold during motion (`Viewport`).
 
     Raises
     ------
@@ -48,9 +38,9 @@ def run(
     """
     require_window()
     from iprt.viewer.desktop.app import App
+    from iprt.viewer.viewport import Viewport
 
-    app = App(engine, view, objects=objects, folder=folder, frames=frames)
-    app.ui.viewport.target_fps = target_fps
+    app = App(engine, Viewport(engine, view, objects=objects, target_fps=target_fps))
     try:
         app.run()
     finally:

@@ -7,15 +7,13 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from iprt.geometry.camera import View
-from iprt.viewer.desktop import bars, picture_panel, profile_panel, scene_panel, settings_panel
+from iprt.viewer.desktop import bars, panels, profile_panel
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
-from iprt.viewer.screenshots import default_folder
 from iprt.viewer.viewport import Viewport
 
 PANEL_WIDTH = 360.0
@@ -33,9 +31,9 @@ _PANEL = (
     | imgui.WindowFlags_.no_nav
 )
 _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
-    ("Scene", scene_panel.draw),
-    ("Picture", picture_panel.draw),
-    ("Settings", settings_panel.draw),
+    ("Scene", panels.scene),
+    ("Picture", panels.picture),
+    ("Settings", panels.settings),
     ("Profile", profile_panel.draw),
 )
 
@@ -46,15 +44,8 @@ class App:
     Parameters
     ----------
     engine : Engine
-    view : View
-        Initial view; its size is the window's, in screen units.
-    objects : tuple of str or None
-        Names of the initially shown objects; None for all.
-    folder : Path or None
-        Folder of screenshots, and initial folder of the mesh browser. None means the user's
-        pictures (`default_folder`) and the current folder.
-    frames : int
-        View frames to which a picture at rest is refined.
+    viewport : Viewport
+        Its view has the window's initial size, in screen units.
 
     Raises
     ------
@@ -62,21 +53,12 @@ class App:
         No window can be opened.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        view: View,
-        *,
-        objects: tuple[str, ...] | None,
-        folder: Path | None,
-        frames: int,
-    ) -> None:
-        self._engine = engine
+    def __init__(self, engine: Engine, viewport: Viewport) -> None:
+        self._engine, view = engine, viewport.view
         self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
-        viewport = Viewport(engine, view, objects=objects, frames=frames)
-        self.ui = DesktopState(engine, viewport, folder or default_folder())
+        self.ui = DesktopState(engine, viewport)
         self.picture_view = PictureView(self.ui, self.window)
-        self._browser = MeshBrowser(folder or Path.cwd())
+        self._browser = MeshBrowser(Path.cwd())
         self._dropped: list[Path] = []
         self._drawn: tuple[object, ...] = ()
         self._unsettled = 0
@@ -90,7 +72,7 @@ class App:
     @property
     def closed(self) -> bool:
         """True if the user closed the window and has no unsaved edits, or discards them."""
-        if self.window.closing and self.ui.unsaved and not self._discarding:
+        if self.window.closing and self.ui.engine.unsaved and not self._discarding:
             self.window.closing = False
             self.ui.leaving = True
         return self.window.closing
@@ -108,10 +90,10 @@ class App:
         displayed, status = ui.viewport.poll(), self._engine.status
         if displayed is not ui.displayed and displayed is not None:
             self.window.upload(displayed.pixels)
-            ui.timeline.add(displayed.shown)
+            ui.pass_times.add(displayed.shown)
         ui.displayed = displayed
-        ui.report_saved()
-        if ui.closing and not ui.unsaved:
+        ui.run_posted()
+        if ui.closing and not ui.engine.unsaved:
             self.window.closing, ui.closing = True, False
         # The view counts too: drags change it during drawing, too late for the parts above.
         new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view)
@@ -128,7 +110,7 @@ class App:
 
     def _draw(self) -> None:
         ui = self.ui
-        self.window.rename(f"{ui.engine.scene.name}{' *' if ui.unsaved else ''} - iprt")
+        self.window.rename(f"{ui.engine.scene.name}{' *' if ui.engine.unsaved else ''} - iprt")
         presses = self.window.take_keys()
         if KeyPress("F11", repeated=False) in presses:
             self.window.switch_full_screen()
@@ -142,7 +124,7 @@ class App:
         self.picture_view.draw((0.0, 0.0, width - panel, height - bars_height))
         if self._dropped:
             dropped, self._dropped = self._dropped, []
-            ui.add(dropped)
+            ui.add_all(dropped)
         if bars_height:
             self._draw_bars(height - bars_height, width - panel, bars_height)
         if panel:

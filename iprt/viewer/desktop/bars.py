@@ -51,16 +51,16 @@ def playback(ui: DesktopState) -> None:
     if counted and counter is not None:
         imgui.same_line()
         imgui.align_text_to_frame_padding()
-        imgui.text_colored(imgui.ImVec4(*QUIET), counter.text)
+        imgui.text_colored(imgui.ImVec4(*QUIET), counter)
 
 
 def _playback_mode(ui: DesktopState) -> None:
     engine = ui.engine
-    if toggle(f"{icons.ICON_FA_REPEAT}##loop", engine.loop, PARTS["loop"].about):
-        engine.set_loop(not engine.loop)
+    if toggle(f"{icons.ICON_FA_REPEAT}##loop", engine.playback.loop, PARTS["loop"].about):
+        engine.set_loop(not engine.playback.loop)
     imgui.same_line()
     imgui.set_next_item_width(7.5 * imgui.get_font_size())
-    mode = choice("##mode", list(PLAYBACK.values()), MODES.index(engine.playback_mode))
+    mode = choice("##mode", list(PLAYBACK.values()), MODES.index(engine.playback.mode))
     if mode is not None:
         engine.set_playback_mode(MODES[mode])
     imgui.same_line()
@@ -104,20 +104,13 @@ def _figures(ui: DesktopState) -> list[tuple[float, str, str]]:
     displayed = ui.displayed
     if displayed is None or displayed.shown.plain:
         return []
-    shown, view = displayed.shown, displayed.shown.request.view
-    noise = "" if shown.noise is None else f"noise {100.0 * shown.noise:.2g}%"
-    speed = "" if displayed.fps is None else f"{displayed.fps:.1f} fps"
-    latency = "" if displayed.latency_s is None else f"latency {1e3 * displayed.latency_s:.0f} ms"
-    unsaved = f"unsaved: {', '.join(ui.engine.unsaved)}" if ui.unsaved else ""
+    words = displayed.figures()
+    unsaved = f"unsaved: {', '.join(ui.engine.unsaved)}" if ui.engine.unsaved else ""
     return [
-        (6.5, f"{view.width} × {view.height}", "Pixels that are rendered"),
-        (
-            8.0,
-            f"{shown.frames} of {shown.request.frames} frames",
-            "The picture is the mean of this many rendered frames",
-        ),
-        (6.5, noise, "Estimated noise of the picture as displayed, of white"),
-        (5.0, speed, "Pictures per second while something moves"),
-        (8.0, latency, "From the last input to the picture that answers it"),
+        (6.5, words["size"], "Pixels that are rendered"),
+        (8.0, words["frames"], "The picture is the mean of this many rendered frames"),
+        (6.5, words["noise"], "Estimated noise of the picture as displayed, of white"),
+        (5.0, words["rate"], "Pictures per second while something moves"),
+        (8.0, words["latency"], "From the last input to the picture that answers it"),
         (0.0, unsaved, "The scene's file does not have these edits yet: Ctrl+S"),
     ]

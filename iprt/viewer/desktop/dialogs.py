@@ -8,7 +8,7 @@ from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.viewer.desktop.shortcuts import ELSEWHERE, SHORTCUTS
+from iprt.viewer.desktop.shortcuts import ELSEWHERE, shortcuts
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import button, quiet
@@ -29,7 +29,7 @@ def draw_help(ui: DesktopState) -> None:
     unfolded, opened = imgui.begin("Keys and mouse", True, _FIXED)
     ui.help = bool(opened)
     if unfolded:
-        rows = [(entry.keys, entry.about) for entry in SHORTCUTS]
+        rows = [(a.keys, a.label.name[0].lower() + a.label.name[1:]) for a in shortcuts(ui)]
         for heading, part in (("Mouse", ELSEWHERE[1:]), ("Keys", [*rows, ELSEWHERE[0]])):
             imgui.separator_text(heading)
             for key, about in part:
@@ -104,7 +104,7 @@ class MeshBrowser:
             if chosen is not None:
                 ui.browsing = False
                 ui.cursor = None
-                ui.add([chosen])
+                ui.add_all([chosen])
         imgui.end()
         if imgui.is_key_pressed(imgui.Key.escape):  # also during text input
             ui.browsing = False

@@ -9,13 +9,13 @@ from imgui_bundle import imguizmo
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
+from iprt.viewer.gizmo import camera_matrix, projection_matrix
 
 GIZMO = imguizmo.im_guizmo
 Matrix = NDArray[np.float64]
 Mode = Literal["move", "turn", "scale"]
 Rectangle = tuple[float, float, float, float]
 """A rectangle on the screen: left, top, width and height."""
-NEAR_M, FAR_M = 0.01, 1000.0
 
 _OPERATIONS = {
     "move": GIZMO.OPERATION.translate,
@@ -29,31 +29,8 @@ _SPACES = {
 }
 
 
-def camera_matrix(view: View, pose: Matrix | None) -> Matrix:
-    """Return the (4, 4) transform from the world to view space, at a capture centre's pose."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = view.world_from_view.T
-    if pose is not None:
-        matrix[:3, 3] = -matrix[:3, :3] @ pose[:3, 3]
-    return matrix
-
-
-def projection_matrix(view: View) -> Matrix:
-    """Return the (4, 4) OpenGL projection of a perspective view."""
-    up = 1.0 / np.tan(0.5 * np.deg2rad(view.fov_y_deg))
-    depth = NEAR_M - FAR_M
-    return np.array(
-        [
-            [up * view.height / view.width, 0.0, 0.0, 0.0],
-            [0.0, up, 0.0, 0.0],
-            [0.0, 0.0, (FAR_M + NEAR_M) / depth, 2.0 * FAR_M * NEAR_M / depth],
-            [0.0, 0.0, -1.0, 0.0],
-        ]
-    )
-
-
 def manipulate(
-    rectangle: Rectangle, view: View, pose: Matrix | None, to_world: Matrix, mode: Mode
+    rectangle: Rectangle, view: View, centre: Matrix, to_world: Matrix, mode: Mode
 ) -> Matrix | None:
     """Draw the gizmo of an object in the current window; return the object's new transform.
 
@@ -62,8 +39,8 @@ def manipulate(
     rectangle : (left, top, width, height)
         The picture on the screen.
     view : View
-    pose : (4, 4) float64 or None
-        Pose of the capture centre.
+    centre : (3,) float64
+        World position of the capture centre.
     to_world : (4, 4) float64
     mode : {"move", "turn", "scale"}
 
@@ -78,7 +55,7 @@ def manipulate(
     GIZMO.set_rect(*rectangle)
     matrix = _columns(to_world)
     GIZMO.manipulate(
-        _columns(camera_matrix(view, pose)),
+        _columns(camera_matrix(view, centre)),
         _columns(projection_matrix(view)),
         _OPERATIONS[mode],
         _SPACES[mode],

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from itertools import combinations
 
 import numpy as np
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.geometry.camera import View
-from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle, camera_matrix
-from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, packed
+from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle
+from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, Color, packed
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import toggle, tooltip
+from iprt.viewer.gizmo import box_edges
 from iprt.viewer.labels import PARTS
+from iprt.viewer.object_states import ObjectState
 
 Box = tuple[float, float, float, float]
 """A box on the screen: left, top, right and bottom."""
@@ -35,8 +36,6 @@ _FLOATING = (
     | imgui.WindowFlags_.no_focus_on_appearing
     | imgui.WindowFlags_.no_nav
 )
-_CORNERS = np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)])
-_EDGES = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b).bit_count() == 1]
 
 
 @contextmanager
@@ -105,11 +104,16 @@ def caption(ui: DesktopState, rectangle: Rectangle) -> None:
         top += imgui.get_frame_height() + 2.0 * MARGIN  # below the tools
     with floating("caption", left + width - MARGIN, top + MARGIN, pivot=(1, 0), inert=True):
         imgui.push_text_wrap_pos(imgui.get_cursor_pos().x + room)
-        for text, color in words:
-            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
-            imgui.text_unformatted(text)
-            imgui.pop_style_color()
+        _lines(words)
         imgui.pop_text_wrap_pos()
+
+
+def _lines(lines: Sequence[tuple[str, Color]]) -> None:
+    """Draw lines of text, each in its colour."""
+    for text, color in lines:
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
+        imgui.text_unformatted(text)
+        imgui.pop_style_color()
 
 
 def activity(ui: DesktopState, rectangle: Rectangle) -> None:
@@ -128,10 +132,7 @@ def activity(ui: DesktopState, rectangle: Rectangle) -> None:
     left, top, width, height = rectangle
     with floating("activity", left + MARGIN, top + height - MARGIN, pivot=(0, 1), inert=True):
         imgui.push_text_wrap_pos(max(width - 4.0 * MARGIN, 80.0))
-        for text, color in lines:
-            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
-            imgui.text_unformatted(text)
-            imgui.pop_style_color()
+        _lines(lines)
         imgui.pop_text_wrap_pos()
         # Mouse input passes through the window, so that the picture can be dragged there too.
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
@@ -202,34 +203,14 @@ def _overlap(one: Box, other: Box) -> float:
     return max(wide, 0.0) * max(high, 0.0)
 
 
-def edges(
-    to_world: Matrix, corners: tuple[Matrix, Matrix], view: View, pose: Matrix | None
-) -> list[tuple[Matrix, Matrix]]:
-    """Return both ends, in view pixels, of a bounding box's edges in front of the camera."""
-    low, high = corners
-    points = (low + _CORNERS * (high - low)) @ to_world[:3, :3].T + to_world[:3, 3]
-    camera = camera_matrix(view, pose)
-    local = points @ camera[:3, :3].T + camera[:3, 3]
-    seen = local[:, 2] < -1e-3
-    scale = view.focal_px / np.where(seen, -local[:, 2], 1.0)[:, None]
-    pixels = 0.5 * np.array([view.width, view.height]) + scale * local[:, :2] * (1.0, -1.0)
-    return [(pixels[a], pixels[b]) for a, b in _EDGES if seen[a] and seen[b]]
-
-
-def box(
-    to_world: Matrix,
-    corners: tuple[Matrix, Matrix],
-    view: View,
-    pose: Matrix | None,
-    rectangle: Rectangle,
-    *,
-    lit: bool,
+def outline(
+    state: ObjectState, view: View, centre: Matrix, rectangle: Rectangle, *, lit: bool
 ) -> Box | None:
     """Draw the edges of an object's bounding box; return their extent on the screen."""
     left, top, width, height = rectangle
     scale = np.array([width / view.width, height / view.height])
     draw, color = imgui.get_window_draw_list(), packed(ACCENT, 0.9 if lit else 0.45)
-    ends = np.reshape(edges(to_world, corners, view, pose), (-1, 2, 2)) * scale + (left, top)
+    ends = box_edges(state, view, centre) * scale + (left, top)
     for start, end in ends:
         draw.add_line(imgui.ImVec2(*start), imgui.ImVec2(*end), color, 1.0)
     if not len(ends):

@@ -9,13 +9,11 @@ import numpy as np
 from imgui_bundle import imgui
 
 from iprt.geometry.camera import View
-from iprt.geometry.pose import view_from
 from iprt.viewer.desktop import gizmo, overlay
 from iprt.viewer.desktop.gizmo import GIZMO, Matrix, Rectangle
 from iprt.viewer.desktop.turning import BESIDE, turned, turned_place
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import Window
-from iprt.viewer.objects import ObjectState
 
 Gesture = Literal["press", "look", "slide", "split", "gizmo"]
 CLICK_PX = 4.0
@@ -148,7 +146,7 @@ class PictureView:
         elif imgui.is_mouse_clicked(0):
             self.gesture = "press"
             self._take_hold()
-            self._object = None if ui.cursor is None else ui.viewport.object_at(*ui.cursor)
+            self._object = None if ui.cursor is None else ui.viewport.picking.object_at(*ui.cursor)
 
     def _drag(self, dx: float, dy: float) -> None:
         ui = self._ui
@@ -171,61 +169,49 @@ class PictureView:
 
     # Objects ----------------------------------------------------------------------------------
 
-    def _camera(self) -> tuple[View, Matrix | None] | None:
-        """Return the displayed view and the capture centre's pose, or None without a picture."""
+    def _view(self) -> View | None:
+        """Return the displayed view, or None without a perspective picture."""
         displayed = self._ui.displayed
         if displayed is None or displayed.shown.request.view.projection != "perspective":
             return None
-        view = displayed.shown.request.view if self._turn is None else self._ui.viewport.view
-        return view, displayed.shown.pose
-
-    def _foot(self, state: ObjectState) -> Matrix:
-        """Return the centre of the bottom of an object's bounding box, before its transform."""
-        low, high = state.corners
-        return np.array([0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2])])
+        return displayed.shown.request.view if self._turn is None else self._ui.viewport.view
 
     def _take_hold(self) -> None:
         """Store the offset from the mouse to the object's foot, to prevent a jump."""
-        state, camera = self._ui.state, self._camera()
+        state, view, mouse = self._ui.state, self._view(), imgui.get_io().mouse_pos
         self._offset = np.zeros(2)
-        if state is None or camera is None:
+        if state is None or view is None:
             return
-        matrix = state.to_world
-        foot = matrix[:3, :3] @ self._foot(state) + matrix[:3, 3]
-        view, pose = camera
-        if pose is not None:
-            foot = (foot - pose[:3, 3]) @ pose[:3, :3]
-        pixel = view_from(view, pose).project(foot)
-        mouse = imgui.get_io().mouse_pos
+        foot = state.to_world[:3, :3] @ state.foot + state.to_world[:3, 3]
+        pixel = view.project(foot - self._ui.centre)
         offset = pixel / (view.width, view.height) - self._place(mouse.x, mouse.y)
         if np.isfinite(offset).all() and np.abs(offset).max() < 0.5:
             self._offset = offset
 
     def _slide(self) -> None:
         """Place the object where the mouse drags its foot."""
-        ui, mouse = self._ui, imgui.get_io().mouse_pos
+        mouse = imgui.get_io().mouse_pos
         place = turned_place(self._turn, *(self._place(mouse.x, mouse.y) + self._offset))
-        if ui.selected is not None and place is not None:
-            ui.viewport.drop(ui.selected, *place, upright=not ui.align)
+        if place is not None:
+            self._ui.drop(*place)
 
     def _gizmo(self) -> overlay.Box | None:
         """Let the gizmo move the selected object; return the box of its outline."""
-        state, camera = self._ui.state, self._camera()
-        if state is None or camera is None:
+        ui, state, view = self._ui, self._ui.state, self._view()
+        if state is None or view is None:
             return None
-        view, pose = camera
-        matrix = state.to_world
         lit = self.gesture in ("slide", "gizmo")
-        box = overlay.box(matrix, state.corners, view, pose, self.rectangle, lit=lit)
+        box = overlay.outline(state, view, ui.centre, self.rectangle, lit=lit)
         if self.gesture in ("look", "slide"):
             return box
         pivot = np.eye(4)
-        pivot[:3, 3] = self._foot(state)
-        moved = gizmo.manipulate(self.rectangle, view, pose, matrix @ pivot, self._ui.mode)
+        pivot[:3, 3] = state.foot
+        pivoted = state.to_world @ pivot
+        moved = gizmo.manipulate(self.rectangle, view, ui.centre, pivoted, ui.mode)
         if moved is not None and self.gesture == "gizmo":
             if gizmo.slides():
                 self._slide()
             else:
                 pivot[:3, 3] *= -1.0
-                self._ui.place(state, moved @ pivot)
+                ui.place(state, moved @ pivot)
         return box

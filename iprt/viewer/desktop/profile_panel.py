@@ -8,7 +8,7 @@ from imgui_bundle import imgui, implot
 from iprt.viewer.desktop.style import packed
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import heading, quiet
-from iprt.viewer.timeline import WHOLE, Timeline
+from iprt.viewer.pass_times import WHOLE, PassTimes
 
 PLOT_EM = 13.0
 """Height of the plot."""
@@ -18,17 +18,17 @@ OPACITY = 0.85
 def draw(ui: DesktopState) -> None:
     """Draw the panel."""
     heading("Passes of the last view frames")
-    if not ui.timeline.steps.size:
+    if not ui.pass_times.steps.size:
         quiet("Nothing has been rendered yet.")
         return
-    _plot(ui.timeline)
-    _table(ui.timeline)
+    _plot(ui.pass_times)
+    _table(ui.pass_times)
     quiet("iprt profile prints more: kernels, bytes, rays, memory.")
 
 
-def _plot(timeline: Timeline) -> None:
+def _plot(pass_times: PassTimes) -> None:
     """Plot the passes' stacked times by view frame."""
-    steps, series = timeline.steps.astype(np.float64), timeline.series()
+    steps, series = pass_times.steps.astype(np.float64), pass_times.series()
     if len(steps) == 1:
         steps, series = np.append(steps, steps + 1.0), {k: v.repeat(2) for k, v in series.items()}
     below = np.zeros(len(steps))
@@ -49,15 +49,15 @@ def _plot(timeline: Timeline) -> None:
     implot.end_plot()
 
 
-def _table(timeline: Timeline) -> None:
+def _table(pass_times: PassTimes) -> None:
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_stretch_prop
     if not imgui.begin_table("passes", 4, flags):
         return
     for name, weight in (("pass", 4.0), ("median ms", 2.2), ("95 %", 1.8), ("share", 1.6)):
         imgui.table_setup_column(name, imgui.TableColumnFlags_.none, weight)
     imgui.table_headers_row()
-    places = {name: number for number, name in enumerate(timeline.series())}
-    for row in timeline.table():
+    places = {name: number for number, name in enumerate(pass_times.series())}
+    for row in pass_times.table():
         imgui.table_next_row()
         imgui.table_next_column()
         if row.name != WHOLE:

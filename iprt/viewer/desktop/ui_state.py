@@ -1,21 +1,17 @@
-"""State shared by the window's parts, and the actions of keys and buttons."""
+"""State shared by the window's parts."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from queue import SimpleQueue
-
-import numpy as np
-from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
-from iprt.viewer.objects import ObjectState
-from iprt.viewer.timeline import Timeline
+from iprt.viewer.fields import setting_groups
+from iprt.viewer.pass_times import PassTimes
+from iprt.viewer.screenshots import default_folder
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
@@ -30,11 +26,11 @@ class DesktopState(UiState):
     ----------
     engine : Engine
     viewport : Viewport
-    folder : Path
-        Folder of screenshots.
 
     Attributes
     ----------
+    folder : Path
+        Folder of screenshots.
     mode : {"move", "turn", "scale"}
         Mode of the gizmo.
     readout : bool
@@ -46,20 +42,21 @@ class DesktopState(UiState):
         Close the window after saving.
     cursor : (x, y) or None
         Mouse position in the last picture, as fractions of width and height.
-    timeline : Timeline
+    pass_times : PassTimes
         Times of the last view frames.
+    setting_groups : tuple
+        Fields of all settings.
     """
 
-    def __init__(self, engine: Engine, viewport: Viewport, folder: Path) -> None:
+    def __init__(self, engine: Engine, viewport: Viewport) -> None:
         super().__init__(engine)
-        self.viewport, self.folder = viewport, folder
+        self.viewport, self.folder = viewport, default_folder()
         self.mode: Mode = "move"
         self.readout = self.panels = True
         self.help = self.browsing = self.leaving = self.closing = False
         self.cursor: tuple[float, float] | None = None
-        self.timeline = Timeline()
+        self.pass_times, self.setting_groups = PassTimes(), setting_groups(self)
         self._notice: tuple[str, bool, float] | None = None
-        self._saved: SimpleQueue[str | None] = SimpleQueue()  # results of saving
 
     # Notices ----------------------------------------------------------------------------------
 
@@ -77,47 +74,24 @@ class DesktopState(UiState):
 
     # Objects ----------------------------------------------------------------------------------
 
-    def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
-        """Move an object to a transform (4, 4) in the displayed frame."""
-        try:
-            self.engine.place(state.name, state.placed(to_world))
-        except IprtError as error:
-            self.say(str(error), bad=True)
-
-    def add(self, paths: Sequence[Path]) -> None:
+    def add_all(self, paths: Sequence[Path]) -> None:
         """Add meshes on the surface at the cursor, or in the middle of the picture."""
         for path in paths:
-            if path.suffix.lower() not in MESH_SUFFIXES:
-                kinds = ", ".join(MESH_SUFFIXES)
-                self.say(f"{path.name}: not a mesh; these are read: {kinds}", bad=True)
-                continue
-            x, y = self.cursor or (0.5, 0.6)
-            self.selected = self.engine.add(path, *self.viewport.aim(x, y))
-            self.say(f"{path.name} is read, to be {self.selected}")
+            try:
+                self.add(path, *(self.cursor or (0.5, 0.6)))
+            except IprtError as error:
+                self.say(str(error), bad=True)
+            else:
+                self.say(f"{path.name} is read, to be {self.selected}")
 
     def browse(self) -> None:
         """Open or close the mesh browser."""
         self.browsing = not self.browsing
 
-    @property
-    def unsaved(self) -> bool:
-        """True if there are edits that the scene's file does not have."""
-        return bool(self.engine.unsaved)
-
-    def save(self) -> None:
-        """Write the scene's file."""
-        if self.unsaved:
-            self.viewport.save(self._saved.put)
-        else:
-            self.say("nothing to save")
-
-    def report_saved(self) -> None:
-        """Report the results of `save`; after a problem the window stays open."""
-        while not self._saved.empty():
-            if self._saved.get() is None:
-                self.say(f"saved to {self.engine.scene.root / 'scene.toml'}")
-            else:
-                self.closing = False
+    def saved(self, problem: str | None) -> None:
+        """Report the result of `save`; after a problem the window stays open."""
+        super().saved(problem)
+        self.closing = self.closing and problem is None
 
     def step(self, frames: int) -> None:
         """Pause, and move by a number of frames."""

@@ -13,10 +13,11 @@ from imgui_bundle import imgui
 from iprt.errors import IprtError
 from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
-from iprt.viewer.controls import DIGITS, Slider
+from iprt.viewer.actions import Action
+from iprt.viewer.controls import DIGITS
 from iprt.viewer.desktop.style import ACCENT, QUIET
-from iprt.viewer.fields import REQUIRED, Field
-from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.fields import Field
+from iprt.viewer.labels import Label
 from iprt.viewer.ui_state import UiState
 
 LABEL_SHARE = 0.38
@@ -24,14 +25,8 @@ LABEL_SHARE = 0.38
 VALUE_EM = 5.2
 """Room for the value beside a slider, the same for all values: the slider keeps its length in a
 drag."""
-_UNSET = "automatic"
 RESET_EM = 2.4
 """Room for the button that resets a value."""
-
-
-def part(name: str) -> None:
-    """Draw the label of a part that both viewers share."""
-    label(PARTS[name].name, PARTS[name].about)
 
 
 def label(text: str, help_text: str = "") -> None:
@@ -83,6 +78,13 @@ def button(text: str, about: str = "", *, width: float = 0.0, enabled: bool = Tr
         pressed = imgui.button(text, imgui.ImVec2(width, 0.0))
     hint(about)
     return bool(pressed)
+
+
+def action_button(action: Action, icon: str, *, width: float, short: bool = False) -> None:
+    """Draw the button of an action, and run it; a short one shows the icon alone."""
+    text = icon if short else f"{icon}  {action.label.name}".strip()
+    if button(f"{text}##{action.name}", action.hint, width=width, enabled=action.enabled()):
+        action.act()
 
 
 def toggle(icon: str, on: bool, about: str) -> bool:
@@ -187,7 +189,7 @@ def draw_field(ui: UiState, field: Field) -> None:
     """Draw a row with an input, and write its changes."""
     words, now = field.label(), field.read()
     label(words.name, words.about)
-    resettable = field.default is not REQUIRED
+    resettable = field.default is not None
     if resettable:
         imgui.set_next_item_width(-RESET_EM * imgui.get_font_size())
     with disabled(not field.enabled()):
@@ -206,9 +208,6 @@ def draw_field(ui: UiState, field: Field) -> None:
 def _drawn(field: Field, now: Any) -> Any:
     """Draw the input; return its value, changed or not."""
     name = f"##{field.key}"
-    if now is None and field.start is not REQUIRED:
-        pressed = imgui.button(f"{_UNSET}{name}", imgui.ImVec2(imgui.calc_item_width(), 0.0))
-        return field.start if pressed else None
     if field.kind == "switch":
         return imgui.checkbox(name, now)[1]
     if field.kind == "choice":
@@ -224,29 +223,17 @@ def _drawn(field: Field, now: Any) -> Any:
     if field.kind == "vector":
         changed, moved = imgui.drag_float3(name, list(now), 0.005, format="%.3f m")
         return tuple(moved) if changed else now
-    if field.kind == "numbers":
-        return _numbers(field, list(now))
-    return _number(name, field.sliders[0], now, field)
+    return _number(name, now, field)
 
 
-def _numbers(field: Field, now: list[float]) -> list[float]:
-    spacing = imgui.get_style().item_inner_spacing.x
-    width = (imgui.calc_item_width() - spacing * (len(now) - 1)) / len(now)
-    for index, one in enumerate(field.sliders):
-        if index:
-            imgui.same_line(0.0, spacing)
-        imgui.set_next_item_width(width)
-        now[index] = _number(f"##{field.key}.{index}", one, now[index], field)
-    return now
-
-
-def _number(name: str, of: Slider, now: float, field: Field) -> float:
+def _number(name: str, now: float, field: Field) -> float:
     """Draw a slider that accepts typed numbers."""
-    unit = field.unit if len(field.sliders) == 1 else ""
+    of = field.slider
+    assert of is not None
 
     def words(value: float) -> str:
         digits = f"{value:.0f}" if of.whole or value >= 10**DIGITS else f"{value:.{DIGITS}g}"
-        return f"{digits} {unit}".rstrip()
+        return f"{digits} {field.unit}".rstrip()
 
     chosen = slider(
         name,

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from iprt.errors import DeviceError
 from iprt.viewer.desktop.style import apply_style
 from iprt.viewer.desktop.turning import BESIDE, Matrix, Turner
-from iprt.viewer.needs import ELSEWHERE
+from iprt.viewer.requirements import ELSEWHERE
 
 STIRRED_S, STIRRED_FRAMES = 0.6, 8
 """Least time in seconds, and least number of frames, to redraw after any input: tooltips appear,

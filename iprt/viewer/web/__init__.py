@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from iprt.viewer.needs import require_browser
+from iprt.viewer.requirements import require_browser
 
 if TYPE_CHECKING:
     from iprt.geometry.camera import View
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PORT = 8080
 FOV_DEG = 70.0
-"""Vertical field of view at first, where the view that was asked for is a whole panorama."""
+"""Initial vertical field of view if the requested view is a whole panorama."""
 
 
 def serve(
@@ -37,16 +37,15 @@ def serve(
     Parameters
     ----------
     engine : Engine
-        Stays open.
+        It stays open afterwards.
     view : View
-        First view of each browser; its size follows the window.
+        Initial view of each browser; its size follows the window.
     objects : tuple of str or None
-        Names of the objects shown at first. None: all.
+        Names of the initially shown objects; None for all.
     port : int
-        0: any free port.
+        0 for any free port.
     target_fps : float or None
-        Frames per second that windows hold at first while something moves; see
-        `Viewport.target_fps`.
+        Initial frame rate to hold during motion (`Viewport`).
     ready : callable
         Called with the port once browsers can connect.
 

@@ -44,7 +44,7 @@ class Start:
     objects : tuple of str or None
         Names of the shown objects; None for all.
     target_fps : float or None
-        See `Viewport.target_fps`.
+        See `Viewport`.
     """
 
     view: View
@@ -152,14 +152,13 @@ class Browser(BrowserState):
     def _clicked(self, x: float, y: float) -> None:
         """Select the object at a window position, and read the pixel's values."""
         x, y = self.in_picture(x, y)
-        self.selected = self.viewport.object_at(x, y)
+        self.selected = self.viewport.picking.object_at(x, y)
         self.read = self.viewport.readout(x, y)
 
     def _dropped(self, x: float, y: float) -> None:
-        x, y = self.in_picture(x, y)
         if self.selected is None:
-            self.say("click the object first that is to go there", bad=True)
-        elif not self.viewport.drop(self.selected, x, y, upright=not self.align):
+            self.say("first click the object to place there", bad=True)
+        elif not self.drop(*self.in_picture(x, y)):
             self.say("there is no surface: the video shows open sky there", bad=True)
 
     def _run(self) -> None:
@@ -221,8 +220,7 @@ class Browser(BrowserState):
         client.scene.on_click(modifier="shift")(dropped)
 
     def _work(self) -> None:
-        while self._todo:
-            self._todo.pop(next(iter(self._todo)))()
+        self.run_posted()
         camera = self._camera
         if camera is None or camera == self._followed:
             return

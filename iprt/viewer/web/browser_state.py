@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.displayed import Readout
 from iprt.viewer.engine import Engine
+from iprt.viewer.picking import Readout
 from iprt.viewer.ui_state import UiState
 
 
@@ -41,28 +41,27 @@ class BrowserState(UiState):
         self.snapping = self.lossless = False
         self.read: Readout | None = None
         self._wake = threading.Event()
-        self._todo: dict[object, Callable[[], object]] = {}
 
     def post(self, key: object, do: Callable[[], object]) -> None:
         """Schedule a call on the window's thread; only the newest of each key runs."""
-        self._todo[key] = do
+        super().post(key, do)
         self._wake.set()
+
+    def saved(self, problem: str | None) -> None:
+        """Report the result of `save`."""
+        super().saved(problem)
+        if problem is not None:
+            self.say(problem, bad=True)
 
     def say(self, text: str, *, bad: bool = False) -> None:
         """Show a notification; see `UiState.say`."""
         how: dict[str, Any] = {"color": "red"} if bad else {}
         self.client.add_notification("", text, auto_close_seconds=8.0 if bad else 4.0, **how)
 
-    @property
-    def centre(self) -> NDArray[np.float64]:
-        """World position of the capture centre, the origin of the browser's scene."""
-        pose = None if self.displayed is None else self.displayed.shown.pose
-        return np.zeros(3) if pose is None else pose[:3, 3]
-
     def in_picture(self, x: float, y: float) -> tuple[float, float]:
         """Convert a window position to a position in the picture, which may be wider or narrower.
 
-        Both have the same height: see `Truth.view`.
+        Both have the same height: see `TruthReader.view`.
         """
         if self.displayed is None:
             return x, y
@@ -74,6 +73,4 @@ class BrowserState(UiState):
         """Place the selected object on the surface behind a point in the browser's scene."""
         view = self.viewport.view
         x, y = view.project(point) / (view.width, view.height)
-        if self.selected is None or not np.isfinite(x + y):
-            return False
-        return self.viewport.drop(self.selected, *self.in_picture(x, y), upright=not self.align)
+        return bool(np.isfinite(x + y)) and self.drop(*self.in_picture(x, y))

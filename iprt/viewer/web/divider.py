@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
 from iprt.output.display import Bytes
-from iprt.viewer.web.binding import show
 from iprt.viewer.web.camera import camera_of, quaternion
+from iprt.viewer.web.handles import show
 
 ROOT = "/divider"
 FAR_M = 100.0

@@ -1,4 +1,4 @@
-"""All browsers of one engine."""
+"""The browsers of one engine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAVING_S = 2.0
 
 
 class Host:
-    """Serves browsers from when it is made until it is closed. See `iprt.viewer.web.serve`.
+    """A server of browsers, from its creation until `close`; see `iprt.viewer.web.serve`.
 
     Attributes
     ----------
@@ -60,8 +60,8 @@ class Host:
             return tuple(self._browsers.values())
 
     def wait(self) -> None:
-        """Until it is closed."""
-        # In turns, as a wait without end cannot be interrupted on some systems.
+        """Wait until it is closed."""
+        # In turns, because some systems cannot interrupt a wait without a timeout.
         with at_termination(self._folder.cleanup):
             while not self._ended.wait(0.5):
                 pass

@@ -1,162 +1,181 @@
-"""Inputs of a panel in the browser, built from their descriptions."""
+"""Inputs and buttons of a panel in the browser, built from their descriptions."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
+from iprt.errors import IprtError
 from iprt.files.images import decode_srgb
 from iprt.output.display import srgb_encode
+from iprt.viewer.actions import Action
 from iprt.viewer.controls import Slider
-from iprt.viewer.fields import REQUIRED, Field
-from iprt.viewer.labels import Label
-from iprt.viewer.web.binding import Binding, show
+from iprt.viewer.fields import Field
 from iprt.viewer.web.browser_state import BrowserState
+from iprt.viewer.web.handles import do_on, show
 
+Convert = Callable[[Any], Any]
+HELD_S = 0.4
+"""Seconds for which an input is not updated after its user has changed it."""
 STEPS = 200
 """Number of steps of a non-integer slider."""
+QUIET = (60, 66, 74)
+"""Colour (RGB) of buttons."""
+ICONS = {
+    "undo": "arrow-back-up",
+    "redo": "arrow-forward-up",
+    "save": "device-floppy",
+    "remove": "trash",
+}
 
 
 class Inputs:
-    """A column of inputs that follow their values, for use by the window's thread.
+    """A column of inputs and buttons that follow the state, for use by the window's thread.
 
     Parameters
     ----------
     ui : BrowserState
-    fields : iterable of Field
+    rows : iterable of Field or Action
     visible : callable
-        Returns True while the inputs are shown.
+        Returns True while the column is shown.
     """
 
     def __init__(
         self,
         ui: BrowserState,
-        fields: Iterable[Field],
+        rows: Iterable[Field | Action],
         *,
         visible: Callable[[], bool] = lambda: True,
     ) -> None:
         self._ui, self._visible = ui, visible
-        self._bound: list[tuple[Field, Binding]] = []
-        for field in fields:
-            self._add(field)
+        self._bound: list[Binding] = []
+        self._buttons: list[tuple[Action, Any]] = []
+        for row in rows:
+            if isinstance(row, Action):
+                self._add_button(row)
+            else:
+                self._bound.append(Binding(ui, row))
 
     @property
     def touched(self) -> bool:
         """True if the user changed an input recently and may still hold it."""
-        return any(binding.touched for _, binding in self._bound)
+        return any(binding.touched for binding in self._bound)
 
     def sync(self) -> None:
         """Show changed values."""
         visible = self._visible()
-        for field, binding in self._bound:
-            handle = binding.handle
-            show(handle, "visible", visible)
-            if not visible:
-                continue
-            show(handle, "disabled", not field.enabled())
-            show(handle, "label", _name(field))
-            about = field.label().about
-            if field.kind == "choice":
-                options = field.options()
-                show(handle, "options", tuple(option.name for option in options.values()))
-                chosen = options[field.read()]
-                about += f" {chosen.name}: {chosen.about}" if chosen.about else ""
-            show(handle, "hint", about)
-            binding.sync()
+        for action, button in self._buttons:
+            show(button, "visible", visible and action.visible())
+            show(button, "disabled", not action.enabled())
+        for binding in self._bound:
+            show(binding.handle, "visible", visible)
+            if visible:
+                binding.sync()
 
     def remove(self) -> None:
-        """Remove the inputs from the panel."""
-        for _, binding in self._bound:
+        """Remove the inputs, but not the buttons."""
+        for binding in self._bound:
             binding.handle.remove()
 
-    def _add(self, field: Field) -> None:
-        """Add an input, with a check box if it may have no value."""
-        if field.start is not REQUIRED:
-            label = field.label()
-            given = Field(
-                f"set {field.key}",
-                "switch",
-                lambda: Label(f"set {label.name}", f"Else: none. {label.about}"),
-                lambda: field.read() is not None,
-                lambda on: field.write(field.start if on else None),
-            )
-            self._bind(given, self._switch(given), given.read, given.write)
-        add = {
-            "switch": self._add_switch,
-            "choice": self._add_choice,
-            "number": self._add_number,
-            "numbers": self._add_numbers,
-            "vector": self._add_numbers,
-            "color": self._add_color,
-        }[field.kind]
-        add(field)
+    def _add_button(self, action: Action) -> None:
+        button = self._ui.client.gui.add_button(
+            action.label.name,
+            icon=ICONS.get(action.name),
+            color=None if action.name == "save" else QUIET,
+            hint=action.hint,
+        )
+        do_on(button.on_click, self._ui.post, action.act)
+        self._buttons.append((action, button))
 
-    def _bind(
-        self,
-        field: Field,
-        handle: Any,
-        read: Callable[[], Any],
-        write: Callable[[Any], object],
-    ) -> None:
-        ui = self._ui
-        binding = Binding(handle, read, write, ui.post, lambda text: ui.say(text, bad=True))
-        self._bound.append((field, binding))
 
-    def _switch(self, field: Field) -> Any:
-        return self._ui.client.gui.add_checkbox(_name(field), bool(field.read()))
+class Binding:
+    """An input whose user's changes are written, and which shows other changes.
 
-    def _add_switch(self, field: Field) -> None:
-        self._bind(field, self._switch(field), lambda: bool(field.read()), field.write)
+    Parameters
+    ----------
+    ui : BrowserState
+    field : Field
+    """
 
-    def _add_choice(self, field: Field) -> None:
+    def __init__(self, ui: BrowserState, field: Field) -> None:
+        self._ui, self._field = ui, field
+        self.handle, self._shown, self._typed = _input(ui, field)
+        self._touched_s = -HELD_S
+        self._seen = field.read()
+        show(self.handle, "value", self._shown(self._seen))
+
+        # This must be a coroutine: viser would call a plain function on another thread, after
+        # `show`.
+        async def changed(event: Any) -> None:
+            if event.client_id is not None:  # else the change is our own
+                self._touched_s = time.monotonic()
+                ui.post(self, self._write)
+
+        self.handle.on_update(changed)
+
+    @property
+    def touched(self) -> bool:
+        """True if the user changed it recently and may still hold it."""
+        return time.monotonic() - self._touched_s < 2.0 * HELD_S
+
+    def sync(self) -> None:
+        """Show the current state, but not another value while the user is changing it."""
+        field, handle = self._field, self.handle
+        show(handle, "disabled", not field.enabled())
+        show(handle, "label", _name(field))
+        about = field.label().about
+        if field.kind == "choice":
+            options = field.options()
+            show(handle, "options", tuple(option.name for option in options.values()))
+            chosen = options[field.read()]
+            about += f" {chosen.name}: {chosen.about}" if chosen.about else ""
+        show(handle, "hint", about)
+        if time.monotonic() - self._touched_s < HELD_S:
+            return
+        now = field.read()
+        if now != self._seen:
+            self._seen = now
+            show(handle, "value", self._shown(now))
+
+    def _write(self) -> None:
+        value = self._typed(self.handle.value)
+        try:
+            self._field.write(value)
+        except IprtError as error:
+            self._ui.say(str(error), bad=True)
+            self._touched_s = -HELD_S
+        self._seen = value
+
+
+def _input(ui: BrowserState, field: Field) -> tuple[Any, Convert, Convert]:
+    """Add an input; return its handle, and the conversions of values to and from the handle's."""
+    gui, name, now = ui.client.gui, _name(field), field.read()
+    if field.kind == "switch":
+        return gui.add_checkbox(name, bool(now)), bool, bool
+    if field.kind == "color":
+        return gui.add_rgb(name, (128, 128, 128)), _srgb, _linear
+    if field.kind == "vector":
+        return gui.add_vector3(name, now, step=0.01), tuple, tuple
+    if field.kind == "choice":
+
+        def typed(chosen: str) -> Any:
+            options = field.options().items()
+            return next((v for v, option in options if option.name == chosen), field.read())
+
         names = [option.name for option in field.options().values()]
-        handle = self._ui.client.gui.add_dropdown(_name(field), names)
-
-        def write(name: str) -> None:
-            for value, option in field.options().items():
-                if option.name == name:
-                    field.write(value)
-
-        self._bind(field, handle, lambda: field.options()[_value(field)].name, write)
-
-    def _add_number(self, field: Field) -> None:
-        slider, gui, now = field.sliders[0], self._ui.client.gui, _value(field)
-        kind, step = int if slider.whole else float, _step(slider)
-        low, high = kind(slider.low), kind(slider.high)
-        if slider.logarithmic or not low <= now <= high:
-            # viser's sliders are linear, and accept no values beyond their ends.
-            ends = {} if field.beyond else {"min": low, "max": high}
-            handle = gui.add_number(_name(field), kind(now), step=step, **ends)
-        else:
-            handle = gui.add_slider(_name(field), low, high, step, kind(now))
-        self._bind(
-            field, handle, lambda: kind(_value(field)), lambda value: field.write(kind(value))
-        )
-
-    def _add_numbers(self, field: Field) -> None:
-        now, gui = tuple(map(float, _value(field))), self._ui.client.gui
-        step = float(_step(field.sliders[0])) if field.sliders else 0.01
-        add = {2: gui.add_vector2, 3: gui.add_vector3}[len(now)]
-        kinds = [int if slider.whole else float for slider in field.sliders] or [float] * len(now)
-        self._bind(
-            field,
-            add(_name(field), now, step=step),
-            lambda: tuple(map(float, _value(field))),
-            lambda new: field.write([kind(v) for kind, v in zip(kinds, new, strict=True)]),
-        )
-
-    def _add_color(self, field: Field) -> None:
-        handle = self._ui.client.gui.add_rgb(_name(field), (128, 128, 128))
-        self._bind(
-            field, handle, lambda: _srgb(field.read()), lambda rgb: field.write(_linear(rgb))
-        )
-
-
-def _value(field: Field) -> Any:
-    value = field.read()
-    return field.start if value is None and field.start is not REQUIRED else value
+        return gui.add_dropdown(name, names), lambda value: field.options()[value].name, typed
+    slider = field.slider
+    assert slider is not None
+    kind, step = int if slider.whole else float, _step(slider)
+    low, high = kind(slider.low), kind(slider.high)
+    if not slider.logarithmic and low <= now <= high:
+        return gui.add_slider(name, low, high, step, kind(now)), kind, kind
+    # viser's sliders are linear, and accept no values beyond their ends.
+    ends = {} if field.beyond else {"min": low, "max": high}
+    return gui.add_number(name, kind(now), step=step, **ends), kind, kind
 
 
 def _name(field: Field) -> str:

@@ -1,137 +1,210 @@
-"""The panels beside the picture: folders or tabs, with the status above them."""
+"""The panels beside the picture: tabs, with the status above them."""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable
 from html import escape
-from typing import Protocol
+from pathlib import Path
+from typing import Any
 
-from iprt.viewer.displayed import DisplayedFrame
-from iprt.viewer.fields import lens_fields
-from iprt.viewer.labels import PICTURE
-from iprt.viewer.web.binding import show
+from iprt.geometry.mesh_files import MESH_SUFFIXES
+from iprt.scene.manifest_writing import free_name
+from iprt.viewer.actions import Action, actions
+from iprt.viewer.controls import preset_of
+from iprt.viewer.fields import (
+    Field,
+    attribute_switch,
+    lens_fields,
+    material_fields,
+    place_fields,
+    playback_fields,
+    quality_field,
+    rate_field,
+    selected_field,
+    setting_groups,
+    view_field,
+    visibility_field,
+)
+from iprt.viewer.labels import PARTS, PICTURE
+from iprt.viewer.ui_state import require_mesh
 from iprt.viewer.web.browser_state import BrowserState
-from iprt.viewer.web.files_panel import FilesPanel
-from iprt.viewer.web.inputs import Inputs
-from iprt.viewer.web.object_panel import ObjectPanel
+from iprt.viewer.web.handles import do_on, show
+from iprt.viewer.web.inputs import QUIET, Inputs
 from iprt.viewer.web.profile_panel import ProfilePanel
-from iprt.viewer.web.scene_panel import ScenePanel
-from iprt.viewer.web.settings_panel import SettingsPanel
-from iprt.viewer.web.visible_panel import VisiblePanel
+from iprt.viewer.web.status import status_html
 
 WIDTH_PX = 340
-LINES, LINE_EM = 8, 1.5
-"""Height of the status panel."""
-
-
-class Panel(Protocol):
-    """A part of the interface."""
-
-    def sync(self) -> None:
-        """Show changed values."""
+LONGEST = 60
+"""Limit for the characters of a file name, which may have 255 bytes with the scene's additions."""
 
 
 class Panels:
-    """All panels of one browser, for use by the window's thread."""
+    """All panels of one browser, for use by the window's thread.
 
-    def __init__(self, browser: BrowserState) -> None:
-        gui = browser.client.gui
-        gui.set_panel_label(f"iprt  ·  {browser.engine.scene.name}")
+    Browsers share edits, playback and settings.
+    """
+
+    def __init__(self, ui: BrowserState) -> None:
+        self._ui, self._gui = ui, ui.client.gui
+        self._syncs: list[Callable[[], None]] = []
+        gui = self._gui
+        gui.set_panel_label(f"iprt  ·  {ui.engine.scene.name}")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH_PX)
-        self._status = Status(browser)
+        self._add_html(lambda: status_html(ui))
         tabs = gui.add_tab_group()
-        self._panels: list[Panel] = [self._status]
         with tabs.add_tab("Scene"):
-            self._panels += [ScenePanel(browser), FilesPanel(browser)]
-            self._panels += [VisiblePanel(browser), ObjectPanel(browser)]
+            self._add_scene()
         with tabs.add_tab(PICTURE.name):
-            self._panels.append(Inputs(browser, lens_fields(browser)))
+            self._add(*lens_fields(ui))
             gui.add_markdown("Click into the picture to read out a pixel, in linear units.")
         with tabs.add_tab("Settings"):
-            self._panels.append(SettingsPanel(browser))
+            self._add_settings()
         with tabs.add_tab("Profile"):
-            self._panels.append(ProfilePanel(browser))
+            self._syncs.append(ProfilePanel(ui).sync)
 
     def sync(self) -> None:
         """Show changed values in all panels."""
-        for panel in self._panels:
-            panel.sync()
+        for sync in self._syncs:
+            sync()
 
+    def _add(self, *rows: Field | Action, visible: Callable[[], bool] = lambda: True) -> None:
+        self._syncs.append(Inputs(self._ui, rows, visible=visible).sync)
 
-class Status:
-    """The status panel: picture, quality, activity and problems.
+    def _add_html(self, content: Callable[[], str]) -> None:
+        handle = self._gui.add_html("")
+        self._syncs.append(lambda: show(handle, "content", content()))
 
-    Its height is fixed, so that the parts below stay in place. Long lines are cut off, with the
-    full text as a tooltip. More lines are reached by scrolling.
-    """
+    # The tab of the scene ---------------------------------------------------------------------
 
-    def __init__(self, browser: BrowserState) -> None:
-        self._browser = browser
-        self._html = browser.client.gui.add_html("")
+    def _add_scene(self) -> None:
+        ui, gui, shared = self._ui, self._gui, actions(self._ui)
+        self._add(view_field(ui))
+        if len(ui.frames) > 1:
+            with gui.add_folder("Video"):
+                self._add(*playback_fields(ui))
+                self._add_html(lambda: _counted(ui.viewport.counter or ""))
+            self._bind_key(shared["play"])
+        self._add(shared["undo"], shared["redo"], shared["save"])
+        self._add_screenshots()
+        self._add_visibility()
+        self._add_upload()
+        with gui.add_folder("Object"):
+            self._add(selected_field(ui))
+            dragging = (
+                attribute_switch(ui, "snap", "snapping"),
+                attribute_switch(ui, "align", "align"),
+            )
+            fields = (*place_fields(ui), *dragging, *material_fields(ui))
+            self._add(*fields, visible=lambda: ui.state is not None)
+            self._add(shared["texture"], shared["remove"])
+        for name in ("undo", "redo", "remove"):
+            self._bind_key(shared[name])
 
-    def sync(self) -> None:
-        """Show the current status."""
-        show(self._html, "content", self._content())
-
-    def _content(self) -> str:
-        browser = self._browser
-        status, displayed = browser.engine.status, browser.displayed
-        lines = [_line("state", status.text)]
-        lines += [_news("problem", "#ff8787", problem) for problem in status.problems]
-        if displayed is not None and displayed.warning:
-            lines.append(_news("warning", "#ffc078", displayed.warning))
-        lines += [_news("note", "#74c0fc", note) for note in status.notes]
-        if displayed is not None:
-            lines += self._picture(displayed)
-        if browser.read is not None:
-            (_, place), *values = browser.read.rows()
-            text = "; ".join([place, *(f"{name} {value}" for name, value in values)])
-            lines.append(_line("pixel", text, lines=3))
-        style = (
-            f"height:{LINES * LINE_EM}em;overflow-y:auto;box-sizing:content-box;font-size:.8em;"
-            f"line-height:{LINE_EM}em;padding:.4em .6em;overflow-wrap:anywhere"
+    def _bind_key(self, action: Action) -> None:
+        """Bind the last of an action's keys."""
+        *modifiers, key = action.keys.rpartition(", ")[2].split("+")
+        command = self._gui.add_command(
+            action.label.name,
+            hotkey=key if len(key) == 1 else key.lower(),
+            modifier="+".join(modifiers).lower().replace("ctrl", "cmd/ctrl") or None,
         )
-        return f"<div class='status' style='{style}'>{''.join(lines)}</div>"
+        do_on(command.on_trigger, self._ui.post, action.act)
 
-    def _picture(self, displayed: DisplayedFrame) -> list[str]:
-        browser, shown = self._browser, displayed.shown
-        view = shown.request.view
-        sent = "lossless" if browser.lossless else "JPEG"
-        lines = []
-        if displayed.preview is None:
-            lines.append(_line("picture", f"{view.width} × {view.height}, {sent}"))
-        else:
-            about = f"{view.width} × {view.height}, {sent}. {displayed.preview.details}"
-            lines.append(_line("picture", displayed.preview.short, about))
-        if shown.plain:
-            lines.append(_line("shows", "the video; objects follow"))
-        else:
-            noise = "" if shown.noise is None else f", noise {100 * shown.noise:.2g} %"
-            lines.append(_line("frames", f"{shown.frames} of {shown.request.frames}{noise}"))
-        speed = []
-        if displayed.fps is not None:
-            speed.append(f"{displayed.fps:.1f} per second")
-        if displayed.latency_s is not None:
-            speed.append(f"{1000 * displayed.latency_s:.0f} ms from input to picture")
-        if speed:
-            lines.append(_line("speed", ", ".join(speed)))
-        if displayed.caption:
-            lines.append(_line("shows", displayed.caption))
-        return lines
+    def _add_screenshots(self) -> None:
+        ui, part = self._ui, PARTS["screenshot"]
+        pictures = self._gui.add_button_group(part.name, ("PNG", "EXR"), hint=part.about)
+
+        def send(suffix: str) -> None:
+            with tempfile.TemporaryDirectory() as folder:
+                path = ui.viewport.screenshot(suffix, Path(folder))
+                ui.client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+
+        async def wanted(event: Any) -> None:
+            suffix = f".{event.target.value.lower()}"
+            ui.post(object(), lambda: send(suffix))
+
+        pictures.on_click(wanted)
+
+    def _add_visibility(self) -> None:
+        """Add a check box for each object."""
+        ui, known, boxes = self._ui, list[tuple[str, bool]](), Inputs(self._ui, ())
+        folder = self._gui.add_folder(PARTS["objects"].name, visible=False)
+
+        def sync() -> None:
+            nonlocal known, boxes
+            states = ui.engine.objects
+            wanted = [(state.name, state.keyframed) for state in states]
+            if wanted != known:
+                known = wanted
+                boxes.remove()
+                with folder:
+                    boxes = Inputs(ui, [visibility_field(ui, state) for state in states])
+                folder.visible = bool(wanted)
+            boxes.sync()
+
+        self._syncs.append(sync)
+
+    def _add_upload(self) -> None:
+        ui, part = self._ui, PARTS["add"]
+        upload = self._gui.add_upload_button(
+            part.name,
+            icon="plus",
+            color=QUIET,
+            mime_type=",".join(MESH_SUFFIXES),
+            hint=f"{part.about} It stands in the middle of the view.",
+        )
+
+        def add(name: str, content: bytes) -> None:
+            stem, suffix = free_name(Path(name).stem[:LONGEST], set()), Path(name).suffix.lower()
+            require_mesh(Path(name))
+            # Keep the file in its own folder: saving the scene reads it again.
+            path = Path(tempfile.mkdtemp(dir=ui.uploads)) / f"{stem}{suffix}"
+            path.write_bytes(content)
+            ui.add(path, 0.5, 0.5)
+
+        async def uploaded(event: Any) -> None:
+            file = event.target.value
+            ui.post(object(), lambda: add(file.name, file.content))
+
+        upload.on_upload(uploaded)
+
+    # The tab of the settings ------------------------------------------------------------------
+
+    def _add_settings(self) -> None:
+        ui, gui = self._ui, self._gui
+        inputs = [Inputs(ui, [quality_field(ui)])]
+        about, shown = gui.add_html(""), object()
+        inputs.append(Inputs(ui, [rate_field(ui)]))
+        for words, fields in setting_groups(ui):
+            with gui.add_folder(words.name, expand_by_default=False):
+                inputs.append(Inputs(ui, fields))
+
+        def sync() -> None:
+            nonlocal shown
+            settings = ui.settings
+            if settings is shown and not any(column.touched for column in inputs):
+                return
+            shown = settings
+            preset = preset_of(settings)
+            show(about, "content", _differing(preset.text if preset.differing else ""))
+            for column in inputs:
+                column.sync()
+
+        self._syncs.append(sync)
 
 
-def _line(name: str, text: str, about: str = "", *, lines: int = 1) -> str:
-    """Return a name with at most `lines` lines of text, and a tooltip."""
-    cut = (
-        "display:-webkit-box;-webkit-box-orient:vertical;overflow:hidden;"
-        f"-webkit-line-clamp:{lines}"
+def _counted(text: str) -> str:
+    """Return the counter beside the column of labels, at a fixed height."""
+    style = "font-size:.8em;height:1.8em;padding:0 .8em 0 9em;font-variant-numeric:tabular-nums"
+    return f"<div class='counter' style='{style}'>{escape(text)}</div>"
+
+
+def _differing(text: str) -> str:
+    """Return the difference from the preset at a fixed height, so that the inputs stay in place."""
+    style = (
+        "height:3em;line-height:1.5;font-size:.8em;margin:0 .8em;opacity:.7;overflow:hidden;"
+        "overflow-wrap:anywhere"
     )
-    return (
-        f"<div style='display:flex;gap:.6em' title='{escape(about or text)}'>"
-        f"<span style='opacity:.6;width:5em;flex:none'>{name}</span>"
-        f"<span class='{name}' style='{cut}'>{escape(text)}</span></div>"
-    )
-
-
-def _news(kind: str, color: str, text: str) -> str:
-    return f"<div class='{kind}' style='color:{color}'>{escape(text)}</div>"
+    return f"<div class='preset' style='{style}' title='{escape(text)}'>{escape(text)}</div>"

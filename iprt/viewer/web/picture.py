@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.displayed import DisplayedFrame
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.web.camera import camera_of, quaternion
 from iprt.viewer.web.divider import Divider
 

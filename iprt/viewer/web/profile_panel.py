@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from iprt.viewer.timeline import WHOLE, Timeline, TimelineRow
+from iprt.viewer.pass_times import WHOLE, PassStatistics, PassTimes
 from iprt.viewer.web.browser_state import BrowserState
 
 HEIGHT_PX = 170
@@ -23,7 +23,7 @@ class ProfilePanel:
 
     def __init__(self, browser: BrowserState) -> None:
         self._browser, self._gui = browser, browser.client.gui
-        self._timeline = Timeline()
+        self._pass_times = PassTimes()
         self._lines: list[str] = []
         self._plot = self._gui.add_uplot(
             (np.arange(2.0), np.zeros(2)),
@@ -41,12 +41,12 @@ class ProfilePanel:
         displayed = self._browser.displayed
         if (
             displayed is None
-            or not self._timeline.add(displayed.shown)
+            or not self._pass_times.add(displayed.shown)
             or time.monotonic() < self._due_s
         ):
             return
         self._due_s = time.monotonic() + EVERY_S
-        rows, series = self._timeline.table(), self._timeline.series()
+        rows, series = self._pass_times.table(), self._pass_times.series()
         whole, passes = np.sum(list(series.values()), axis=0), rows[1:]
         # Passes disappear when objects are hidden or the method changes.
         if len(self._lines) < min(len(passes), MOST_PASSES) or not series.keys() >= {*self._lines}:
@@ -55,8 +55,8 @@ class ProfilePanel:
             lines = [_line(name, number) for number, name in enumerate(names)]
             self._plot.series = ({"label": "step"}, *lines)
         self._plot.data = (
-            self._timeline.steps.astype(np.float64),
-            self._timeline.wall_ms,
+            self._pass_times.steps.astype(np.float64),
+            self._pass_times.wall_ms,
             whole,
             *(series[name] for name in self._lines),
         )
@@ -68,7 +68,7 @@ def _line(label: str, number: int) -> dict[str, object]:
     return {"label": label, "stroke": COLORS[number], "width": 1.5, "points": points}
 
 
-def _table(rows: list[TimelineRow]) -> str:
+def _table(rows: list[PassStatistics]) -> str:
     names = "".join(f"<td>{name}</td>" for name in ("pass", "median ms", "p95", "share"))
     lines = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{row.median_ms:.2f}</td><td>{row.p95_ms:.2f}</td>"

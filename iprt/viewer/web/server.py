@@ -56,7 +56,7 @@ class Viser(viser.ViserServer):  # type: ignore[misc]  # viser is not typed here
     Parameters
     ----------
     port : int
-        0: any that is free.
+        0 for any free port.
     label : str
         Title of the panel.
     site : Path
@@ -64,7 +64,7 @@ class Viser(viser.ViserServer):  # type: ignore[misc]  # viser is not typed here
     """
 
     def __init__(self, port: int, label: str, site: Path) -> None:
-        # websockets logs each connection that is no request, such as a port scan's.
+        # websockets logs each connection without a request, such as a port scan.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         self._site = site
         with _silent():
@@ -76,21 +76,21 @@ class Viser(viser.ViserServer):  # type: ignore[misc]  # viser is not typed here
 
     @_websock_server.setter
     def _websock_server(self, server: Any) -> None:
-        # viser has no parameter for this; it reads it when it starts, which comes next.
+        # viser has no parameter for the folder; it reads this attribute when it starts.
         server._http_server_root = self._site
         self._server = server
 
     def is_local(self, client: viser.ClientHandle) -> bool:
-        """Return whether a client is our page, or no page at all.
+        """Return True if a client is our page, or a program other than a browser.
 
-        Any web page may open a WebSocket to this machine; its browser tells where it is from.
+        Any web page may open a WebSocket to this machine; its browser sends the page's origin.
         """
         headers = self._server._live_connections[client.client_id].request.headers
         origins = headers.get_all("Origin")
         return all(urlsplit(origin).hostname in LOCAL_NAMES for origin in origins)
 
     def request_share_url(self, verbose: bool = True) -> None:
-        """Do nothing: any client can ask for it, and it would show the scene to the world."""
+        """Do nothing: any client can call it, and it would publish the scene on the internet."""
 
     def stop(self) -> None:
         """End the server and all connections."""
@@ -100,6 +100,6 @@ class Viser(viser.ViserServer):  # type: ignore[misc]  # viser is not typed here
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Drop what viser prints on the standard output."""
+    """Discard the standard output of viser."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield

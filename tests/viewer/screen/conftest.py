@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,6 +15,27 @@ from iprt.device.compute import ComputeDevice
 if TYPE_CHECKING:
     from tests.viewer.screen.user import User
     from tests.viewer.screen.web import Place
+
+
+FOLDER = Path(__file__).parent
+# Without what they need, which `./run screen` installs, these are left out.
+collect_ignore_glob = []
+if not (find_spec("imgui_bundle") and find_spec("Xlib") and shutil.which("Xvfb")):
+    collect_ignore_glob.append("test_desktop*")
+if not find_spec("viser"):
+    collect_ignore_glob.append("test_web*")
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m counts
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of this folder."""
+    for item in items:
+        if item.path.parent == FOLDER:
+            item.add_marker("screen")
+            if item.path.name.startswith("test_web"):
+                left = "ignore:Queued a .* on a closed connection"
+                item.add_marker(pytest.mark.filterwarnings(left))
+                item.add_marker("thorough")
 
 
 @pytest.fixture(scope="module")

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import imageio.v3
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from iprt import cli
 from iprt.scene.placement import set_on
-from tests.films import FEW
-from tests.viewer.turns import SETTINGS
-
-pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
-pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
-
 from iprt.viewer.desktop.gizmo import GIZMO
+from tests.films import FEW
 from tests.viewer.screen.user import FRAMES, SIZE, User
-
-pytestmark = pytest.mark.screen
+from tests.viewer.turns import SETTINGS
 
 
 def rendered(user: User, path: Path, *flags: object, frame: int = 0) -> NDArray[np.uint8]:
@@ -69,18 +66,6 @@ def test_the_screen_shows_what_iprt_renders(user: User, tmp_path: Path) -> None:
 
 def test_keys(user: User) -> None:
     user.at_rest()
-    user.engine.set_loop(True)  # it would stop at the end of the clip, after a sixth of a second
-    user.key("space")
-    assert user.ui.playing
-    user.key("space")
-    assert not user.ui.playing
-    user.press("##frame", 0.97)
-    assert user.ui.frame == 3
-    assert user.at_rest().frame == 3
-    user.key("h")
-    assert user.ui.help
-    user.key("Escape")
-    assert not user.ui.help
     user.at_rest()
     seen = user.picture()
     user.key("F12")
@@ -178,24 +163,6 @@ def test_sliders(user: User, tmp_path: Path) -> None:
     np.testing.assert_array_equal(user.picture(), expected)
 
 
-def test_materials(user: User) -> None:
-    """A slider changes the object's, and the picture where that shows."""
-    x, y = user.cube()
-    user.press("Scene")
-    user.click(x, y)
-    before = user.at_rest()
-    geometry = before.geometry
-    assert geometry is not None
-    user.press("##alpha", 0.9)
-    user.away()
-    after = user.at_rest().picture.color
-    (material,) = user.engine.objects[0].materials
-    assert material.kind == "plastic"
-    assert material.alpha == pytest.approx(0.9, abs=0.1)
-    change = np.abs(after - before.picture.color).max(axis=2)
-    assert change[geometry.coverage == 1.0].mean() > 3.0 * change[geometry.coverage == 0.0].mean()
-
-
 def test_the_bar_between_picture_and_input(user: User) -> None:
     user.at_rest()
     user.ui.viewport.lens = replace(user.ui.viewport.lens, against="input")
@@ -213,3 +180,78 @@ def test_the_bar_between_picture_and_input(user: User) -> None:
     np.testing.assert_array_equal(seen[:, :60], ours[50:, :60])
     np.testing.assert_array_equal(seen[:, 80:], real[50:, 80:])
     assert not np.array_equal(seen[:, 60:80], ours[50:, 60:80]), "the bar"
+
+
+OVERLAPS = {
+    "one after the other": "CKkc",
+    "the modifier first": "CKck",
+}
+"""In which order control (C) and the key (K) go down, and (c, k) up."""
+
+
+def type_chord(user: User, name: str, order: str, drawn_after: int) -> None:
+    """Press keys in an order; frames are drawn after so many of the four events, and at the end."""
+    for number, event in enumerate(order, start=1):
+        user.screen.hold({"c": "Control_L", "k": name}[event.lower()], down=event.isupper())
+        if number == drawn_after:
+            user.wait()
+    user.wait(6)
+
+
+@pytest.mark.parametrize(
+    ("order", "drawn_after"),
+    [pytest.param(o, n, id=f"{k}-{n}") for (k, o), n in product(OVERLAPS.items(), range(5))],
+)
+def test_quick_chords(user: User, order: str, drawn_after: int) -> None:
+    """Ctrl+S saves, Ctrl+Z and Ctrl+Y undo and redo, whichever of their events share a frame."""
+    user.at_rest()
+    path = user.folder / "clip" / "scene.toml"
+    text = path.read_text()
+    user.engine.remove("cube")
+    for name, edits in (("z", 0), ("y", 1)):
+        type_chord(user, name, order, drawn_after)
+        assert len(user.engine.world.edits) == edits, name
+    type_chord(user, "s", order, drawn_after)
+    assert user.ui.mode == "move", "Ctrl+S is not S"
+    user.until(lambda: "cube" not in path.read_text())
+    assert not user.ui.browsing
+    path.write_text(text)
+    user.until(lambda: user.shows("cube"))
+
+
+def test_keys_that_are_held_down(user: User) -> None:
+    """Frames go on and on; what is switched is switched once."""
+    user.at_rest()
+    user.screen.hold("i", down=True)
+    user.until(lambda: not user.ui.readout)
+    user.screen.hold("Right", down=True)
+    user.until(lambda: user.ui.frame == 3)
+    user.screen.hold("Right", down=False)
+    user.screen.hold("Left", down=True)
+    user.screen.hold("i", down=False)
+    user.until(lambda: user.ui.frame == 0)
+    user.screen.hold("Left", down=False)
+    user.screen.hold("i", down=True)
+    switched = imgui.get_io().key_repeat_delay + 4.0 * imgui.get_io().key_repeat_rate
+    end = time.monotonic() + 2.0 * switched
+    user.until(lambda: time.monotonic() > end)
+    user.screen.hold("i", down=False)
+    user.wait()
+    assert user.ui.readout, "off and on again"
+
+
+def test_escape_closes_what_is_open_first(user: User) -> None:
+    """The colour picker of an object, and the object is let go of only then."""
+    user.press("Scene")
+    user.click(*user.cube())
+    assert user.ui.selected == "cube"
+    user.press("##color", 0.97)
+    assert imgui.is_popup_open("", ANY_POPUP)
+    user.key("Escape")
+    assert not imgui.is_popup_open("", ANY_POPUP)
+    assert user.ui.selected == "cube"
+    user.key("Escape")
+    assert user.ui.selected is None
+
+
+ANY_POPUP = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level

@@ -11,16 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
-from iprt.viewer.session import Session
-
-pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
-pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
-
-from iprt.viewer.desktop.overlay import edges
 from iprt.viewer.desktop.turning import BESIDE
+from iprt.viewer.gizmo import box_edges
+from iprt.viewer.session import Session
 from tests.viewer.screen.user import SIZE, User
-
-pytestmark = pytest.mark.screen
 
 
 @pytest.fixture
@@ -115,14 +109,16 @@ def test_the_box_of_an_object_is_where_it_was_dragged_to(held: User) -> None:
     displayed, dragged = held.ui.displayed, held.engine.world.edit_of("cube").to_world
     assert displayed is not None
     assert dragged is not None
-    view, to_world = displayed.shown.request.view, np.reshape(dragged, (4, 4))
-    assert np.linalg.norm(to_world[:3, 3] - state.to_world[:3, 3]) > 0.1
+    view, moved = displayed.shown.request.view, held.ui.state
+    assert moved is not None
+    np.testing.assert_array_equal(moved.to_world, np.reshape(dragged, (4, 4)))
+    assert np.linalg.norm(moved.to_world[:3, 3] - state.to_world[:3, 3]) > 0.1
     change = np.abs(held.picture().astype(int) - displayed.pixels).max(axis=2)
     held.screen.button(1, down=False)
     held.wait()
     lines = [
         start + share * (end - start)
-        for start, end in edges(to_world, state.corners, view, None)
+        for start, end in box_edges(moved, view, np.zeros(3))
         for share in np.linspace(0.0, 1.0, 50)
     ]
     inside = [p for p in lines if (p >= 2.0).all() and (p < np.array(SIZE) - 2.0).all()]

@@ -14,17 +14,10 @@ import pytest
 from iprt.settings.methods import DEFAULT
 from iprt.viewer import labels
 from iprt.viewer.labels import Label
+from iprt.viewer.lens import BUFFERS
 from tests.scene.files import write_rgb
-
-pytest.importorskip("imgui_bundle", reason="needs the extra `view`: ./run screen")
-pytest.importorskip("Xlib", reason="needs the extra `screen`: ./run screen")
-
-from imgui_bundle import imgui
-
 from tests.viewer.screen.looking import texts, widget
 from tests.viewer.screen.user import SIZE, User
-
-pytestmark = pytest.mark.screen
 
 SPEED = re.compile(r"latency .*|[\d.]+ fps")
 
@@ -70,36 +63,6 @@ def test_a_truth_that_is_not_there_cannot_be_chosen(user: User) -> None:
     user.until(lambda: user.ui.viewport.truth_problem is not None)
 
 
-def test_speed_is_shown_in_motion_only(wide: User) -> None:
-    """At rest nothing is left of the last figures, also when the picture is shown otherwise."""
-
-    def told() -> list[str]:
-        now = imgui.get_frame_count()
-        return [text for text, frame in wide.seen.items() if frame == now and SPEED.fullmatch(text)]
-
-    wide.at_rest()
-    wide.move(300, 96)
-    wide.screen.button(1, down=True)
-    kinds: set[str] = set()
-    x = 300.0
-    while kinds != {"latency", "fps"}:
-        x = 300.0 if x > 400.0 else x + 5.0
-        wide.screen.move(*wide.point(x, 96))
-        wide.wait()
-        kinds |= {"fps" if text.endswith("fps") else "latency" for text in told()}
-    wide.screen.button(1, down=False)
-    wide.away()
-    wide.at_rest()
-    wide.until(lambda: not told())
-    with tab(wide, "Picture"):
-        wide.press("##against")
-        wide.press("Input")
-        wide.until(lambda: wide.reads("Picture | Input"))
-        wide.at_rest()
-        wide.until(lambda: not told())
-    assert wide.reads("3 of 3 frames")
-
-
 def test_colours_are_srgb_and_say_so(user: User) -> None:
     """What is seen and typed is sRGB; what the scene gets is linear."""
     user.press("Scene")
@@ -124,7 +87,7 @@ def test_colours_are_srgb_and_say_so(user: User) -> None:
     user.wait()
     for key in ("0", "period", "5", "Return"):
         user.key(key)
-    (material,) = user.engine.wanted("cube").materials
+    (material,) = user.engine.object_state("cube").materials
     assert material.albedo == pytest.approx((0.21404, 0.3, 0.2), abs=2e-4)
 
 
@@ -132,7 +95,7 @@ def test_colours_are_srgb_and_say_so(user: User) -> None:
     ("panel", "list_name", "options"),
     [
         ("Scene", "##material", labels.MATERIALS),
-        ("Picture", "##buffer", labels.BUFFERS),
+        ("Picture", "##buffer", BUFFERS),
         ("Picture", "##against", CHOOSABLE),
     ],
     ids=["materials", "buffers", "comparisons"],
@@ -171,7 +134,7 @@ def test_screenshots_are_where_the_viewer_says(user: User) -> None:
         user.screen.wheel(-20)  # to the end
         user.until(lambda: user.reads(f"to {folder}"))
         for number, kind in ((1, "PNG"), (2, "PNG"), (1, "EXR")):
-            button = next(label for label in user.places if label.endswith(f"  {kind}"))
+            button = next(label for label in user.places if label.endswith(f"##{kind}"))
             user.press(button)
             path = folder / f"clip-ahead-{number:04d}.{kind.lower()}"
             assert user.reads(f"written: {path}")

@@ -24,20 +24,11 @@ from iprt.output.display import developed
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
+from iprt.viewer.web.browser import Browser
 from tests.scene.files import CUBE
 from tests.viewer.screen.browsing import Visitor, until
-from tests.viewer.turns import SETTINGS
-
-pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
-
-from iprt.viewer.web.browser import Browser
 from tests.viewer.screen.web import FRAMES, Place, at_rest, connected, cube_middle, screen
-
-pytestmark = [
-    pytest.mark.screen,
-    pytest.mark.thorough,
-    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
-]
+from tests.viewer.turns import SETTINGS
 
 CLICK_S = 5.0
 """After so long, a user clicks again."""
@@ -94,7 +85,7 @@ def test_looking_around(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
 
     middle = cube_middle(place)
     x, y = visitor.project(middle)
-    assert browser.viewport.object_at(x, y) == "cube"
+    assert browser.viewport.picking.object_at(x, y) == "cube"
     assert (x, y) == pytest.approx(view.project(middle) / (view.width, view.height), abs=1e-3)
     visitor.page.mouse.move(60, 120)
     visitor.page.mouse.wheel(0, -200)
@@ -111,11 +102,11 @@ def test_two_at_once(place: Place) -> None:
     assert yours.viewport.view == view
 
     one.page.get_by_label("Play").click()
-    until(lambda: place.engine.world.playback.since_s is not None, "it does not play")
+    until(lambda: place.engine.playback.since_s is not None, "it does not play")
     two.page.wait_for_function("document.querySelector('input[type=checkbox]:checked')")
     until(lambda: yours.displayed.shown.frame > 0, "the video stands")
     two.page.get_by_label("Play").click()
-    until(lambda: place.engine.world.playback.since_s is None, "it does not pause")
+    until(lambda: place.engine.playback.since_s is None, "it does not pause")
     place.engine.seek(0)
 
     for visitor in (one, two):
@@ -234,19 +225,6 @@ def _threads(name: str) -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name.startswith(name)]
 
 
-def test_bad_news_is_shown(place: Place) -> None:
-    """A scene that breaks while it is open is told of in the page, until it is mended."""
-    visitor, browser = place.visit()
-    at_rest(visitor, browser)
-    path: Path = place.engine.scene.root / "scene.toml"
-    text = path.read_text()
-    path.write_text(text.replace("format = 1", "format = 99"))
-    visitor.page.wait_for_selector(".problem")
-    assert "format" in visitor.page.inner_text(".problem")
-    path.write_text(text)
-    visitor.page.wait_for_selector(".problem", state="detached")
-
-
 def test_meshes_are_uploaded_and_saved(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """Any names, all at once: the meshes lie in the scene's folder then. Comments stay."""
     visitor, browser = place.visit()
@@ -262,7 +240,7 @@ def test_meshes_are_uploaded_and_saved(place: Place, monkeypatch: pytest.MonkeyP
     with held(browser):
         for number, file in enumerate(files, 1):
             button.set_input_files([file])
-            until(lambda n=number: len(browser._todo) >= n, "it does not come")
+            until(lambda n=number: len(browser._posted) >= n, "it does not come")
     until(lambda: len(engine.objects) == 1 + len(files), "some are missing")
     added = [state.name for state in engine.objects[1:]]
     assert sorted(added) == sorted(["box", "box-2", "up", "字" * 60, "object", "new_line"])
@@ -294,7 +272,7 @@ def held(browser: Browser) -> Iterator[None]:
     """Its thread is busy meanwhile."""
     free = threading.Event()
     browser.post("hold", free.wait)
-    until(lambda: "hold" not in browser._todo, "it does not begin")
+    until(lambda: "hold" not in browser._posted, "it does not begin")
     try:
         yield
     finally:

@@ -5,21 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import pytest
-
-from tests.viewer.screen.browsing import DEADLINE_S, Visitor, until
-
-pytest.importorskip("viser", reason="pip install 'iprt[view]'")
-
 from iprt.viewer.web.browser import Start
 from iprt.viewer.web.host import Host
+from tests.viewer.screen.browsing import DEADLINE_S, Visitor, until
 from tests.viewer.screen.web import Place, at_rest
-
-pytestmark = [
-    pytest.mark.screen,
-    pytest.mark.thorough,
-    pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection"),
-]
 
 
 @contextmanager

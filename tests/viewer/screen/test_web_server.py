@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import socket
 import subprocess
 import sys
-import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from queue import Queue
@@ -15,20 +15,16 @@ from typing import Any
 from urllib.request import urlopen
 
 import pytest
+import viser
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
+from iprt.viewer.web.browser import Start
+from iprt.viewer.web.host import Host
+from iprt.viewer.web.server import Viser, require_free
 from tests.clips import write_clip
+from tests.viewer.screen.web import connected
 from tests.waiting import DEADLINE_S
-
-viser = pytest.importorskip("viser", reason="needs the extra `view`: ./run screen")
-
-from iprt.viewer.web.browser import Start  # noqa: E402
-from iprt.viewer.web.host import Host  # noqa: E402
-from iprt.viewer.web.server import Viser, require_free  # noqa: E402
-from tests.viewer.screen.web import connected  # noqa: E402
-
-pytestmark = pytest.mark.screen
 
 
 @pytest.fixture
@@ -117,31 +113,25 @@ def test_nobody_can_share_it_with_the_world(
 
 
 def test_it_says_where_it_is_and_ends_by_ctrl_c(tmp_path: Path) -> None:
-    """Only this machine's own name leads there; nothing but the port is printed."""
+    """Only this machine's own name leads there; nothing else is printed."""
     scene = write_clip(tmp_path / "clip", 1)
-    program = textwrap.dedent(
-        f"""
-        import signal
-        from pathlib import Path
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        from iprt.scene.scene import Scene
-        from iprt.viewer.engine import Engine
-        from iprt.viewer.web import serve
-        scene = Scene.open(Path({str(scene)!r}))
-        with Engine(scene, lambda: None) as engine:
-            serve(engine, scene.views["ahead"].view, port=0,
-                  ready=lambda port: print(port, flush=True))
-        print("ended")
-        """
-    )
+    command = [sys.executable, "-m", "iprt", "view", str(scene), "--web", "--port", "0"]
     running = subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Shells let programs in the background ignore Ctrl+C.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert running.stdout is not None
-    port = int(running.stdout.readline())
+    found = re.fullmatch(r"open http://localhost:(\d+)/ .*\n", running.stdout.readline())
+    assert found is not None
+    port = int(found[1])
+    assert f"ssh -L {port}:localhost:{port} " in running.stdout.readline()
     socket.create_connection(("127.0.0.1", port), DEADLINE_S).close()
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.2", port), DEADLINE_S)
     running.send_signal(signal.SIGINT)
     out, errors = running.communicate(timeout=DEADLINE_S)
-    assert (running.returncode, out, errors) == (0, "ended\n", "")
+    assert (running.returncode, out, errors) == (130, "", "iprt: interrupted\n")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,26 +11,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.scene.scene import Scene
-from iprt.viewer.engine import Engine
-from iprt.viewer.lens import Lens
-from iprt.viewer.session import Shown
-from tests.clips import write_clip
-from tests.viewer.turns import SETTINGS
-from tests.waiting import DEADLINE_S
-
-if shutil.which("Xvfb") is None:
-    pytest.skip("needs Xvfb: ./run screen", allow_module_level=True)
-
-from imgui_bundle import imgui
-
 from iprt.viewer.desktop import app as app_module
 from iprt.viewer.desktop.app import App
 from iprt.viewer.desktop.style import BAD
+from iprt.viewer.engine import Engine
+from iprt.viewer.lens import Lens
+from iprt.viewer.session import Shown
+from iprt.viewer.viewport import Viewport
+from tests.clips import write_clip
 from tests.viewer.screen.x11 import Screen, xvfb
+from tests.viewer.turns import SETTINGS
+from tests.waiting import DEADLINE_S
 
 SIZE = (256, 192)
 """Size of the picture."""
@@ -81,7 +77,7 @@ class User:
                 and displayed.shown.request == viewport._wanted
                 and not viewport._asked  # the same was asked for before, and others meanwhile
                 and displayed.shown.frame == self.ui.frame
-                and displayed.shown.number >= self.engine._mailbox._world_number
+                and displayed.shown.number >= self.engine._shared._world_number
             )
 
         self.until(done)
@@ -118,6 +114,12 @@ class User:
             self.screen.move(*self.point(*(np.array(start) * (1 - share) + np.array(end) * share)))
             self.wait(2)
         self.screen.button(1, down=False)
+        self.wait()
+
+    def drop(self, file: Path, x: float, y: float) -> None:
+        """Let go of a file over a pixel, as GLFW tells it."""
+        self.move(x, y)
+        self.app.window._drop(None, [os.fsencode(file)])
         self.wait()
 
     def click(self, x: float, y: float) -> None:
@@ -205,7 +207,7 @@ def seated(device: ComputeDevice, folder: Path) -> Iterator[User]:
         patch.setattr(app_module, "IDLE_S", 0.005)
         engine = Engine(scene, lambda: device, SETTINGS)
         view = scene.views["ahead"].view
-        app = App(engine, view.resized(800, 600), objects=None, folder=None, frames=FRAMES)
+        app = App(engine, Viewport(engine, view.resized(800, 600), frames=FRAMES))
         screen = Screen(display)
         user = User(app, screen, folder)
         _note(patch, user)

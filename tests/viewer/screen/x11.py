@@ -5,17 +5,14 @@ from __future__ import annotations
 import os
 import select
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from Xlib import XK, X
 from Xlib.display import Display
 from Xlib.ext import xtest
-from Xlib.protocol import event
 
 from tests.waiting import DEADLINE_S
 
@@ -93,61 +90,3 @@ class Screen:
                 window.set_input_focus(X.RevertToParent, X.CurrentTime)
                 self._display.sync()
                 return
-
-    # Drag and drop, as the protocol XDND has it ------------------------------------------------
-
-    def drop(self, path: str, x: int, y: int, step: Callable[[], None]) -> None:
-        """Let go of a file over a window at a point; `step` lets the window take events."""
-        self.move(x, y)
-        display, target = self._display, self._window_at(x, y)
-        source = self._root.create_window(0, 0, 1, 1, 0, X.CopyFromParent)
-        atom = display.intern_atom
-        selection, kind = atom("XdndSelection"), atom("text/uri-list")
-        source.set_selection_owner(selection, X.CurrentTime)
-
-        def tell(name: str, *values: int) -> None:
-            data = [source.id, *values, *[0] * (4 - len(values))]
-            message = event.ClientMessage(
-                window=target, client_type=atom(name), data=(32, data), sequence_number=0
-            )
-            target.send_event(message)
-            display.sync()
-
-        tell("XdndEnter", 5 << 24, kind)
-        tell("XdndPosition", 0, x << 16 | y, X.CurrentTime, atom("XdndActionCopy"))
-        self._answer(step, atom("XdndStatus"), path)
-        tell("XdndDrop", 0, X.CurrentTime)
-        self._answer(step, atom("XdndFinished"), path)
-        source.destroy()
-
-    def _answer(self, step: Callable[[], None], until: int, path: str) -> None:
-        """Serve the file's name until the window sends a message."""
-        end = time.monotonic() + DEADLINE_S
-        while time.monotonic() < end:
-            step()
-            while self._display.pending_events():
-                received = self._display.next_event()
-                if received.type == X.SelectionRequest:
-                    self._serve(received, f"file://{path}\r\n".encode())
-                elif received.type == X.ClientMessage and received.client_type == until:
-                    return
-        raise AssertionError("the window does not answer")
-
-    def _serve(self, request: Any, data: bytes) -> None:
-        request.requestor.change_property(request.property, request.target, 8, data)
-        answer = event.SelectionNotify(
-            time=request.time,
-            requestor=request.requestor,
-            selection=request.selection,
-            target=request.target,
-            property=request.property,
-        )
-        request.requestor.send_event(answer)
-        self._display.sync()
-
-    def _window_at(self, x: int, y: int) -> Any:
-        window, reached = self._root, self._root.translate_coords(self._root, x, y).child
-        while reached != X.NONE:
-            window = reached
-            reached = window.translate_coords(self._root, x, y).child
-        return window

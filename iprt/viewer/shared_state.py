@@ -17,7 +17,7 @@ from iprt.viewer.state import Playback, Request, Status, World
 
 
 @dataclass(frozen=True)
-class Asked:
+class NumberedRequest:
     """A request with its number."""
 
     number: int
@@ -25,7 +25,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Snapshot:
     """A snapshot of the world and all requests.
 
     Attributes
@@ -33,30 +33,44 @@ class Wanted:
     number : int
         Number of the newest change to the world.
     world : World
-    requests : dict of int to Asked
+    requests : dict of int to NumberedRequest
         Requests by client.
     """
 
     number: int
     world: World
-    requests: dict[int, Asked]
+    requests: dict[int, NumberedRequest]
 
 
-class Mailbox:
-    """Requests to the engine, and its pictures; all methods are thread-safe."""
+class SharedState:
+    """Requests to the engine, and its pictures; all methods are thread-safe.
+
+    Attributes are replaced as a whole, and only read by others.
+
+    Attributes
+    ----------
+    world : World
+        The shared world, as requested.
+    history : History
+        Undo and redo of its edits.
+    status : Status
+        The engine's status.
+    closed : bool
+        True after `close`.
+    """
 
     def __init__(self, world: World, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._history = History()
+        self.history = History()
         self._condition = threading.Condition()
         self._number = 0
         self._clients = 0
-        self._world, self._world_number = world, 0
-        self._requests: dict[int, Asked] = {}
+        self.world, self._world_number = world, 0
+        self._requests: dict[int, NumberedRequest] = {}
         self._shown: dict[int, Shown] = {}
-        self._status = Status()
+        self.status = Status()
         self._stirred = False
-        self._closed = False
+        self.closed = False
 
     # Clients call these -----------------------------------------------------------------------
 
@@ -79,7 +93,7 @@ class Mailbox:
         """Replace a client's request; return its number."""
         with self._condition:
             self._number += 1
-            self._requests[client] = Asked(self._number, request)
+            self._requests[client] = NumberedRequest(self._number, request)
             self._stir()
             return self._number
 
@@ -89,10 +103,10 @@ class Mailbox:
         Without an effect, it returns the number of the last change.
         """
         with self._condition:
-            world = change(self._world)
-            if world != self._world:
+            world = change(self.world)
+            if world != self.world:
                 self._number += 1
-                self._world, self._world_number = world, self._number
+                self.world, self._world_number = world, self._number
                 self._stir()
             return self._world_number
 
@@ -108,30 +122,18 @@ class Mailbox:
         def change(world: World) -> World:
             after = world.edited(edit(world.edit_of(name)))
             if after != world:
-                self._history.add(world.edits, after.edits, self._clock())
+                self.history.add(world.edits, after.edits, self._clock())
             return after
 
         return self.change(change)
 
     def undo(self) -> int:
         """Undo the last change of the edits; return the number of the change."""
-        return self.change(lambda world: replace(world, edits=self._history.undo(world.edits)))
+        return self.change(lambda world: replace(world, edits=self.history.undo(world.edits)))
 
     def redo(self) -> int:
         """Redo the last undone change; return the number of the change."""
-        return self.change(lambda world: replace(world, edits=self._history.redo(world.edits)))
-
-    @property
-    def can_undo(self) -> bool:
-        """True if there is an edit to undo."""
-        with self._condition:
-            return self._history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        """True if there is an edit to redo."""
-        with self._condition:
-            return self._history.can_redo
+        return self.change(lambda world: replace(world, edits=self.history.redo(world.edits)))
 
     def saved(self, edits: tuple[ObjectEdit, ...]) -> int:
         """Record that the scene's files contain these edits; return the number of the change."""
@@ -146,23 +148,11 @@ class Mailbox:
         def change(world: World) -> World:
             if not world.saved:
                 return world
-            self._history.clear()
+            self.history.clear()
             edits = tuple(edit for edit in world.edits if edit not in world.saved)
             return replace(world, edits=edits, saved=())
 
         return self.change(change)
-
-    @property
-    def world(self) -> World:
-        """The shared world, as requested."""
-        with self._condition:
-            return self._world
-
-    @property
-    def status(self) -> Status:
-        """The engine's status."""
-        with self._condition:
-            return self._status
 
     def shown(self, client: int) -> Shown | None:
         """Return the newest picture of a client, or None before the first."""
@@ -177,22 +167,22 @@ class Mailbox:
             return shown if shown is not None and ready(shown) else None
 
         with self._condition:
-            self._condition.wait_for(lambda: self._closed or found() is not None, timeout_s)
+            self._condition.wait_for(lambda: self.closed or found() is not None, timeout_s)
             return found()
 
     # The engine calls these -------------------------------------------------------------------
 
-    def take(self) -> Wanted:
+    def take(self) -> Snapshot:
         """Return the newest requests, and mark them as seen."""
         with self._condition:
             self._stirred = False
-            return self.wanted
+            return self.snapshot
 
     @property
-    def wanted(self) -> Wanted:
+    def snapshot(self) -> Snapshot:
         """The newest requests."""
         with self._condition:
-            return Wanted(self._world_number, self._world, dict(self._requests))
+            return Snapshot(self._world_number, self.world, dict(self._requests))
 
     def publish(self, client: int, shown: Shown) -> None:
         """Publish a picture to a client."""
@@ -204,8 +194,8 @@ class Mailbox:
     def report(self, status: Status) -> None:
         """Publish the engine's status."""
         with self._condition:
-            if status != self._status:
-                self._status = status
+            if status != self.status:
+                self.status = status
                 self._condition.notify_all()
 
     def stir(self) -> None:
@@ -216,19 +206,13 @@ class Mailbox:
     def rest(self, timeout_s: float) -> None:
         """Wait for a request, for at most `timeout_s`."""
         with self._condition:
-            self._condition.wait_for(lambda: self._stirred or self._closed, timeout_s)
+            self._condition.wait_for(lambda: self._stirred or self.closed, timeout_s)
 
     def close(self) -> None:
-        """Close the mailbox, and wake all waiting threads."""
+        """Close the shared, and wake all waiting threads."""
         with self._condition:
-            self._closed = True
+            self.closed = True
             self._condition.notify_all()
-
-    @property
-    def closed(self) -> bool:
-        """True after `close`."""
-        with self._condition:
-            return self._closed
 
     def _stir(self) -> None:
         self._stirred = True

@@ -1,17 +1,16 @@
-"""Rates of events, and the position in a playing video."""
+"""Rates of events and of video frames."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 EVENTS = 12
 """Number of averaged events."""
 
 
-class Rate:
+class EventRate:
     """The recent rate of an event per second.
 
     Parameters
@@ -44,7 +43,7 @@ class FrameRate:
     """The rate of displayed video frames during playback."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self._rate = Rate(clock)
+        self._rate = EventRate(clock)
         self._last: tuple[float | None, int] = (None, -1)
 
     def follow(self, since_s: float | None, frame: int) -> None:
@@ -59,34 +58,3 @@ class FrameRate:
     def value(self) -> float | None:
         """Frames per second; None if paused or before the second frame."""
         return None if self._last[0] is None else self._rate.value
-
-
-@dataclass(frozen=True)
-class FrameCounter:
-    """The position in a video.
-
-    Attributes
-    ----------
-    frame : int
-        Number of the displayed frame, as in scene.toml.
-    position, total : int
-        Position counted from 1, and number of frames.
-    shown_fps : float or None
-        Displayed video frames per second; None if paused or at the start.
-    video_fps : float
-        Frame rate of the video itself.
-    """
-
-    frame: int
-    position: int
-    total: int
-    shown_fps: float | None
-    video_fps: float
-
-    @property
-    def text(self) -> str:
-        """Short text for display."""
-        where = f"{self.position} of {self.total}"
-        if self.shown_fps is None:
-            return where
-        return f"{where}, {self.shown_fps:.2g} of {self.video_fps:g} fps"

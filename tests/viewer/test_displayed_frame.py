@@ -1,16 +1,21 @@
-"""Views with a truth: it is scored as long as it shows what the viewer shows."""
+"""Comparisons, truths among them: what they show, when they are scored, and what is told."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.measure import metrics
+from iprt.output.display import display
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.scene import Scene
-from iprt.viewer.developer import OUTDATED
+from iprt.viewer.displayed_frame import OUTDATED, PictureDeveloper
 from iprt.viewer.engine import Engine
 from iprt.viewer.lens import Lens
 from iprt.viewer.viewport import Viewport
@@ -18,6 +23,7 @@ from tests.clips import write_clip
 from tests.scene.files import write_rgb
 from tests.viewer.turns import SETTINGS, VIEW
 from tests.viewer.viewports import LOOK, at_rest, until
+from tests.waiting import DEADLINE_S
 
 
 @pytest.fixture
@@ -78,6 +84,15 @@ def test_what_was_added_is_shown_in_views_that_list_objects(
         viewport.close()
 
 
+def test_a_truth_that_cannot_be_read_is_told(device: ComputeDevice, judged: Scene) -> None:
+    (judged.root / "truth.exr").write_bytes(b"no picture")
+    with Engine(judged, lambda: device, SETTINGS) as engine:
+        viewport = Viewport(engine, VIEW, frames=1)
+        viewport.lens = Lens(against="truth")
+        until(viewport, lambda s: "truth.exr" in s.caption)
+        viewport.close()
+
+
 def test_a_truth_of_other_objects_is_stale(device: ComputeDevice, judged: Scene) -> None:
     """What was edited, added or hidden since; not once that is taken back."""
     with Engine(judged, lambda: device, SETTINGS) as engine:
@@ -94,7 +109,7 @@ def test_a_truth_of_other_objects_is_stale(device: ComputeDevice, judged: Scene)
         assert "SSIM" not in stale.caption
         engine.undo()
         until(viewport, lambda s: not s.warning and "SSIM" in s.caption)
-        viewport.show_objects(())
+        viewport.objects = ()
         until(viewport, lambda s: s.shown.request.objects == () and bool(s.warning))
         viewport.turn(1.0, 0.0)
         assert viewport.truth_problem == "only the scene's own views have a truth: go to one"
@@ -127,3 +142,68 @@ def test_a_truth_is_stale_after_edits_are_saved(
         manifest.write_text(manifest.read_text().replace("truth_outdated = true\n", ""))
         until(viewport, lambda s: not s.warning and "SSIM" in s.caption)
         viewport.close()
+
+
+RNG = np.random.default_rng(5)
+COLOR, INPUT, OTHER = RNG.random((3, 24, 32, 3)).astype(np.float32)
+NORMAL = RNG.normal(size=(24, 32, 3)).astype(np.float32)
+SCENE: Any = SimpleNamespace(exposure=1.0, views={})
+
+
+def shown(color: Any, method: str, *, plain: bool = False) -> Any:
+    aovs = {} if plain else {"background": INPUT, "normal": NORMAL}
+    return SimpleNamespace(
+        picture=SimpleNamespace(color=color, aovs=aovs),
+        plain=plain,
+        refined=not plain,
+        frame=0,
+        request=SimpleNamespace(
+            view="ahead", objects=None, settings=SimpleNamespace(method=method)
+        ),
+    )
+
+
+def developed(developer: PictureDeveloper, lens: Lens, baseline: Any) -> Any:
+    return developer.develop(SCENE, None, lens, shown(COLOR, "iprt"), baseline, ())
+
+
+@pytest.fixture
+def developer() -> Any:
+    developer = PictureDeveloper()
+    yield developer
+    developer.close()
+
+
+def scored(developer: PictureDeveloper, lens: Lens, baseline: Any) -> str:
+    """The caption once its score is known."""
+    before, end = developer.scores, time.monotonic() + DEADLINE_S
+    developed(developer, lens, baseline)
+    while developer.scores == before and time.monotonic() < end:
+        time.sleep(0.01)
+    caption: str = developed(developer, lens, baseline).caption
+    return caption
+
+
+def test_scores_are_of_what_is_compared(developer: PictureDeveloper) -> None:
+    ibl = shown(OTHER, "ibl")
+    for against, other in (("input", INPUT), ("ibl", OTHER)):
+        value = metrics.ssim(*(display(image, 1.0) for image in (COLOR, other)))
+        caption = scored(developer, Lens(against=against), ibl)
+        assert caption.endswith(f", SSIM {value:.3f}")
+
+
+def test_a_method_whose_kernels_compile_is_not_compared_with(developer: PictureDeveloper) -> None:
+    """Meanwhile its picture is the input."""
+    found = developed(developer, Lens(against="ibl", split=0.0), shown(INPUT, "ibl", plain=True))
+    assert "ibl is being rendered" in found.caption
+    assert "SSIM" not in found.caption
+    assert found.sides is None
+    np.testing.assert_array_equal(found.pixels, Lens().develop(COLOR, 1.0))
+
+
+def test_buffers_have_no_score(developer: PictureDeveloper) -> None:
+    lens = Lens(buffer="normal", against="input")
+    scored(developer, Lens(against="input"), None)
+    found = developed(developer, lens, None)
+    assert found.buffer == "normal"
+    assert "SSIM" not in found.caption

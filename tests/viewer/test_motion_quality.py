@@ -1,11 +1,9 @@
-"""Pace, on simulated devices: it holds the target, settles, and goes back to what was asked for."""
+"""Quality in motion, on simulated devices: it holds the target, settles, and recovers at rest."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from itertools import groupby, pairwise
-from pathlib import Path
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -13,22 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iprt.device.compute import ComputeDevice
 from iprt.footage.properties import Footage
 from iprt.geometry.material import Material
-from iprt.scene.scene import Scene
 from iprt.settings.features import Features
 from iprt.settings.ladder import LADDER, entry_settings
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values, resolved
 from iprt.settings.presets import Quality
-from iprt.viewer.engine import Engine
-from iprt.viewer.pace import MOST_UP_S, SCALES, UP_S, Level, Pace, levels_below
-from iprt.viewer.state import Request
-from tests.clips import write_clip
-from tests.measure.tables import made_table, ratio_of
-from tests.viewer.turns import SETTINGS, VIEW
-from tests.waiting import DEADLINE_S
+from iprt.viewer.motion_quality import (
+    MOST_UP_S,
+    SCALES,
+    UP_S,
+    Level,
+    QualityController,
+    levels_below,
+)
+from tests.measure.tables import made_table
+from tests.viewer.turns import VIEW
 
 FPS = 30.0
 TABLE = made_table()
@@ -36,8 +35,10 @@ LEAST = changed(Settings(), entry_settings(next(iter(LADDER))))
 """The settings of the quickest entry."""
 
 
-def paced(base: Settings | None = None, fps: float = FPS, usual_s: float | None = None) -> Pace:
-    return Pace(fps, base or Settings(), TABLE, usual_s=usual_s)
+def paced(
+    base: Settings | None = None, fps: float = FPS, usual_s: float | None = None
+) -> QualityController:
+    return QualityController(fps, base or Settings(), TABLE, usual_s=usual_s)
 
 
 class Simulated:
@@ -50,7 +51,7 @@ class Simulated:
 
     def __init__(
         self,
-        pace: Pace,
+        pace: QualityController,
         load: Callable[[int], float],
         *,
         fixed: float = 0.0,
@@ -105,21 +106,6 @@ def test_what_is_known_of_a_frame_as_asked_for_saves_the_search(load: float) -> 
     device.play(300)
     assert len(set(device.numbers)) == 1
     assert (device.numbers[0] == 0) == (load < 1.0 / FPS)
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("load", [0.02, 0.0395, 0.07, 0.1, 0.2])
-@pytest.mark.parametrize("noise", [0.1, 0.2])
-@pytest.mark.parametrize("fixed", [0.0, 0.1])
-def test_noise_does_not_keep_it_from_settling(
-    load: float, noise: float, fixed: float, seed: int
-) -> None:
-    pace = paced()
-    device = Simulated(pace, lambda _: load, noise=noise, fixed=fixed, seed=seed)
-    device.play(2000)
-    assert len(device.changes) <= 12
-    assert sum(frame >= 1000 for frame in device.changes) <= 4
-    assert np.mean(device.seconds[-1000:]) < 1.15 / FPS
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -229,14 +215,6 @@ def test_levels_start_from_what_was_asked_for_and_never_exceed_it(quality: Quali
         assert now["light_scale"] >= own["light_scale"]
         fewer = own.keys() - {"light_scale"}
         assert all(now[k] <= own[k] for k in fewer if now[k] != own[k])
-        assert below.preview is not None
-        lines = below.preview.details.splitlines()
-        named = {line.split()[0]: line for line in lines if " instead of " in line}
-        assert set(named) == {key for key in own if now[key] != own[key]}
-        for key, line in named.items():
-            assert line == f"{key} {now[key]} instead of {own[key]}"
-        smaller = f"Preview at {100 * below.scale:.0f}% resolution"
-        assert (below.preview.short == smaller) == (below.scale < 1.0)
     assert [level.scale for level in levels if level.scale < 1.0] == list(SCALES)
 
 
@@ -250,71 +228,10 @@ def test_the_picture_is_sharp_as_long_as_light_can_be_coarser(own: int) -> None:
     assert all(level.settings.light_scale == 8 for level in levels if level.scale < 1.0)
 
 
-def sharp(base: Settings) -> list[float]:
-    """Shares of the levels in full resolution."""
-    return [level.share for level in levels_below(base, TABLE) if level.scale == 1.0]
-
-
-def test_the_shares_of_levels_are_those_of_the_table() -> None:
-    accurate = changed(Settings(), LADDER["accurate"])
-    assert sharp(accurate) == pytest.approx([0.6**i for i in range(len(LADDER))])
-    # None of the entries with more rays, whatever light they have.
-    below = list(LADDER)[: list(LADDER).index("light 2, rays 2")]
-    names = ["balanced", *below[::-1]]
-    assert sharp(Settings()) == pytest.approx([ratio_of(TABLE, name) for name in names])
-    for level, name in zip(levels_below(Settings(), TABLE), names, strict=False):
-        kept = {k: v for k, v in LADDER[name].items() if not k.startswith("irradiance.")}
-        assert level.settings == changed(Settings(), kept)
-
-
-def test_other_settings_count_as_the_quickest_entry_that_traces_as_much() -> None:
-    counted = {
-        ("trace.rays", 3): ("rays 4", "rays 2"),
-        ("light_scale", 3): ("light 2", "draft"),
-        ("trace.rays", 1000): ("accurate", "rays 4"),
-    }
-    for (key, value), (whole, below) in counted.items():
-        shares = sharp(changed(Settings(), {key: value}))
-        assert shares[1] == pytest.approx(ratio_of(TABLE, below) / ratio_of(TABLE, whole))
-
-
 def test_who_asked_for_least_is_left_with_resolution() -> None:
     levels = levels_below(LEAST, TABLE)
     assert [level.scale for level in levels] == [1.0, *SCALES]
     assert all(level.settings == LEAST for level in levels)
-
-
-@pytest.mark.thorough
-def test_an_engine_follows_down_and_up_again(tmp_path: Path, device: ComputeDevice) -> None:
-    """Settings and resolution, on times as a slow and then a quick device would take them."""
-    base = changed(SETTINGS, {"trace.object_rays": 2})
-    pace = paced(base, fps=10.0)
-    scene = Scene.open(write_clip(tmp_path / "clip", 2))
-    seen = []
-    with Engine(scene, lambda: device, base) as engine:
-        client = engine.client(Request(VIEW))
-        for frame in range(150):
-            seconds = 0.8 if frame < 30 else 0.07
-            level = pace.level
-            width, height = (round(level.scale * n) for n in (VIEW.width, VIEW.height))
-            view = replace(VIEW.resized(width, height), yaw_deg=0.01 * frame)
-            number = client.ask(Request(view, settings=level.settings))
-            shown = client.wait(number, DEADLINE_S)
-            assert shown is not None, engine.status
-            assert shown.picture.color.shape == (height, width, 3)
-            assert shown.request.settings is level.settings
-            quality = level.settings.light_scale, level.scale
-            seen.append((quality, shown.picture.color.mean()))
-            pace.observe(seconds * level.share, shown.compiled)
-        assert not engine.status.problems
-    qualities = [quality for quality, _ in groupby(quality for quality, _ in seen)]
-    assert qualities[:2] == [(1, 1.0), (8, 0.84)]
-    assert qualities[-1] == (1, 1.0)
-    assert all(a[0] >= b[0] and a[1] <= b[1] for a, b in pairwise(qualities[1:]))
-    assert pace.level.settings is base
-    # The light of the picture is the same, however little of it is rendered.
-    means = [np.mean([mean for of, mean in seen if of == quality]) for quality in qualities[:2]]
-    assert means[1] == pytest.approx(means[0], rel=0.05)
 
 
 @pytest.mark.parametrize("quality", get_args(Quality))

@@ -17,7 +17,7 @@ from iprt.viewer.session import Shown
 from iprt.viewer.state import Request
 
 
-def plain(frame: Frame, request: Request, device: str) -> Shown:
+def plain_video(frame: Frame, request: Request, device: str) -> Shown:
     """Build a picture of a video frame that answers no request."""
     return Shown(
         number=-1,

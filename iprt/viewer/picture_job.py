@@ -6,8 +6,8 @@ import time
 from dataclasses import dataclass
 from functools import cached_property
 
-from iprt.viewer.canvas import Stage
-from iprt.viewer.mailbox import Asked, Wanted
+from iprt.viewer.accumulating_renderer import Stage
+from iprt.viewer.shared_state import NumberedRequest, Snapshot
 from iprt.viewer.state import Request, World
 
 ABANDON_S = 0.25
@@ -15,7 +15,7 @@ ABANDON_S = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
+class PictureJob:
     """The picture being rendered.
 
     Attributes
@@ -23,7 +23,7 @@ class Work:
     client : int
         Client that it is rendered for.
     stage : Stage
-    asked : Asked
+    asked : NumberedRequest
     world : World
     begin_s : float
         Start time by `time.perf_counter`.
@@ -31,11 +31,11 @@ class Work:
 
     client: int
     stage: Stage
-    asked: Asked
+    asked: NumberedRequest
     world: World
     begin_s: float
 
-    def unwanted(self, wanted: Wanted, abandoned: int) -> bool:
+    def unwanted(self, wanted: Snapshot, abandoned: int) -> bool:
         """Return True if the picture is obsolete and has taken long.
 
         It is obsolete if its renderer cannot follow to the current request. A renderer that only
@@ -44,7 +44,7 @@ class Work:
 
         Parameters
         ----------
-        wanted : Wanted
+        wanted : Snapshot
         abandoned : int
             Number of consecutive abandoned pictures before this one. Each gets twice the time of
             the one before, so that one is finished during the drag of a slider.

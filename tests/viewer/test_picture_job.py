@@ -18,7 +18,7 @@ from iprt.renderer import Renderer
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
-from iprt.viewer.plain import resampled
+from iprt.viewer.plain_video import resampled
 from iprt.viewer.state import Status
 from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
 
@@ -34,7 +34,7 @@ class Meanwhile:
         self.do: list[Callable[[], object]] = []
         self.finished = 0
         # Every launch is one between which the engine looks, and every picture takes long.
-        monkeypatch.setattr("iprt.viewer.work.ABANDON_S", 0.0)
+        monkeypatch.setattr("iprt.viewer.picture_job.ABANDON_S", 0.0)
         monkeypatch.setattr("iprt.device.bands.QUICK_S", -1.0)
         launch = module.Kernel.__call__
 
@@ -70,7 +70,7 @@ def test_what_is_not_wanted_any_more_is_abandoned(
             assert meanwhile.finished == 0
             assert driver.shown(client) is not None
             shown = driver.answer(client, numbers[0])
-            assert driver.mailbox.status.problems == ()
+            assert driver.shared.status.problems == ()
             monkeypatch.undo()
             driver.change(settings=SETTINGS, edits=())
             driver.answer(client, driver.ask(client))
@@ -105,8 +105,8 @@ def test_who_drags_a_slider_sees_pictures(
         client = driver.join()
         driver.answer(client)
         meanwhile = Meanwhile(driver, monkeypatch)
-        monkeypatch.setattr("iprt.viewer.work.ABANDON_S", 0.25)
-        monkeypatch.setattr("iprt.viewer.work.time.perf_counter", lambda: now[0])
+        monkeypatch.setattr("iprt.viewer.picture_job.ABANDON_S", 0.25)
+        monkeypatch.setattr("iprt.viewer.picture_job.time.perf_counter", lambda: now[0])
 
         def drag(number: int) -> None:
             now[0] += 2.0  # each picture takes so long
@@ -126,10 +126,10 @@ def test_the_first_picture_is_the_video(scene: Scene, device: ComputeDevice) -> 
     told: list[Status] = []
     pictures: list[object] = []
     with turns(scene, own) as driver:
-        mailbox = driver.mailbox
-        report, publish = mailbox.report, mailbox.publish
-        mailbox.report = lambda s: (told.append(s), report(s))[1]  # type: ignore[method-assign]
-        mailbox.publish = (  # type: ignore[method-assign]
+        shared = driver.shared
+        report, publish = shared.report, shared.publish
+        shared.report = lambda s: (told.append(s), report(s))[1]  # type: ignore[method-assign]
+        shared.publish = (  # type: ignore[method-assign]
             lambda client, shown: (pictures.append(shown), publish(client, shown))[1]
         )
         client = driver.join(frames=2)
@@ -174,14 +174,14 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
         driver.answer(driver.join())
         driver.core.add(ObjectEdit("shining", path=path), (20.0, -40.0), MeshPose(height_m=0.3))
         driver.settle()
-        (note,) = driver.mailbox.status.notes
+        (note,) = driver.shared.status.notes
         assert note.startswith("shining.obj: ")
         assert "refers to lost.mtl, which is missing" in note
         assert "not read: emission" in note
-        assert driver.mailbox.status.problems == ()
+        assert driver.shared.status.problems == ()
         driver.clock.now += 100.0
         driver.settle()
-        assert driver.mailbox.status.notes == ()
+        assert driver.shared.status.notes == ()
 
 
 @pytest.mark.thorough
@@ -196,7 +196,7 @@ def test_renderers_and_programs_do_not_pile_up(
         renderers.append(weakref.ref(made))
         return made
 
-    monkeypatch.setattr("iprt.viewer.canvas.Renderer", noting)
+    monkeypatch.setattr("iprt.viewer.accumulating_renderer.Renderer", noting)
     monkeypatch.setattr("iprt.viewer.core.MOST_PROGRAMS", 8)
     own = ComputeDevice(device.device)
     with turns(scene, own) as driver:
@@ -212,7 +212,7 @@ def test_renderers_and_programs_do_not_pile_up(
             alive = [ref for ref in renderers if ref() is not None]
             assert len(alive) <= 2
         in_use = len(own.built_programs)
-        driver.mailbox.leave(client)
+        driver.shared.leave(client)
         driver.settle()
         gc.collect()
         assert not [ref for ref in renderers if ref() is not None]

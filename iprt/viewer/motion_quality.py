@@ -1,4 +1,4 @@
-"""A controller that holds a target frame rate during motion by less light and less resolution.
+"""Quality during motion: less light and less resolution, to hold a target frame rate.
 
 Level 0 has the user's settings. The next levels are the faster entries of the ladder
 (`iprt.settings.ladder`), and each one after them has fewer pixels. The time of a frame is a +
@@ -11,8 +11,10 @@ next one.
 
 from __future__ import annotations
 
+import math
+import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median
 from typing import Any
@@ -21,7 +23,13 @@ from iprt.measure.tradeoff import Tradeoff
 from iprt.settings.ladder import entry_settings
 from iprt.settings.model import Settings
 from iprt.settings.overrides import changed, plain_values
+from iprt.viewer.frame_rate import EventRate
+from iprt.viewer.session import Shown
 
+REST_S = 0.3
+"""Seconds without input after which a picture is at rest."""
+SHOWN_S = 1.0
+"""Seconds after the last moving picture for which the frame rate is shown."""
 TRACED = ("light_scale", "trace.rays", "trace.object_rays")
 """Settings that dominate the time of a frame."""
 SCALES = (0.84, 0.71, 0.6, 0.5, 0.42, 0.35, 0.3, 0.25)
@@ -143,7 +151,7 @@ def _preview(base: Settings, given_up: Mapping[str, Any], scale: float, share: f
     return Level(changed(base, given_up), scale, share, preview)
 
 
-class Pace:
+class QualityController:
     """A controller of settings and resolution by measured frame times.
 
     Parameters
@@ -151,7 +159,7 @@ class Pace:
     target_fps : float
         Frames per second to hold; above 0.
     base : Settings
-        The user's settings. Make another `Pace` if they change.
+        The user's settings. Make another `QualityController` if they change.
     table : Tradeoff
         Times of the ladder's entries.
     usual_s : float or None
@@ -200,7 +208,7 @@ class Pace:
             return
         newest = median([*self._times][-FEWEST:])
         usual = median(self._times)
-        mean = fmean(min(time, OUTLIER * usual) for time in self._times)
+        mean = fmean(min(taken, OUTLIER * usual) for taken in self._times)
         if newest > TOO_SLOW * self._target_s and mean > ALL_TOO_SLOW * self._target_s:
             if self._now < len(self.levels) - 1:
                 failed = self._went_up and self._stood_s < MOST_UP_S
@@ -221,3 +229,102 @@ class Pace:
         self._went_up = number < self._now
         self._now, self._frames, self._stood_s = number, 0, 0.0
         self._times: deque[float] = deque(maxlen=WINDOW)
+
+
+class MotionQuality:
+    """A detector of motion, and a controller of quality during motion; rest has full quality.
+
+    Parameters
+    ----------
+    target_fps : float or None
+        See the property.
+    table : Tradeoff
+        Measured times of the settings for motion.
+    clock : callable
+        Returns seconds.
+    """
+
+    def __init__(
+        self,
+        target_fps: float | None,
+        table: Tradeoff,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._clock, self._table = clock, table
+        self._stirred_s = self._moved_s = -math.inf
+        self._rate = EventRate(clock)
+        self._step = 0  # step of the last observed picture
+        self._target_fps = target_fps
+        self._controller: QualityController | None = None
+        self._usual_s: float | None = None  # seconds of a frame at full quality
+
+    @property
+    def target_fps(self) -> float | None:
+        """Frames per second to hold during motion; None for full quality."""
+        return self._target_fps
+
+    @target_fps.setter
+    def target_fps(self, target_fps: float | None) -> None:
+        if target_fps != self._target_fps:
+            self._target_fps, self._controller = target_fps, None
+
+    def stir(self) -> None:
+        """Record input at the current time."""
+        self._stirred_s = self._clock()
+
+    @property
+    def lively(self) -> bool:
+        """True during motion and shortly after."""
+        return self._clock() - self._moved_s < SHOWN_S
+
+    @property
+    def fps(self) -> float | None:
+        """Pictures per second during motion; None at rest."""
+        return self._rate.value if self.lively else None
+
+    def level(self, base: Settings, *, playing: bool) -> Level | None:
+        """Return the quality level to render at, or None for `base` at full resolution.
+
+        Parameters
+        ----------
+        base : Settings
+            The user's settings.
+        playing : bool
+            True while the video plays.
+        """
+        moving = playing or self._clock() - self._stirred_s < REST_S
+        if not moving or self._target_fps is None:
+            return None
+        if self._controller is None or self._controller.base != base:
+            self._controller = QualityController(
+                self._target_fps, base, self._table, usual_s=self._usual_s
+            )
+        level = self._controller.level
+        return None if level.preview is None else level
+
+    def observe(self, shown: Shown) -> None:
+        """Record a new picture; in a quick sequence, some may be skipped."""
+        fresh, self._step = shown.step - self._step, shown.step
+        if 0 < shown.frames <= fresh:
+            if not self.lively:
+                self._rate.clear()
+            self._moved_s = self._clock()
+            self._rate.add()
+        level = self._level_of(shown)
+        if (level is None or level.preview is None) and not shown.compiled:
+            self._usual_s = shown.seconds
+        if (
+            self._controller is not None
+            and (level or self._controller.levels[0]) is self._controller.level
+        ):
+            self._controller.observe(shown.seconds, shown.compiled)
+
+    def preview(self, shown: Shown) -> Preview | None:
+        """Return the reductions of quality that hold the frame rate, or None."""
+        level = self._level_of(shown)
+        return None if level is None else level.preview
+
+    def _level_of(self, shown: Shown) -> Level | None:
+        """Return the level at which a picture was requested."""
+        levels = () if self._controller is None else self._controller.levels
+        return next((n for n in levels if n.settings is shown.request.settings), None)

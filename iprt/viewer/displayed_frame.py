@@ -1,4 +1,4 @@
-"""Development of a rendered picture into display pixels, with optional comparisons."""
+"""The picture in a window: development into display pixels, with optional comparisons."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from iprt.output.display import Bytes, display
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer import labels
-from iprt.viewer.lens import ERROR_LEVELS, Lens
+from iprt.viewer.lens import BUFFERS, ERROR_LEVELS, Lens
+from iprt.viewer.motion_quality import Preview
 from iprt.viewer.session import Shown
-from iprt.viewer.truth import Truth
+from iprt.viewer.truth_reader import TruthReader
 
 Radiance = NDArray[np.float32]
 STALE = (
@@ -26,7 +27,7 @@ OUTDATED = f"{STALE}, says scene.toml: once the truth is made again, remove trut
 
 
 @dataclass(frozen=True, eq=False)
-class Developed:
+class DevelopedPicture:
     """A picture developed for display.
 
     Attributes
@@ -49,31 +50,58 @@ class Developed:
     sides: tuple[str, str] | None = None
 
 
-class Developer:
-    """A developer of one window's pixels, for use by one thread at a time.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DisplayedFrame(DevelopedPicture):
+    """The picture in a window.
 
     Attributes
     ----------
-    truth : Truth
+    shown : Shown
+        The rendered picture behind it; `shown.picture` is linear.
+    preview : Preview or None
+        Reductions of quality that hold the requested frame rate; None without any.
+    latency_s : float or None
+        Seconds from the newest answered input to this picture; None at rest.
+    fps : float or None
+        Recent pictures per second; None at rest or at the start of a motion.
+    """
+
+    shown: Shown
+    preview: Preview | None
+    latency_s: float | None
+    fps: float | None
+
+    def figures(self) -> dict[str, str]:
+        """Return size, frames, noise, rate and latency in words; empty ones are unknown."""
+        shown, view = self.shown, self.shown.request.view
+        return {
+            "size": f"{view.width} × {view.height}",
+            "frames": f"{shown.frames} of {shown.request.frames} frames",
+            "noise": "" if shown.noise is None else f"noise {100.0 * shown.noise:.2g}%",
+            "rate": "" if self.fps is None else f"{self.fps:.1f} fps",
+            "latency": "" if self.latency_s is None else f"latency {1e3 * self.latency_s:.0f} ms",
+        }
+
+
+class PictureDeveloper:
+    """Development of one window's pictures into pixels, for use by one thread at a time.
+
+    Attributes
+    ----------
+    truth : TruthReader
     scores : int
         Number of scored comparisons; captions change after each.
     """
 
     def __init__(self) -> None:
-        self.truth = Truth()
-        self._pool: ThreadPoolExecutor | None = None
+        self.truth = TruthReader()
+        self._pool = ThreadPoolExecutor(1, "iprt SSIM")
         self._score: tuple[tuple[Radiance, Radiance], Future[float]] | None = None
-        self._done = 0
+        self.scores = 0
 
     def close(self) -> None:
         """Stop scoring."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-
-    @property
-    def scores(self) -> int:
-        """Number of scored comparisons."""
-        return self._done
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def develop(
         self,
@@ -83,7 +111,7 @@ class Developer:
         shown: Shown,
         baseline: Shown | None,
         edits: Sequence[ObjectEdit],
-    ) -> Developed:
+    ) -> DevelopedPicture:
         """Develop a picture for display.
 
         Parameters
@@ -101,19 +129,26 @@ class Developer:
             left, words = lens.develop(picture.color, exposure), labels.PICTURE.name
         else:
             left = lens.color(buffer, picture.aovs[buffer], exposure)
-            words = labels.BUFFERS[buffer].name
+            words = BUFFERS[buffer].name
         if lens.against is None or shown.plain:
-            return Developed(left, buffer, "" if buffer is None else words)
+            return DevelopedPicture(left, buffer, "" if buffer is None else words)
         other = self._other(scene, name, lens, shown, baseline)
         if isinstance(other, str):
-            return Developed(left, buffer, f"{words}: {other}")
+            return DevelopedPicture(left, buffer, f"{words}: {other}")
         pixels = lens.compare(left, lens.develop(other, exposure))
         warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
+        against = labels.comparisons()[lens.against].name
+        caption = f"{words} | {against}"
+        sides: tuple[str, str] | None = (words, against)
+        if lens.error:
+            percent = 100 * ERROR_LEVELS / 255
+            caption = f"Difference from {against.lower()}, white is {percent:.0f}%"
+            sides = None
         # Only pictures have scores, not buffers.
-        scored = not warning and buffer is None
-        caption = self._caption(lens, words, shown, other, exposure, scored=scored)
-        sides = None if lens.error else (words, labels.comparisons()[lens.against].name)
-        return Developed(pixels, buffer, caption, warning, sides)
+        if not warning and buffer is None:
+            score = self._scored(shown, other, exposure)
+            caption += "" if score is None else f", SSIM {score:.3f}"
+        return DevelopedPicture(pixels, buffer, caption, warning, sides)
 
     def _other(
         self, scene: Scene, name: str | None, lens: Lens, shown: Shown, baseline: Shown | None
@@ -135,25 +170,6 @@ class Developer:
             return f"{lens.method} is being rendered"
         return baseline.picture.color
 
-    def _caption(
-        self,
-        lens: Lens,
-        words: str,
-        shown: Shown,
-        other: Radiance,
-        exposure: float,
-        *,
-        scored: bool,
-    ) -> str:
-        assert lens.against is not None
-        name = labels.comparisons()[lens.against].name
-        if lens.error:
-            caption = f"Difference from {name.lower()}, white is {100 * ERROR_LEVELS / 255:.0f}%"
-        else:
-            caption = f"{words} | {name}"
-        score = self._scored(shown, other, exposure) if scored else None
-        return caption if score is None else f"{caption}, SSIM {score:.3f}"
-
     def _scored(self, shown: Shown, other: Radiance, exposure: float) -> float | None:
         """Return SSIM as in `iprt compare`, computed in the background; None if not available."""
         if not shown.refined or min(other.shape[:2]) < metrics.SSIM_WINDOW:
@@ -170,10 +186,8 @@ class Developer:
             try:
                 return metrics.ssim(*(display(image, exposure) for image in pair))
             finally:
-                self._done += 1
+                self.scores += 1
 
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(1, "iprt SSIM")
         self._score = pair, self._pool.submit(score)
         return None
 

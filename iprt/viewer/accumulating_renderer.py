@@ -1,8 +1,11 @@
-"""A picture in progress: a renderer that follows changes, and reports the ones it cannot follow."""
+"""A renderer that follows changes and accumulates a picture, or reports that it cannot follow."""
 
 from __future__ import annotations
 
+import ctypes
+import gc
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from iprt.convergence import Convergence
@@ -16,8 +19,7 @@ from iprt.memory import require_memory
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.scene.objects import SceneObject
 from iprt.settings.model import Settings
-from iprt.viewer.geometry import Geometry
-from iprt.viewer.heap import give_back
+from iprt.viewer.visible_surfaces import Geometry
 from iprt.world.shared import Worlds
 
 
@@ -48,27 +50,8 @@ class Stage:
     exposure: float
 
 
-@dataclass(frozen=True, eq=False)
-class Wanted:
-    """A description of a picture to render.
-
-    Attributes
-    ----------
-    stage : Stage
-    instances : tuple of Instance
-        The shown instances of the stage.
-    view : View
-    settings : Settings
-    """
-
-    stage: Stage
-    instances: tuple[Instance, ...]
-    view: View
-    settings: Settings
-
-
-class Canvas:
-    """A renderer with its accumulated picture.
+class AccumulatingRenderer:
+    """A renderer of a stage in a view, with its accumulated picture.
 
     Attributes
     ----------
@@ -80,7 +63,8 @@ class Canvas:
     Parameters
     ----------
     device : ComputeDevice
-    wanted : Wanted
+    stage : Stage
+    view : View
     worlds : Worlds
         Worlds shared with the device's other pictures.
     expect : callable
@@ -95,12 +79,12 @@ class Canvas:
     def __init__(
         self,
         device: ComputeDevice,
-        wanted: Wanted,
+        stage: Stage,
+        view: View,
         worlds: Worlds,
         expect: Callable[[int], object],
     ) -> None:
-        stage = wanted.stage
-        given = (device, stage.frame, wanted.instances, wanted.view, wanted.settings)
+        given = (device, stage.frame, stage.instances, view, stage.settings)
         self._kernels = require_memory(*given, stage.footage).kernels
         expect(device.to_compile(self._kernels))
         self._renderer = Renderer(*given, footage=stage.footage, worlds=worlds)
@@ -108,45 +92,44 @@ class Canvas:
         self._device, self._footage = device, stage.footage
         self._geometry: Geometry | None = None
         self._outdated = True  # refers to the geometry
-        self._convergence = Convergence(wanted.stage.exposure)
+        self._convergence = Convergence(stage.exposure)
         self._moved = False
         self.rested = 0
         self.noise: float | None = None
 
     def close(self) -> None:
-        """Release the device's buffers; the canvas is unusable afterwards."""
+        """Release the device's buffers; it is unusable afterwards."""
         self._renderer.close()
         del self._renderer
-        give_back()
+        _return_freed_memory()
 
-    def serves(self, device: ComputeDevice, wanted: Wanted) -> bool:
-        """Return True if it can show `wanted` without other kernels or buffers."""
-        now, then = wanted.view, self._renderer.view
+    def serves(self, device: ComputeDevice, stage: Stage, view: View) -> bool:
+        """Return True if it can show a stage in a view without other kernels or buffers."""
+        now, then = view, self._renderer.view
         if (now.width, now.height, now.projection) != (then.width, then.height, then.projection):
             return False
-        if device is not self._device or wanted.settings != self._renderer.settings:
+        if device is not self._device or stage.settings != self._renderer.settings:
             return False
-        frame = wanted.stage.frame
-        if wanted.stage.footage != self._footage or not _same_kind(frame, self._renderer.frame):
+        if stage.footage != self._footage or not _same_kind(stage.frame, self._renderer.frame):
             return False
         try:
-            require_same_objects(self._renderer.instances, wanted.instances)
+            require_same_objects(self._renderer.instances, stage.instances)
         except SceneError:
             return False
         return True
 
-    def follow(self, wanted: Wanted) -> None:
-        """Update the renderer to `wanted`, for which `serves` must hold."""
+    def follow(self, stage: Stage, view: View) -> None:
+        """Update the renderer to a stage and a view, for which `serves` must hold."""
         renderer, changed = self._renderer, False
-        renderer.load(wanted.stage.frame)
+        renderer.load(stage.frame)
         if renderer.real_world.version != self._version:
             self._version = renderer.real_world.version
             changed, self._geometry = True, None
-        if not same_places(renderer.instances, wanted.instances):
-            renderer.move(wanted.instances)
+        if not same_places(renderer.instances, stage.instances):
+            renderer.move(stage.instances)
             changed = True
-        if wanted.view != renderer.view:
-            renderer.look(wanted.view)
+        if view != renderer.view:
+            renderer.look(view)
             changed, self._geometry = True, None
         if changed:
             self.rested, self._moved, self._outdated = 0, True, True
@@ -184,3 +167,14 @@ def _same_kind(now: Frame, then: Frame) -> bool:
     """Return True if a renderer of one frame can load the other."""
     size = (now.width, now.height) == (then.width, then.height)
     return size and (now.pose is None) == (then.pose is None)
+
+
+def _return_freed_memory() -> None:
+    """Return freed memory to the operating system, where the C library is glibc.
+
+    It keeps freed buffers of a few megabytes, more of them with every new picture size. The buffers
+    of CPU devices are among them.
+    """
+    gc.collect()
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).malloc_trim(0)

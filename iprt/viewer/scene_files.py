@@ -11,9 +11,9 @@ from iprt.scene.manifest import MANIFEST_NAME, manifest_text
 from iprt.scene.object_edits import Look, save_edits
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
-from iprt.viewer.loading import Loader
-from iprt.viewer.mailbox import Mailbox
-from iprt.viewer.watch import Stamp, Watch
+from iprt.viewer.background_jobs import BackgroundJobs
+from iprt.viewer.file_watch import Stamp, Watch
+from iprt.viewer.shared_state import SharedState
 
 POLL_S = 0.5
 """Polling interval in seconds for changed files."""
@@ -61,8 +61,8 @@ class SceneFiles:
     Parameters
     ----------
     scene : Scene
-    mailbox : Mailbox
-    loader : Loader
+    shared : SharedState
+    jobs : BackgroundJobs
     problems : dict of str to str
         Messages by subject, here "scene" and "save".
     clock : callable
@@ -79,14 +79,14 @@ class SceneFiles:
     def __init__(
         self,
         scene: Scene,
-        mailbox: Mailbox,
-        loader: Loader,
+        shared: SharedState,
+        jobs: BackgroundJobs,
         problems: dict[str, str],
         *,
         clock: Callable[[], float],
         allow_outside: bool,
     ) -> None:
-        self._first, self._mailbox, self._loader = scene, mailbox, loader
+        self._first, self._shared, self._jobs = scene, shared, jobs
         self._problems, self._clock = problems, clock
         self._allow_outside = allow_outside
         self._watch = Watch(scene.root)
@@ -96,7 +96,7 @@ class SceneFiles:
         self._meshes: dict[str, Path] = {}  # files of saved objects, in the scene's folder
 
         def first() -> Loaded:
-            loaded = load_what_can_be(scene, self._watch.look())
+            loaded = load(scene, self._watch.look(), partly=True)
             self._text = loaded.text
             return loaded
 
@@ -105,7 +105,7 @@ class SceneFiles:
     def poll(self) -> None:
         """Reload if it is time to look and files have changed."""
         now = self._clock()
-        if now - self._polled_s < POLL_S or self._loader.running:
+        if now - self._polled_s < POLL_S or self._jobs.running:
             return
         self._polled_s = now
         if self._watch.changed():
@@ -123,7 +123,7 @@ class SceneFiles:
         look : Look or None
             The user's view (`save_edits`).
         """
-        world, loaded, mailbox = self._mailbox.world, self.loaded, self._mailbox
+        world, loaded, shared = self._shared.world, self.loaded, self._shared
         if loaded is None or not world.unsaved:
             return
         ours = True
@@ -143,9 +143,9 @@ class SceneFiles:
             return replace(now, objects=loaded.objects, origin=loaded.origin, text=loaded.text)
 
         def saved() -> None:
-            mailbox.saved(world.edits)
+            shared.saved(world.edits)
             if not ours:
-                mailbox.reread()
+                shared.reread()
             done(None)
 
         self._read(f"saving {loaded.scene.name}", "save", write, saved, done)
@@ -154,7 +154,7 @@ class SceneFiles:
         """Reload after another program has written files of the scene."""
 
         def then() -> None:
-            self._mailbox.reread()
+            self._shared.reread()
             self._meshes.clear()
             assert self.loaded is not None
             self._text = self.loaded.text
@@ -192,35 +192,25 @@ class SceneFiles:
             self._problems[about] = problem
             otherwise(problem)
 
-        self._loader.start(what, job, fail)
+        self._jobs.start(what, job, fail)
 
 
-def load(scene: Scene, stamp: Stamp) -> Loaded:
-    """Read everything except frames.
+def load(scene: Scene, stamp: Stamp, *, partly: bool = False) -> Loaded:
+    """Read everything except frames; `partly` leaves out unreadable objects.
 
     Raises
     ------
     FormatError
         An object or the metadata of the video cannot be read.
     """
-    text, objects = manifest_text(scene.root / MANIFEST_NAME), scene.objects
+    text, problem = manifest_text(scene.root / MANIFEST_NAME), None
     # Cached by the scene, so that later accesses do not wait for files.
-    assert scene.real_materials is not None
     assert scene.source.white > 0.0
-    return Loaded(scene, stamp, objects, scene, text)
-
-
-def load_what_can_be(scene: Scene, stamp: Stamp) -> Loaded:
-    """Read like `load`, but without objects if they are unreadable.
-
-    Raises
-    ------
-    FormatError
-        The video's files cannot be read.
-    """
     try:
-        return load(scene, stamp)
+        objects = scene.objects
+        assert scene.real_materials is not None
     except IprtError as error:
-        assert scene.source.white > 0.0
-        text = manifest_text(scene.root / MANIFEST_NAME)
-        return Loaded(scene, stamp, (), scene, text, str(error))
+        if not partly:
+            raise
+        objects, problem = (), str(error)
+    return Loaded(scene, stamp, objects, scene, text, problem)

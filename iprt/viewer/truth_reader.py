@@ -14,7 +14,7 @@ from iprt.scene.scene import Scene
 from iprt.viewer.session import Shown
 
 
-class Truth:
+class TruthReader:
     """A reader of truths, with a cache of one."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from iprt.errors import IprtError
 LOG = logging.getLogger("iprt.viewer")
 
 
-class Loader:
+class BackgroundJobs:
     """A runner of jobs, each on its own thread; the collecting thread finishes them.
 
     Any thread may start a job.

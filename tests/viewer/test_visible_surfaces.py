@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
 from iprt.geometry.pose import view_from
-from iprt.viewer.geometry import Geometry
+from iprt.viewer.visible_surfaces import Geometry
 from tests.oracles.worlds import Box, World
 
 FLOOR, TABLE_TOP, WALL = -1.4, -0.8, -4.0
@@ -55,16 +55,6 @@ def test_the_foot_is_on_the_floor_within_a_fraction_of_the_noise(noise: float) -
         assert surface is not None
         assert surface.point[1] == pytest.approx(FLOOR, abs=max(0.25 * noise * -FLOOR, 1e-6))
         np.testing.assert_allclose(surface.normal, (0.0, 1.0, 0.0), atol=1e-6)
-
-
-def test_what_hangs_on_a_wall_is_on_the_wall() -> None:
-    seen = geometry(ROOM, NOISE)
-    off = []
-    for x, y in places(range(8, 45, 8)):
-        surface = seen.ground(x, y, RADIUS)
-        assert surface is not None
-        off.append(surface.point[2] - WALL)
-    assert np.sqrt(np.mean(np.square(off))) < 0.25 * NOISE * -WALL
 
 
 def test_single_noisy_normals_do_not_tilt_objects() -> None:

@@ -20,7 +20,7 @@ Float = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ObjectState:
-    """The state of an object at one moment, with read-only arrays.
+    """The state of an object at one moment; its arrays must not be written to.
 
     Attributes
     ----------
@@ -52,6 +52,17 @@ class ObjectState:
         """(3,) sides of the object-aligned box in metres."""
         low, high = self.corners
         return np.asarray((high - low) * np.linalg.norm(self.to_world[:3, :3], axis=0))
+
+    @property
+    def middle(self) -> Float:
+        """(3,) centre of the object-aligned box, before `to_world`."""
+        return np.asarray(np.mean(self.corners, axis=0))
+
+    @property
+    def foot(self) -> Float:
+        """(3,) centre of the bottom of that box, on which the object stands."""
+        x, _, z = self.middle
+        return np.array([x, self.corners[0][1], z])
 
     @property
     def keyframed(self) -> bool:
@@ -87,11 +98,11 @@ def object_states(
     for entry, instance in zip(objects, instances, strict=True):
         mesh = instance.mesh
         if id(mesh.positions) not in corners:
-            corners[id(mesh.positions)] = _corners(mesh)
+            corners[id(mesh.positions)] = bounds(mesh)
         states.append(
             ObjectState(
                 entry.name,
-                _read_only(instance.to_world),
+                instance.to_world,
                 corners[id(mesh.positions)],
                 mesh.materials,
                 entry.motion,
@@ -100,14 +111,3 @@ def object_states(
             )
         )
     return tuple(states)
-
-
-def _corners(mesh: Mesh) -> tuple[Float, Float]:
-    low, high = bounds(mesh)
-    return _read_only(low), _read_only(high)
-
-
-def _read_only(array: Float) -> Float:
-    view = array.view()
-    view.flags.writeable = False
-    return view

@@ -24,7 +24,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Renderer]:
         found.append(Renderer(*args, **kwargs))
         return found[-1]
 
-    monkeypatch.setattr("iprt.viewer.canvas.Renderer", record)
+    monkeypatch.setattr("iprt.viewer.accumulating_renderer.Renderer", record)
     return found
 
 
@@ -71,18 +71,6 @@ def test_renderers_of_a_third_kind_take_the_oldest_place(
 
 
 @pytest.mark.thorough
-def test_a_client_has_settings_of_its_own(scene: Scene, device: ComputeDevice) -> None:
-    baseline = SETTINGS.model_copy(update={"method": "ibl"})
-    with turns(scene, device) as driver:
-        ours, theirs = driver.join(), driver.join(settings=baseline)
-        driver.settle()
-        with Renderer(device, scene.frame(0), scene.instances, VIEW, baseline) as alone:
-            expected = alone.render().color
-        np.testing.assert_array_equal(driver.shown(theirs).picture.color, expected)
-        assert (driver.shown(ours).picture.color != expected).any()
-
-
-@pytest.mark.thorough
 def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
     """Not while the camera turns; real ones stay known while an object moves over them."""
     with turns(scene, device) as driver:
@@ -93,7 +81,7 @@ def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
         assert rested is not None
         cube = np.array(scene.objects[0].motion.to_world)
         cube[0, 3] += 0.1
-        world = driver.mailbox.world
+        world = driver.shared.world
         moved = world.edited(replace(world.edit_of("cube"), to_world=flat(cube)))
         shown = driver.answer(client, driver.change(edits=moved.edits))
         assert shown.frames == 1

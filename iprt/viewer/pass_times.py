@@ -16,7 +16,7 @@ WHOLE = "frame"
 
 
 @dataclass(frozen=True)
-class TimelineRow:
+class PassStatistics:
     """Statistics of a pass over the recorded frames.
 
     Attributes
@@ -34,7 +34,7 @@ class TimelineRow:
     share: float
 
 
-class Timeline:
+class PassTimes:
     """A record of the passes of the last `MOST_FRAMES` profiled view frames.
 
     A pass that a frame lacks counts as zero time.
@@ -68,7 +68,7 @@ class Timeline:
         columns = np.array(values, np.float64).reshape(len(values), len(names)).T
         return dict(zip(names, columns, strict=True))
 
-    def table(self) -> list[TimelineRow]:
+    def table(self) -> list[PassStatistics]:
         """Return a row for the frame and one per pass, longest first; none without frames."""
         series = self.series()
         if not series:
@@ -76,7 +76,7 @@ class Timeline:
         whole = np.sum(list(series.values()), axis=0)
         total = max(float(whole.sum()), 1e-12)
         rows = [
-            TimelineRow(
+            PassStatistics(
                 name,
                 float(np.median(values)),
                 float(np.percentile(values, 95)),

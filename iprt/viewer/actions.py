@@ -1,0 +1,80 @@
+"""Actions of the user in both viewers, with their buttons and keys.
+
+This module does not draw: `desktop.widgets.action_button` and `web.inputs.Inputs` do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.ui_state import UiState
+
+
+@dataclass(frozen=True)
+class Action:
+    """An action with its button and keys.
+
+    Attributes
+    ----------
+    name : str
+        Name, unique in a window.
+    label : Label
+    act : callable
+    keys : str
+        Keys as on the keyboard, `Ctrl+Z`; alternatives are separated by a comma.
+    repeats : bool
+        True if holding the key repeats the action.
+    enabled, visible : callable
+        Return True if the button is usable, or shown, now.
+    """
+
+    name: str
+    label: Label
+    act: Callable[[], object]
+    keys: str = ""
+    repeats: bool = False
+    enabled: Callable[[], bool] = lambda: True
+    visible: Callable[[], bool] = lambda: True
+
+    @property
+    def hint(self) -> str:
+        """Text of the button's tooltip."""
+        keys = f" ({self.keys})" if self.keys else ""
+        return f"{self.label.name}{keys}. {self.label.about}"
+
+
+def actions(ui: UiState) -> dict[str, Action]:
+    """Return the actions that both viewers have, by name."""
+    engine = ui.engine
+
+    def textured() -> bool:
+        return ui.state is not None and ui.state.materials[0].texture is not None
+
+    def selected() -> bool:
+        return ui.state is not None
+
+    found = (
+        Action(
+            "undo",
+            PARTS["undo"],
+            engine.undo,
+            "Ctrl+Z",
+            repeats=True,
+            enabled=lambda: engine.can_undo,
+        ),
+        Action(
+            "redo",
+            PARTS["redo"],
+            engine.redo,
+            "Ctrl+Y, Ctrl+Shift+Z",
+            repeats=True,
+            enabled=lambda: engine.can_redo,
+        ),
+        Action("save", PARTS["save"], ui.save, "Ctrl+S", enabled=lambda: bool(engine.unsaved)),
+        Action("remove", PARTS["remove"], ui.remove, "Delete", visible=selected),
+        Action("texture", PARTS["texture"], lambda: ui.paint(texture=None), visible=textured),
+        Action("play", PARTS["play"], ui.toggle_playing, "Space"),
+    )
+    return {action.name: action for action in found}

@@ -1,0 +1,171 @@
+"""The panels of the scene, the picture and the settings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from imgui_bundle import icons_fontawesome_6 as icons
+from imgui_bundle import imgui
+
+from iprt.settings.model import Settings
+from iprt.viewer.actions import Action, actions
+from iprt.viewer.controls import preset_of
+from iprt.viewer.desktop.style import ACCENT, TEXT
+from iprt.viewer.desktop.ui_state import DesktopState
+from iprt.viewer.desktop.widgets import (
+    action_button,
+    button,
+    draw_field,
+    heading,
+    hint,
+    label,
+    quiet,
+    slider,
+)
+from iprt.viewer.fields import (
+    lens_fields,
+    material_fields,
+    place_fields,
+    quality_field,
+    rate_field,
+    view_field,
+)
+from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
+
+RESET_SHARE = 0.6
+"""Position of the button that resets all settings, as a fraction of the panel's width."""
+_CLAMPED = imgui.SliderFlags_.always_clamp
+
+
+def scene(ui: DesktopState) -> None:
+    """Draw the panel of views and objects."""
+    _files(ui)
+    heading("View")
+    _view(ui)
+    heading(PARTS["objects"].name)
+    _objects(ui)
+    if ui.state is not None:
+        heading(ui.state.name)
+        _selected(ui)
+
+
+def picture(ui: DesktopState) -> None:
+    """Draw the panel of the lens, comparisons and screenshots."""
+    heading("Picture")
+    for field in lens_fields(ui):
+        draw_field(ui, field)
+    heading("Values")
+    label("At the mouse", "Values of the pixel, in a corner of the picture (I).")
+    ui.readout = imgui.checkbox("##readout", ui.readout)[1]
+    heading(PARTS["screenshot"].name)
+    half = 0.5 * (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x)
+    for kind, keys in (("PNG", "F12"), ("EXR", "Shift+F12")):
+        words = Label(kind, PARTS["screenshot"].about)
+        act = partial(ui.screenshot, f".{kind.lower()}")
+        action_button(Action(kind, words, act, keys), icons.ICON_FA_CAMERA, width=half)
+        imgui.same_line()
+    imgui.new_line()
+    quiet(f"to {ui.folder}")
+
+
+def settings(ui: DesktopState) -> None:
+    """Draw the panel of the renderer's settings, derived from their model."""
+    _preset(ui)
+    draw_field(ui, rate_field(ui))
+    for words, fields in ui.setting_groups:
+        unfolded = imgui.collapsing_header(words.name)
+        hint(words.about)
+        for field in fields if unfolded else ():
+            draw_field(ui, field)
+
+
+def _files(ui: DesktopState) -> None:
+    gap, shared = imgui.get_style().item_spacing.x, actions(ui)
+    third = (imgui.get_content_region_avail().x - 2.0 * gap) / 3.0
+    half = 0.5 * (third - gap)
+    add = Action("add", PARTS["add"], ui.browse, "A")
+    for action, icon, width in (
+        (add, icons.ICON_FA_PLUS, third),
+        (shared["save"], icons.ICON_FA_FLOPPY_DISK, third),
+        (shared["undo"], icons.ICON_FA_ROTATE_LEFT, half),
+        (shared["redo"], icons.ICON_FA_ROTATE_RIGHT, half),
+    ):
+        action_button(action, icon, width=width, short=width == half)
+        imgui.same_line()
+    imgui.new_line()
+
+
+def _view(ui: DesktopState) -> None:
+    viewport = ui.viewport
+    if ui.engine.scene.views:
+        draw_field(ui, view_field(ui))
+    view = viewport.view
+    if view.projection == "equirect":
+        quiet("The whole panorama: choose a view to look around.")
+        return
+    label("Yaw, pitch", "Degrees right and up. Drag the picture to look around.")
+    changed, (yaw, pitch) = imgui.drag_float2(
+        "##direction", [view.yaw_deg, view.pitch_deg], 0.25, -180.0, 180.0, "%.2f°", _CLAMPED
+    )
+    if changed:
+        viewport.look(replace(view, yaw_deg=yaw, pitch_deg=min(max(pitch, -90.0), 90.0)))
+    label("Field of view", "Vertical. The mouse's wheel changes it.")
+    fov = slider("##fov", view.fov_y_deg, (MIN_FOV_DEG, MAX_FOV_DEG), "{:.1f}°".format)
+    if fov is not None:
+        viewport.look(replace(view, fov_y_deg=round(fov, 1)))
+
+
+def _objects(ui: DesktopState) -> None:
+    states = ui.engine.objects
+    if not states and ui.displayed is not None:  # before the first picture they are still loading
+        quiet("None yet: drop a .glb, .gltf, .obj, .ply or .stl file on the picture.")
+    for state in states:
+        visible = ui.visible(state.name)
+        imgui.push_id(state.name)
+        icon = icons.ICON_FA_EYE if visible else icons.ICON_FA_EYE_SLASH
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(0, 0, 0, 0))
+        if button(icon, "Show or hide it here", width=2.0 * imgui.get_font_size()):
+            ui.show(state.name, not visible)
+        imgui.pop_style_color()
+        imgui.same_line()
+        words = state.name + ("  (keyframes move it)" if state.keyframed else "")
+        imgui.align_text_to_frame_padding()
+        selected = state.name == ui.selected
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(ACCENT if selected else TEXT)))
+        if imgui.selectable(words, selected)[0]:
+            ui.selected = state.name
+        imgui.pop_style_color()
+        imgui.pop_id()
+
+
+def _selected(ui: DesktopState) -> None:
+    shared, state = actions(ui), ui.state
+    assert state is not None
+    for field in place_fields(ui):
+        draw_field(ui, field)
+    label("")
+    action_button(shared["remove"], icons.ICON_FA_TRASH, width=-1.0)
+    if len(state.materials) > 1:
+        quiet(f"It has {len(state.materials)} materials; a change here makes them one.")
+    for field in material_fields(ui):
+        draw_field(ui, field)
+    if shared["texture"].visible():
+        label("")
+        action_button(shared["texture"], "", width=-1.0)
+
+
+def _preset(ui: DesktopState) -> None:
+    heading("Quality")
+    draw_field(ui, quality_field(ui))
+    # Always drawn: rows that come and go would move a slider during a drag.
+    preset = preset_of(ui.settings)
+    count = len(preset.differing)
+    label("Changed settings", "Number of settings that differ from the preset.")
+    imgui.text_unformatted(str(count or "none"))
+    hint(preset.text if count else "")
+    imgui.same_line(RESET_SHARE * imgui.get_window_width())
+    about = "Set everything to its default"
+    if button("Reset all", about, width=-1.0, enabled=ui.settings != Settings()):
+        ui.settings = Settings()

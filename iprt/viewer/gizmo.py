@@ -1,0 +1,77 @@
+"""Geometry of gizmos and outlines, which both viewers draw over the picture."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from iprt.geometry.camera import View
+from iprt.viewer.object_states import ObjectState
+
+Float = NDArray[np.float64]
+
+NEAR_M, FAR_M = 0.01, 1000.0
+_CORNERS = np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)])
+_EDGES = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b).bit_count() == 1]
+
+
+def camera_matrix(view: View, centre: Float) -> Float:
+    """Return the (4, 4) transform from the world to view space, at a capture centre (3,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = view.world_from_view.T
+    matrix[:3, 3] = -matrix[:3, :3] @ centre
+    return matrix
+
+
+def projection_matrix(view: View) -> Float:
+    """Return the (4, 4) OpenGL projection of a perspective view."""
+    up = 1.0 / np.tan(0.5 * np.deg2rad(view.fov_y_deg))
+    depth = NEAR_M - FAR_M
+    return np.array(
+        [
+            [up * view.height / view.width, 0.0, 0.0, 0.0],
+            [0.0, up, 0.0, 0.0],
+            [0.0, 0.0, (FAR_M + NEAR_M) / depth, 2.0 * FAR_M * NEAR_M / depth],
+            [0.0, 0.0, -1.0, 0.0],
+        ]
+    )
+
+
+def box_edges(state: ObjectState, view: View, centre: Float) -> Float:
+    """Return the edges of an object's bounding box that are in front of the camera.
+
+    Returns
+    -------
+    (N, 2, 2) float64
+        Both ends of each edge in pixels of the view.
+    """
+    low, high = state.corners
+    matrix = state.to_world
+    points = (low + _CORNERS * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3] - centre
+    seen = points @ view.world_from_view[:, 2] < -1e-3
+    ends = [(points[a], points[b]) for a, b in _EDGES if seen[a] and seen[b]]
+    return view.project(np.reshape(ends, (-1, 2, 3)))
+
+
+def turn_and_middle(state: ObjectState) -> tuple[Float, Float]:
+    """Return an object's rotation (3, 3), and the centre of its box (3,) in the world."""
+    linear = state.to_world[:3, :3]
+    return polar(linear)[0], linear @ state.middle + state.to_world[:3, 3]
+
+
+def with_turn_and_middle(state: ObjectState, turn: Float, middle: Float) -> Float:
+    """Return the transform (4, 4) that gives an object this rotation and centre, and its size."""
+    to_world = np.eye(4)
+    to_world[:3, :3] = turn @ polar(state.to_world[:3, :3])[1]
+    to_world[:3, 3] = middle - to_world[:3, :3] @ state.middle
+    return to_world
+
+
+def polar(linear: Float) -> tuple[Float, Float]:
+    """Return a rotation and a stretch, (3, 3) both, whose product is an invertible `linear`."""
+    turn, stretch = linalg.polar(linear)
+    sign = np.sign(np.linalg.det(turn))
+    return sign * turn, sign * stretch
