@@ -12,13 +12,14 @@ from pydantic import Field, ValidationError
 
 from iprt.capture.found import Axis
 from iprt.capture.pinhole import Pinhole
-from iprt.capture.rigid import MOST_BYTES, read_matrix
+from iprt.capture.rigid import read_matrix
 from iprt.errors import FormatError, SceneError
 from iprt.files.images import picture_size, read_header
 from iprt.files.problems import describe, problems_error
 from iprt.files.table import FARTHEST, Factor, FramePath, RelativePath, Table
 from iprt.files.toml_text import parse_toml, printable, read_text
 from iprt.files.untrusted import is_file, read_bytes
+from iprt.footage.video.poses import MOST_BYTES
 
 CAMERA = "camera.toml"
 MATRICES = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "camera-intrinsics.txt")
@@ -33,7 +34,7 @@ Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
 class CameraTable(Table):
     """The table of `camera.toml`: a pinhole, and the pictures' paths without a known layout.
 
-    `fx`, `fy` and `cx`, `cy` are in pixels of colour; the centre of the first pixel is at (0, 0),
+    `fx`, `fy` and `cx`, `cy` are in pixels of color; the centre of the first pixel is at (0, 0),
     as in OpenCV. Layouts with their own intrinsics may omit them. `up` is the axis of the poses'
     world that points up.
     """
@@ -87,7 +88,7 @@ def camera_of_table(table: CameraTable, color: Path) -> Pinhole | None:
 def cameras_of_files(
     folder: Path, color: Path, depth: Path
 ) -> tuple[Pinhole | None, Pinhole | None]:
-    """Return the cameras of colour and depth from files in the folder; None where missing.
+    """Return the cameras of color and depth from files in the folder; None where missing.
 
     Raises
     ------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,31 +22,23 @@ MAX_STRETCH = 8
 SAME_SURFACE = 0.03
 """Relative distance behind the nearest disc up to which discs are blended with it."""
 CLIPPED_WEIGHT = 1e-3
-"""Weight of clipped colours, so that unclipped ones of the same surface dominate."""
+"""Weight of clipped colors, so that unclipped ones of the same surface dominate."""
 AT_ONCE = 2**18
 """Number of samples drawn at once, which bounds memory."""
 
 Float = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Splatted:
-    """A cloud rendered from a point.
+def splat(samples: Samples, width: int) -> tuple[Float, Float]:
+    """Render samples from the origin into an equirect picture of `width` x `width` / 2 texels.
 
-    Attributes
-    ----------
+    Returns
+    -------
     color : (H, W, 3) float32
         Linear radiance; 0 without a sample.
     depth : (H, W) float32
         Metres along the ray of the texel's centre; 0 without a sample.
     """
-
-    color: Float
-    depth: Float
-
-
-def splat(samples: Samples, width: int) -> Splatted:
-    """Render samples from the origin into an equirect picture of `width` x `width` / 2 texels."""
     view = View(width, width // 2, projection="equirect")
     directions = view.directions().reshape(-1, 3).astype(np.float32)
     nearest = np.full(len(directions), np.inf, np.float32)
@@ -69,10 +60,8 @@ def splat(samples: Samples, width: int) -> Splatted:
     color = np.where(there, colors[:3] / np.where(there, colors[3], 1.0), 0.0)
     depth = np.where(there, sums[1] / np.where(there, sums[0], 1.0), 0.0)
     shape = (view.height, view.width)
-    return Splatted(
-        np.ascontiguousarray(color.T.reshape(*shape, 3), np.float32),
-        depth.reshape(shape).astype(np.float32),
-    )
+    color = np.ascontiguousarray(color.T.reshape(*shape, 3), np.float32)
+    return color, depth.reshape(shape).astype(np.float32)
 
 
 def _discs(

@@ -27,10 +27,10 @@ from iprt.files.untrusted import is_file
 from iprt.footage.prepare.reading import RawFrames
 from iprt.footage.video.container import is_container
 from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.placement import Eye, Fit
-from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
-from iprt.footage.video.table import VideoTable
+from iprt.footage.video.video_table import VideoTable
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.sources import (

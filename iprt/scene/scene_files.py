@@ -10,7 +10,7 @@ from iprt.errors import FormatError
 from iprt.files.path_safety import require_inside
 from iprt.files.untrusted import is_file
 from iprt.footage.prepare.remarks import video_notices, video_problems
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.scene.manifest import MANIFEST_NAME, Manifest
 

@@ -20,7 +20,7 @@ from iprt.files.wording import counted
 from iprt.footage.depth_summary import normal_warnings
 from iprt.footage.prepare.reading import RawFrame, require_unit
 from iprt.footage.video.container import is_container
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 
 LOG = logging.getLogger("iprt.scene")
 MAX_LISTED = 100_000

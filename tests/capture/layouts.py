@@ -66,7 +66,7 @@ def intrinsics(camera: Camera) -> Array:
 
 
 def write_scannet(folder: Path) -> Path:
-    """Write folders; colour is larger than depth, of another aspect and focal length."""
+    """Write folders; color is larger than depth, of another aspect and focal length."""
     large = Camera(130, 96, 90.0)
     for number, pose in enumerate(POSES):
         write_color(folder / f"color/{number}.jpg", large, pose)

@@ -11,7 +11,7 @@ import pytest
 
 from iprt.capture.conventions import CONVENTIONS, up_axis
 from iprt.capture.found import Convention
-from iprt.capture.sequence import RgbdSequence
+from iprt.capture.rgbd_sequence import RgbdSequence
 from iprt.errors import FormatError
 from tests.capture.layouts import (
     CAMERA,

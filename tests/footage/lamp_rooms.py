@@ -26,20 +26,20 @@ def grey(value: float) -> Albedo:
     return lambda points, _: np.full(points.shape, value)
 
 
-def coloured(_: Float, normals: Float) -> Float:
+def colored(_: Float, normals: Float) -> Float:
     axis = np.abs(normals).argmax(-1)
     side = np.take_along_axis(normals, axis[:, None], -1)[:, 0] > 0.0
     return PALETTE[2 * axis + side]
 
 
 def tiled(points: Float, normals: Float) -> Float:
-    """Coloured walls with tiles of half a metre, every other one darker."""
+    """Colored walls with tiles of half a metre, every other one darker."""
     odd = np.floor(2.0 * points).sum(-1).astype(int) % 2
-    return np.asarray(coloured(points, normals) * np.where(odd, 1.0, 0.55)[:, None])
+    return np.asarray(colored(points, normals) * np.where(odd, 1.0, 0.55)[:, None])
 
 
-ROOMS: dict[str, Albedo] = {"grey": grey(0.5), "white": grey(0.85), "dark": grey(0.2)}
-ROOMS |= {"coloured": coloured, "tiled": tiled}
+ROOMS: dict[str, Albedo] = {"gray": grey(0.5), "white": grey(0.85), "dark": grey(0.2)}
+ROOMS |= {"colored": colored, "tiled": tiled}
 LAMPS = {5.0: 0.8, 20.0: 0.4, 80.0: 0.2}
 """Half the side of a lamp by its radiance: all light the room alike."""
 WARM = Lamp(0.2, -1.4, 0.4, (30.0, 20.0, 8.0))

@@ -10,7 +10,7 @@ from PIL import Image
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.prepare.turn import turned_color, turned_geometry
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.scene.scene import Scene
 from tests.scene.files import (
     MANIFEST,
@@ -116,7 +116,7 @@ def test_sizes_must_agree_and_be_two_to_one(tmp_path: Path) -> None:
     write_scene(tmp_path)
     write_channels(tmp_path / "depth.exr", Z=np.ones((16, 31), np.float32))
     message = open_error(tmp_path, FormatError)
-    assert "depth.exr: 31 x 16 pixels, but colour has 64 x 32" in message
+    assert "depth.exr: 31 x 16 pixels, but color has 64 x 32" in message
     write_rgb(tmp_path / "color.exr", np.ones((32, 65, 3), np.float32))
     assert "color.exr: 65 x 32 pixels; an equirect" in open_error(tmp_path, FormatError)
 

@@ -8,7 +8,7 @@ on a plane's cells, with E the irradiance and S the reflection towards the camer
 roughness α and index of refraction 1.5 (`coat_reflection`). k is its strength. The reflectance ρ
 varies by textures that are independent of S. Local means are subtracted from L, E and S, which
 leaves variation over a few degrees. L and S are then divided by the local mean of L, and E by its
-own. A robust regression (Huber) over cells and colours estimates k, and factors on E, separately
+own. A robust regression (Huber) over cells and colors estimates k, and factors on E, separately
 for lights and for all other light. Cells that the model does not explain, such as the rim of a
 sunny patch, are left out, also from the means.
 
@@ -54,8 +54,6 @@ HUBER, ODD = 1.5, 4.0
 MODEL = 0.02
 """Standard deviation of the model error, relative to the local mean radiance."""
 STEPS, ROUNDS = 8, 3
-
-Grid = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

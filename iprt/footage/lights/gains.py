@@ -14,7 +14,7 @@ surfaces prove that light is missing (energy balance). This counts as strongly a
 tone mapping flattens shading but not the energy balance.
 
 Where neither constrains the gains, priors do, far weaker than a well-lit wall. Gains are small, and
-similar between the colours of a light and between adjacent parts of it; reflectances are typical of
+similar between the colors of a light and between adjacent parts of it; reflectances are typical of
 rooms. A clipped surface that may be reflecting its irradiance is expected to do so.
 """
 
@@ -35,7 +35,7 @@ MAX_GAIN = 1e4
 EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
 """Median of gains, and standard deviation of their logarithm (as for all spreads below)."""
 COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
-"""Spread between the gains of two colours of a light: both clipped, or one, which lost little."""
+"""Spread between the gains of two colors of a light: both clipped, or one, which lost little."""
 LOCUS_SLOPE, TINT_SPREAD = 0.1, 0.1
 """Chromaticity prior: slope of green over the mean of red and blue, against red over blue, and its
 spread. Lights are warm or cold, like black bodies (2700 K to 10000 K) and skies."""

@@ -16,7 +16,7 @@ from iprt.footage.albedo_segments import (
     well_seen,
 )
 from iprt.footage.cells import Cells, Float, Geometry, cell_means, cell_sums, cell_texels
-from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.form_factors import irradiance_of_lights, irradiance_of_rest
 from iprt.footage.frame import Frame
 from iprt.footage.lights.gains import Shading
 from iprt.footage.lights.groups import Clipped, Light, grid_cells
@@ -65,11 +65,11 @@ def shading_of(
         return None
     shining, of_light = _shining(frame, clipped, group, lights, fine)
     at = np.concatenate([chosen, shining])
-    receivers = Receivers(lifted(fine, at), fine.normal[at])
+    receivers = lifted(fine, at), fine.normal[at]
     radiance = _light_cells(frame, clipped, group, lights, middle.rows)
-    direct, taken = irradiance_of_lights(receivers, middle, fine, radiance, LIGHT_STEPS)
+    direct, taken = irradiance_of_lights(*receivers, middle, fine, radiance, LIGHT_STEPS)
     share, dim = _rest(frame, clipped, cell_sums(sums, coarse.rows))
-    rest = direct[..., -1] + irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
+    rest = direct[..., -1] + irradiance_of_rest(*receivers, coarse, dim, share, taken, REST_STEPS)
     direct, n = direct[..., :-1], len(chosen)
     return Shading(
         radiance=color[chosen],

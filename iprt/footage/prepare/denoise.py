@@ -24,7 +24,7 @@ from iprt.footage.normals import GAP_TOLERANCE, window_taps
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
 
-Plane = NDArray[np.float32]
+Picture = NDArray[np.float32]
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -45,7 +45,7 @@ SHARED_REACH = 12.0
 _WINDOWS, _ACROSS = 40, 5
 _BLOCK_ROWS = 64
 _OWN_WEIGHT = 1e-3
-_NEIGHBOURS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
+_NEIGHBORS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Noise:
         return float(np.sqrt(max(self.flat**2 - self.bent**2, 0.0)))
 
     @classmethod
-    def of(cls, depth: Plane, known: Mask) -> Noise:
+    def of(cls, depth: Picture, known: Mask) -> Noise:
         """Estimate noise from windows of 5 x 5 samples; 0 if fewer than 30 have depth.
 
         The windows keep away from the poles.
@@ -110,7 +110,7 @@ def _departure(shapes: Float) -> float:
     return float(np.quantile(np.sqrt((rest * rest).mean(axis=1)), 1.0 / 3.0))
 
 
-def smoothed(depth: Plane) -> Plane:
+def smoothed(depth: Picture) -> Picture:
     """Move noisy depth to the planes around it; return the same array if it has no noise.
 
     Steps and creases that stand out from the noise stay, and so do details smaller than a cell.
@@ -139,7 +139,7 @@ def smoothed(depth: Plane) -> Plane:
     return np.where(known, drawn, depth)
 
 
-def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
+def cell_planes(depth: Picture, known: Mask, noise: float) -> Float:
     """Fit planes to cells.
 
     A cell starts from the plane of the best-fitting window of 3 x 3 cells that contains it, as in
@@ -156,7 +156,7 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
     Returns
     -------
     (rows, columns, 4) float64
-        Plane g of each cell, 0 where none fits, and the largest relative distance of its texels.
+        Picture g of each cell, 0 where none fits, and the largest relative distance of its texels.
     """
     sums = _cell_sums(depth, known)
     rows, columns = sums.shape[1:]
@@ -164,7 +164,7 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
         (tap.row[:, None], (np.arange(columns) + tap.columns[:, None]) % columns)
         for tap in window_taps(columns, rows)
     ]
-    near = [taps[5 * (down + 2) + aside + 2] for down, aside in _NEIGHBOURS]
+    near = [taps[5 * (down + 2) + aside + 2] for down, aside in _NEIGHBORS]
     least = 0.25 * depth.size / (rows * columns)
     plane = np.zeros((rows, columns, 3))
     off = np.full((rows, columns), np.inf)
@@ -186,7 +186,7 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
     return np.concatenate([plane, reach[..., None]], axis=-1)
 
 
-def _cell_sums(depth: Plane, known: Mask) -> Float:
+def _cell_sums(depth: Picture, known: Mask) -> Float:
     """Return (10, rows, columns) sums of 1, x, y, z, xx, xy, xz, yy, yz and zz over cells."""
     height, width = depth.shape
     rows = min(CELL_ROWS, height // 2)
@@ -230,7 +230,7 @@ def _agreement(squared: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2, squared.dtype)
 
 
-def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
+def _drawn(depth: Picture, place: Picture, planes: Float) -> Picture:
     """Move `depth` (H, W) to the planes of the 3 x 3 cells around that pass near `place`.
 
     Quadratic B-splines weight the cells, so that one plane blends smoothly into the next.
@@ -246,7 +246,7 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
         x, y, z = (part.astype(np.float32) for part in texel_directions(width, height, block))
         at = place[block]
         total, shift = np.zeros_like(at), np.zeros_like(at)
-        for down, aside in _NEIGHBOURS:
+        for down, aside in _NEIGHBORS:
             row = np.clip(cell_row[block] + down, 0, rows - 1)
             there = planes[row][:, (cell + aside) % columns]
             inverse = there[..., 0] * x + there[..., 1] * y + there[..., 2] * z
@@ -259,7 +259,7 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
     return drawn
 
 
-def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
+def _flattened(depth: Picture, planes: Float, reach: float) -> Picture:
     """Move `depth` (H, W) to the large planes (`find_planes`) that its cells belong to.
 
     This removes errors shared by large parts of floors or walls, up to `reach` times the depth.
@@ -296,8 +296,8 @@ def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
 def _as_cells(planes: Float) -> Cells:
     """Return cells of tangent planes (rows, columns, 3); sky where there is none."""
     rows, columns = planes.shape[:2]
-    x, y, z = np.broadcast_arrays(*texel_directions(columns, rows))
-    direction = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    direction = np.stack(np.broadcast_arrays(*texel_directions(columns, rows)), axis=-1)
+    direction = direction.reshape(-1, 3)
     g = planes.reshape(-1, 3)
     inverse = (g * direction).sum(axis=-1)
     there = inverse > 0.0
@@ -319,7 +319,7 @@ def _as_cells(planes: Float) -> Cells:
     )
 
 
-def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Plane]:
+def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Picture]:
     """Return the cell (texels,) of each texel, and B-spline weights (3, texels).
 
     The weights belong to the previous cell, the cell itself and the next one.

@@ -46,8 +46,8 @@ class Incident:
 class SteadyReader:
     """A reader that replaces unreadable parts by those from the last good frame.
 
-    Without depth or normals, the last good depth and normals stay, and colour goes on. Without
-    colour, the whole last good frame stays: new depth would not fit old colour.
+    Without depth or normals, the last good depth and normals stay, and color goes on. Without
+    color, the whole last good frame stays: new depth would not fit old color.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class SteadyReader:
         return raw
 
     def _recolored(self, last: RawFrame, index: int, color: Picture) -> RawFrame:
-        """Return the last frame with the colour and pose of another."""
+        """Return the last frame with the color and pose of another."""
         self._last = replace(last, color=color, index=index, pose=self._reader.pose(index))
         self._color_of = index
         return self._last
@@ -124,7 +124,7 @@ class SteadyReader:
         return self._last
 
     def _look_back(self, index: int) -> None:
-        """Find the last good colour and the last good frame before `index`."""
+        """Find the last good color and the last good frame before `index`."""
         newest: tuple[int, Picture] | None = None
         for earlier in range(index - 1, max(self._first, index - LOOK_BACK) - 1, -1):
             with suppress(FormatError):

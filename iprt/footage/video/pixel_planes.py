@@ -49,7 +49,7 @@ class Layout:
     Attributes
     ----------
     kind : str
-        "yuv", "rgb" or "grey".
+        "yuv", "rgb" or "gray".
     bits : int
         Bits of each sample; 16 or 32 for floats.
     is_float : bool
@@ -68,7 +68,7 @@ class Layout:
     full: bool = False
 
 
-_KINDS = {"yuv": "yuv", "gray": "grey", "gbr": "rgb"}
+_KINDS = {"yuv": "yuv", "gray": "gray", "gbr": "rgb"}
 _SUBSAMPLING = ((1, 1), (1, 2), (2, 1), (2, 2), (4, 1))
 
 
@@ -114,7 +114,7 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
     if how.kind == "rgb" and not frame.format.name.startswith("gbr"):
         pixels = frame.to_ndarray(format="rgb48le" if how.bits == 16 else "rgb24")
         return [pixels[rows, :, channel] for channel in range(3)]
-    count = 1 if how.kind == "grey" else 3
+    count = 1 if how.kind == "gray" else 3
     found = []
     for number in range(count):
         down = how.down if how.kind == "yuv" and number else 1

