@@ -129,15 +129,12 @@ class RgbdSequence:
         scale = table.depth_scale
         stored = np.stack([frame.pose for frame in found.frames])
         convention = poses or found.convention
-        sequence = cls(
-            shots,
-            "y",
-            scale or found.step_m,
-            scale or 1.0,
-            found,
-            Settled(convention, f"{WORDS[convention]} (--poses)"),
-        )
-        settled = sequence.settled if poses else sequence._checked(folder, stored)
+        settled = Settled(convention, f"{WORDS[convention]} (--poses)")
+        sequence = cls(shots, "y", scale or found.step_m, scale or 1.0, found, settled)
+        if poses is None:
+            numbers = sample(len(shots))
+            glances = [sequence.read(number).glance() for number in numbers]
+            settled = settle(str(folder), glances, stored[numbers], convention)
         turned = world_from_camera(stored, settled.convention)
         return replace(
             sequence,
@@ -145,12 +142,6 @@ class RgbdSequence:
             up=table.up or up_axis(stored, settled.convention, found.up),
             settled=settled,
         )
-
-    def _checked(self, folder: Path, stored: Matrix) -> Settled:
-        """Return the convention in which frames agree about depth."""
-        numbers = sample(len(self.shots))
-        glances = [self.read(number).glance() for number in numbers]
-        return settle(str(folder), glances, stored[numbers], self.found.convention)
 
     @cached_property
     def world_from_poses(self) -> Matrix:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.capture.cloud import CELL_M, SLOTS, Samples
+from iprt.footage.cells import binned
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
 
@@ -45,23 +46,20 @@ def splat(samples: Samples, width: int) -> tuple[Float, Float]:
     for texel, distance, _, _ in _discs(samples, directions, view):
         np.minimum.at(nearest, texel, distance)
     sums = np.zeros((5, len(directions)))
-    colors = np.zeros((4, len(directions)))
+    colors = np.zeros((len(directions), 4))
     for texel, distance, weight, index in _discs(samples, directions, view):
         front = distance <= nearest[texel] * (1.0 + SAME_SURFACE)
         texel, weight, index = texel[front], weight[front], index[front]
         sums[0] += np.bincount(texel, weight, len(directions))
         sums[1] += np.bincount(texel, weight * distance[front], len(directions))
         weight = weight * np.where(samples.clipped[index], np.float32(CLIPPED_WEIGHT), 1.0)
-        colors[3] += np.bincount(texel, weight, len(directions))
-        for channel in range(3):
-            seen = weight * samples.color[index, channel]
-            colors[channel] += np.bincount(texel, seen, len(directions))
+        seen = np.c_[samples.color[index], np.ones(len(index), np.float32)]
+        colors += binned(weight[:, None] * seen, texel, len(directions))
     there = sums[0] > 0.0
-    color = np.where(there, colors[:3] / np.where(there, colors[3], 1.0), 0.0)
+    color = colors[:, :3] / np.where(there, colors[:, 3], 1.0)[:, None]
     depth = np.where(there, sums[1] / np.where(there, sums[0], 1.0), 0.0)
     shape = (view.height, view.width)
-    color = np.ascontiguousarray(color.T.reshape(*shape, 3), np.float32)
-    return color, depth.reshape(shape).astype(np.float32)
+    return color.reshape(*shape, 3).astype(np.float32), depth.reshape(shape).astype(np.float32)
 
 
 def _discs(

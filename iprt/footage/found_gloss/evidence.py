@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr
+from scipy.special import huber, stdtr
 
 from iprt.footage.cells import Cells, Float
 from iprt.footage.found_gloss.cell_means import MeansAround
@@ -324,7 +324,7 @@ class PlanePicture:
             scales = scales or [_deviation(rest) for rest in left]
             total = np.zeros(self._block.max() + 1)
             for rows, rest, scale in zip(varied, left, scales, strict=True):
-                cost = _huber_cost(rest, scale).sum(axis=-1) * self._weight[rows.cells]
+                cost = huber(HUBER * scale, rest).sum(axis=-1) * self._weight[rows.cells]
                 cost *= (scales[0] / scale) ** 2
                 total += np.bincount(self._block[rows.cells], cost, len(total))
             costs.append(total)
@@ -367,11 +367,6 @@ def _robust(left: Sequence[Float]) -> Float:
 def _huber(left: Float, deviation: float) -> Float:
     bound = HUBER * deviation
     return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
-
-
-def _huber_cost(left: Float, scale: float) -> Float:
-    bound, size = HUBER * scale, np.abs(left)
-    return np.asarray(np.where(size < bound, 0.5 * size * size, bound * (size - 0.5 * bound)))
 
 
 def _lowest(cost: Float) -> float:

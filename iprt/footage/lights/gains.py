@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median
 from scipy.sparse import csr_array
+from scipy.special import huber
 
 Float = NDArray[np.float64]
 
@@ -214,11 +215,10 @@ class _Problem:
         self.reweight(gains)
         points, surplus, *prior = self._terms(gains)
         spread = self._spread[self._shading.segment]
-        z = np.abs(points[0]) / spread
-        huber = np.where(z < HUBER, z**2, 2.0 * HUBER * z - HUBER**2)
+        robust = 2.0 * huber(HUBER, points[0] / spread)
         square = surplus[0] ** 2
         apart = self._rows @ gains - self._values
-        total = ((huber + 2.0 * np.log(spread)) / ALIKE).sum() + apart @ apart
+        total = ((robust + 2.0 * np.log(spread)) / ALIKE).sum() + apart @ apart
         total += sum((weight * values**2).sum() for values, weight in prior)
         return float(total + (self._share * square / (1.0 + square)).sum() / CLIPPED_SPREAD**2)
 

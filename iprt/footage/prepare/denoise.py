@@ -1,8 +1,8 @@
 """Denoising of estimated depth by projection onto locally fitted planes.
 
 With noisy depth, tangent planes fitted to 5 x 5 texels vary from texel to texel, and so does the
-shading of surfaces. Where `Noise.of` finds noise, planes are fitted to many more texels
-(`cell_planes`), and each texel moves to the planes around it that it agrees with (`smoothed`).
+shading of surfaces. Where `noise_of` finds noise, planes are fitted to many more texels
+(`fit_cells`), and each texel moves to the planes around it that it agrees with (`smoothed`).
 Exact depth stays unchanged, bit for bit.
 
 A plane is a vector g with g . x = 1 for its points x, and 1 - g . x is the distance of a point from
@@ -12,8 +12,6 @@ up without a change of basis.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,54 +46,42 @@ _OWN_WEIGHT = 1e-3
 _NEIGHBORS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Relative RMS deviations of depth from local surfaces: first tercile over the panorama.
+def noise_of(depth: Picture, known: Mask) -> tuple[float, float]:
+    """Estimate relative RMS deviations from local surfaces: first tercile over the panorama.
 
-    Attributes
-    ----------
+    They are estimated in windows of 5 x 5 samples, which keep away from the poles.
+
+    Returns
+    -------
     bent : float
-        Deviation from quadratic surfaces, which also fit curved walls.
+        Deviation from quadratic surfaces, which also fit curved walls; 0 if fewer than 30 windows
+        have depth.
     flat : float
         Deviation from planes, larger where errors are shared by many texels.
     """
-
-    bent: float
-    flat: float
-
-    @property
-    def shared(self) -> float:
-        """Part of the noise that many texels share, which local smoothing does not remove."""
-        return float(np.sqrt(max(self.flat**2 - self.bent**2, 0.0)))
-
-    @classmethod
-    def of(cls, depth: Picture, known: Mask) -> Noise:
-        """Estimate noise from windows of 5 x 5 samples; 0 if fewer than 30 have depth.
-
-        The windows keep away from the poles.
-        """
-        height, width = depth.shape
-        step = max(1, round(height / 256))
-        rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
-        row = np.repeat(rows, 2 * _WINDOWS)[:, None]
-        column = np.tile(np.arange(2 * _WINDOWS) * width // (2 * _WINDOWS), _WINDOWS)[:, None]
-        polar = texel_polar_angles(height)
-        theta = polar[row]
-        offset = (np.arange(_ACROSS) - _ACROSS // 2) * step
-        down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
-        aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
-        at = row + down, (column + aside) % width
-        whole = known[at].all(axis=1)
-        if np.count_nonzero(whole) < 30:
-            return cls(0.0, 0.0)
-        to, phi = polar[at[0]], aside * 2.0 * np.pi / width
-        ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
-        a = np.sin(to) * np.sin(phi) / ahead
-        b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
-        # 1 / z over inverse depth is 1 on the surface.
-        scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
-        shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
-        return cls(*(_departure(shapes[whole, :, :terms]) for terms in (6, 3)))
+    height, width = depth.shape
+    step = max(1, round(height / 256))
+    rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
+    row = np.repeat(rows, 2 * _WINDOWS)[:, None]
+    column = np.tile(np.arange(2 * _WINDOWS) * width // (2 * _WINDOWS), _WINDOWS)[:, None]
+    polar = texel_polar_angles(height)
+    theta = polar[row]
+    offset = (np.arange(_ACROSS) - _ACROSS // 2) * step
+    down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
+    aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
+    at = row + down, (column + aside) % width
+    whole = known[at].all(axis=1)
+    if np.count_nonzero(whole) < 30:
+        return 0.0, 0.0
+    to, phi = polar[at[0]], aside * 2.0 * np.pi / width
+    ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
+    a = np.sin(to) * np.sin(phi) / ahead
+    b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
+    # 1 / z over inverse depth is 1 on the surface.
+    scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
+    shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
+    bent, flat = (_departure(shapes[whole, :, :terms]) for terms in (6, 3))
+    return bent, flat
 
 
 def _departure(shapes: Float) -> float:
@@ -128,18 +114,20 @@ def smoothed(depth: Picture) -> Picture:
     if height < MIN_ROWS or width != 2 * height:
         return depth
     known = usable(depth)
-    noise = Noise.of(depth, known)
-    if noise.bent <= CLEAN:
+    bent, flat = noise_of(depth, known)
+    if bent <= CLEAN:
         return depth
     exact = np.where(known, depth, np.float32(0.0))
-    planes = cell_planes(exact, known, noise.flat)
+    planes = fit_cells(exact, known, flat)
     # Draw a second time with weights at the new place, so that a texel's own noise hardly matters.
     drawn = _drawn(exact, _drawn(exact, exact, planes), planes)
-    drawn = _flattened(drawn, planes, SHARED_REACH * noise.shared)
+    # Local smoothing does not remove the noise that many texels share.
+    shared = float(np.sqrt(max(flat**2 - bent**2, 0.0)))
+    drawn = _flattened(drawn, planes, SHARED_REACH * shared)
     return np.where(known, drawn, depth)
 
 
-def cell_planes(depth: Picture, known: Mask, noise: float) -> Float:
+def fit_cells(depth: Picture, known: Mask, noise: float) -> Float:
     """Fit planes to cells.
 
     A cell starts from the plane of the best-fitting window of 3 x 3 cells that contains it, as in
@@ -151,7 +139,7 @@ def cell_planes(depth: Picture, known: Mask, noise: float) -> Float:
     depth : (H, W) float32
         Metres; 0 where not `known`.
     noise : float
-        `Noise.flat`.
+        `flat` of `noise_of`.
 
     Returns
     -------

@@ -10,11 +10,12 @@ mapped back for display.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.cells import cell_sums, cell_texels
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
@@ -200,14 +201,14 @@ def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
     same_place = float(np.average(same.mean(axis=1), weights=solid_angles(*same.shape[::-1])))
     if same_place < SAME_PLACE:
         return None, same_place
-    side = max(1, len(same) // CELL_ROWS)
-    count = _cells(same, side)
-    clipped = _cells(~(sample.usable & there.usable), side)
+    rows = min(CELL_ROWS, len(same))
+    count = cell_sums(same, rows)
+    clipped = cell_sums(~(sample.usable & there.usable), rows)
     some = np.maximum(count, 1.0)[..., None]
-    seen, wanted = (_cells(s.color * same[..., None], side) / some for s in (sample, there))
+    seen, wanted = (cell_sums(s.color * same[..., None], rows) / some for s in (sample, there))
     # Cells at an edge would mix different surfaces. Cells with clipped texels would lose their
     # brightest texels in one picture, and be too dark there.
-    used = (count > WHOLE * side * side) & (clipped == 0.0)
+    used = (count > WHOLE * cell_texels(same.shape, rows)) & (clipped == 0.0)
     used &= (seen.mean(-1) > sample.dark) & (wanted.mean(-1) > there.dark)
     weight = np.broadcast_to(solid_angles(*used.shape[::-1])[:, None], used.shape)
     if weight[used].sum() < MIN_SHARE * weight.sum():
@@ -232,17 +233,6 @@ def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
 def simplest(pairs: Pairs, found: Matrix) -> Matrix | None:
     """Return `found`, or None if the identity fits as well."""
     return None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
-
-
-def _cells(picture: NDArray[Any], side: int) -> Matrix:
-    """Sum (h, w, ...) over squares of texels; incomplete squares at the edges are left out."""
-    rows, columns = picture.shape[0] // side, picture.shape[1] // side
-    whole = picture[: rows * side, : columns * side].astype(np.float32)
-    # Rows first is twice as quick as both axes at once.
-    lines = whole.reshape(rows, side, -1).sum(axis=1)
-    return np.asarray(
-        lines.reshape(rows, columns, side, *picture.shape[2:]).sum(axis=2), np.float64
-    )
 
 
 def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:

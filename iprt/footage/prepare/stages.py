@@ -60,8 +60,7 @@ class Preparation:
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
-        self._stored: tuple[Picture, Picture | None] | None = None
-        self._clean: CleanDepth | None = None
+        self._last: tuple[Picture, Picture | None, CleanDepth] | None = None
 
     def __call__(self, raw: RawFrame) -> Frame:
         """Prepare the next frame."""
@@ -87,19 +86,18 @@ class Preparation:
         depth picture, depth may have half the rate of color, or replace an unreadable one.
         """
         color = sanitize_color(raw.color)
-        if self._clean is None or not self._stays(raw, color):
-            self._clean = sanitize_depth(smoothed(raw.depth), color)
-            self._stored = raw.depth, raw.normal
-        assert self._stored is not None
-        depth, opening = self._clean.depth, self._clean.opening
-        return Frame(color, depth, opening, self._stored[1], index=raw.index, pose=raw.pose)
+        if self._last is None or not _stays(raw, color, *self._last):
+            self._last = raw.depth, raw.normal, sanitize_depth(smoothed(raw.depth), color)
+        _, normal, clean = self._last
+        return Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
 
-    def _stays(self, raw: RawFrame, color: Picture) -> bool:
-        """Return whether a frame has the depth, normals and openings of the previous one."""
-        assert self._clean is not None
-        assert self._stored is not None
-        same = all(map(_same, (raw.depth, raw.normal), self._stored))
-        return same and np.array_equal(find_openings(raw.depth, color), self._clean.opening)
+
+def _stays(
+    raw: RawFrame, color: Picture, depth: Picture, normal: Picture | None, clean: CleanDepth
+) -> bool:
+    """Return whether a frame has the depth, normals and openings of the previous one."""
+    same = _same(raw.depth, depth) and _same(raw.normal, normal)
+    return same and np.array_equal(find_openings(raw.depth, color), clean.opening)
 
 
 def _same(plane: Picture | None, other: Picture | None) -> bool:
