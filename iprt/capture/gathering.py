@@ -23,11 +23,6 @@ Matrix = NDArray[np.float64]
 class Gathering:
     """A cloud that accumulates frames.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
-
     Attributes
     ----------
     cloud : Cloud
@@ -35,8 +30,8 @@ class Gathering:
         Number of samples that later frames saw through.
     """
 
-    def __init__(self, seed: int = 0) -> None:
-        self.cloud = Cloud(seed)
+    def __init__(self) -> None:
+        self.cloud = Cloud()
         self.removed = 0
 
     def add(self, picture: RgbdFrame, pose: Matrix, *, shown: bool = True) -> None:

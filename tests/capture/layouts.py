@@ -110,6 +110,11 @@ def write_nerfstudio(folder: Path) -> Path:
     return folder
 
 
+def written(name: str, content: str | bytes) -> Callable[[Path], object]:
+    data = content if isinstance(content, bytes) else content.encode()
+    return lambda folder: (folder / name).write_bytes(data)
+
+
 WRITERS: dict[str, Callable[[Path], Path]] = {
     "7-Scenes": write_7_scenes,
     "ScanNet": write_scannet,

@@ -55,6 +55,7 @@ def test_a_convention_can_be_forced_and_what_does_not_fit_is_refused(
         path.write_text(texts[next(order)])
     error = fails("capture", folder, "-o", tmp_path / "scene")
     assert "poses and depth agree by no convention (opencv " in error
+    assert "--poses" in error
     assert not (tmp_path / "scene").exists()
     words = ["capture", str(folder), "-o", str(tmp_path / "scene"), "--poses", "opengl"]
     assert cli.main([*words, "--size", "32", "16"]) == 0

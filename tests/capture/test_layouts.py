@@ -28,6 +28,7 @@ from tests.capture.layouts import (
     write_nerfstudio,
     write_open3d,
     write_scannet,
+    written,
 )
 from tests.capture.sequences import Z_UP, Camera, room, write_tum
 from tests.scene.files import write_png16_grey
@@ -149,11 +150,6 @@ def test_distortion_that_is_not_undone_is_said(tmp_path: Path) -> None:
     assert "distortion" not in str(RgbdSequence.open(folder).found)
     edited(lambda data: data.update(k1=-0.08, k2=0.01))(folder)
     assert "lens distortion is not undone" in str(RgbdSequence.open(folder).found)
-
-
-def written(name: str, content: str | bytes) -> Callable[[Path], object]:
-    data = content if isinstance(content, bytes) else content.encode()
-    return lambda folder: (folder / name).write_bytes(data)
 
 
 def edited(change: Callable[[dict[str, object]], object]) -> Callable[[Path], object]:

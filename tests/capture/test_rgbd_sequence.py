@@ -11,6 +11,7 @@ from PIL import Image
 
 from iprt.capture.rgbd_sequence import RgbdSequence
 from iprt.errors import IprtError
+from tests.capture.layouts import written
 from tests.capture.sequences import Camera, looking_around, room, write_tum
 from tests.files.writing import exif
 from tests.scene.files import write_png16_grey
@@ -65,25 +66,21 @@ def test_any_axis_may_point_up(tum: Path, up: str) -> None:
     np.testing.assert_allclose(np.linalg.det(turn), 1.0)
 
 
-def damaged(name: str, text: str) -> Callable[[Path], object]:
-    return lambda folder: (folder / name).write_text(text)
-
-
 FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "no camera": (lambda f: (f / "camera.toml").unlink(), "camera.toml: no such file; write one"),
-    "no key": (damaged("camera.toml", "fx = 20.0\nfy = 20.0\ncx = 1.0\n"), "cy"),
-    "unknown key": (damaged("camera.toml", "fx=9\nfy=9\ncx=1\ncy=1\nfz=9\n"), "fz"),
-    "no number": (damaged("camera.toml", "fx=nan\nfy=9\ncx=1\ncy=1\n"), "fx"),
+    "no key": (written("camera.toml", "fx = 20.0\nfy = 20.0\ncx = 1.0\n"), "cy"),
+    "unknown key": (written("camera.toml", "fx=9\nfy=9\ncx=1\ncy=1\nfz=9\n"), "fz"),
+    "no number": (written("camera.toml", "fx=nan\nfy=9\ncx=1\ncy=1\n"), "fx"),
     "half numbered": (
-        damaged("camera.toml", 'fx=9\nfy=9\ncx=1\ncy=1\ncolor="rgb/%04d.png"\n'),
+        written("camera.toml", 'fx=9\nfy=9\ncx=1\ncy=1\ncolor="rgb/%04d.png"\n'),
         "give color, depth and poses, or none",
     ),
     "no list": (lambda f: (f / "depth.txt").unlink(), "depth.txt"),
-    "no time": (damaged("rgb.txt", "now rgb/0000.png\n"), "rgb.txt: line 1: expected a time"),
-    "nothing listed": (damaged("rgb.txt", "# none\n"), "rgb.txt: lists nothing"),
-    "outside": (damaged("rgb.txt", "1000.0 ../x.png\n"), "line 1: '../x.png' leaves the folder"),
-    "other times": (damaged("groundtruth.txt", "5 0 0 0 0 0 0 1\n"), "has a depth and a pose"),
-    "no rotation": (damaged("groundtruth.txt", "1000 0 0 0 0 0 0 2\n"), "a unit quaternion"),
+    "no time": (written("rgb.txt", "now rgb/0000.png\n"), "rgb.txt: line 1: expected a time"),
+    "nothing listed": (written("rgb.txt", "# none\n"), "rgb.txt: lists nothing"),
+    "outside": (written("rgb.txt", "1000.0 ../x.png\n"), "line 1: '../x.png' leaves the folder"),
+    "other times": (written("groundtruth.txt", "5 0 0 0 0 0 0 1\n"), "has a depth and a pose"),
+    "no rotation": (written("groundtruth.txt", "1000 0 0 0 0 0 0 2\n"), "a unit quaternion"),
     "no picture": (lambda f: (f / "rgb/0001.png").unlink(), "0001.png"),
     "damaged": (lambda f: (f / "depth/0001.png").write_bytes(b"x"), "0001.png"),
     "other size": (

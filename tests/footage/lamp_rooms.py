@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
+from iprt.output.display import srgb_encode
 from tests.frame.radiosity import Albedo, Lamp, room
 from tests.worlds import Float
 
@@ -59,9 +60,7 @@ def clip(frame: Frame, white: float = 1.0) -> Frame:
 
 
 def srgb(color: NDArray[np.float32]) -> NDArray[np.uint8]:
-    seen = np.clip(color, 0.0, 1.0)
-    coded = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
-    return np.asarray(np.round(coded * 255.0), np.uint8)
+    return np.asarray(np.round(255.0 * srgb_encode(np.clip(color, 0.0, 1.0))), np.uint8)
 
 
 def tone_mapped(color: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -87,13 +87,8 @@ class Shading:
     shine_lights: Float
 
 
-@dataclass(frozen=True)
-class Tie:
-    """A prior that lights `first` and `second` have similar gains, within `spread`."""
-
-    first: int
-    second: int
-    spread: float
+Tie = tuple[int, int, float]
+"""A prior that two lights have similar gains, and the expected spread of their logarithms."""
 
 
 @dataclass(frozen=True)
@@ -321,8 +316,8 @@ def _expectations(ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> tuple[Floa
         if clipped[light].all():
             red, blue = -0.5 - LOCUS_SLOPE, -0.5 + LOCUS_SLOPE
             expect({3 * light: red, 3 * light + 1: 1.0, 3 * light + 2: blue}, 0.0, TINT_SPREAD)
-    for tie in ties:
+    for first, second, spread in ties:
         for c in range(3):
-            if clipped[tie.first, c] and clipped[tie.second, c]:
-                expect({3 * tie.first + c: 1.0, 3 * tie.second + c: -1.0}, 0.0, tie.spread)
+            if clipped[first, c] and clipped[second, c]:
+                expect({3 * first + c: 1.0, 3 * second + c: -1.0}, 0.0, spread)
     return np.array(rows), np.array(values)

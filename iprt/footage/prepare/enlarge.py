@@ -184,7 +184,7 @@ def enlarged(coarse: Picture, width: int, height: int, *, holes: bool = True) ->
     (height, width) float32
         0 where there is no surface.
     """
-    left, right = _sides(coarse, width)
+    sides = _sides(coarse, width)
     above, below, share = _neighbors(height, coarse.shape[0])
     theta = texel_polar_angles(height)
     sin, cos = (f(theta).astype(np.float32)[:, None] for f in (np.sin, np.cos))
@@ -195,54 +195,37 @@ def enlarged(coarse: Picture, width: int, height: int, *, holes: bool = True) ->
         weight = np.empty_like(inverse)
         part = share[band, None]
         corners = (
-            (row[band] + 1, down, side)
+            (row[band] + 1, down, *side)
             for row, down in ((above, 1.0 - part), (below, part))
-            for side in (left, right)
+            for side in sides
         )
-        for corner, (row, down, side) in enumerate(corners):
-            own = side.inverse[row]
-            plane = sin[band] * side.outward[row] + cos[band] * side.up[row]
-            inverse[corner] = np.clip(plane, own / _FARTHEST, own * _FARTHEST)
-            weight[corner] = down * side.weight * (own > 0.0 if not holes else 1.0)
+        for corner, (row, down, own, outward, up, across) in enumerate(corners):
+            plane = sin[band] * outward[row] + cos[band] * up[row]
+            known = own[row]
+            inverse[corner] = np.clip(plane, known / _FARTHEST, known * _FARTHEST)
+            weight[corner] = down * across * (known > 0.0 if not holes else 1.0)
         result[band] = _inverse(_agreed(inverse, weight))
     return result
 
 
-@dataclass(frozen=True)
-class _Side:
-    """Coarse texels to the left, or to the right, of each of `width` columns.
-
-    All planes continue by one row over both poles.
-
-    Attributes
-    ----------
-    inverse : (h + 2, width) float32
-        Inverse depth, 0 where there is no surface.
-    outward, up : (h + 2, width) float32
-        Components of `g` along the horizontal direction of each column, and along +Y.
-    weight : (width,) float32
-        Bilinear weight.
-    """
-
-    inverse: Picture
-    outward: Picture
-    up: Picture
-    weight: Picture
+Side = tuple[Picture, Picture, Picture, Picture]
+"""Coarse texels on one side of each of `width` columns, continued by one row over both poles:
+inverse depth, 0 where there is no surface; components of `g` along the horizontal direction of each
+column, and along +Y; all (h + 2, width). The last one is the bilinear weight (width,)."""
 
 
-def _sides(coarse: Picture, width: int) -> tuple[_Side, _Side]:
+def _sides(coarse: Picture, width: int) -> list[Side]:
     """Return the coarse texels to the left and to the right of the columns."""
     phi = texel_azimuths(width)
     sin, cos = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
     inverse = over_poles(_inverse(coarse), 1)
     x, y, z = np.moveaxis(over_poles(_planes(coarse), 1), -1, 0)
     left, right, share = _neighbors(width, coarse.shape[1])
-
-    def side(column: NDArray[np.intp], weight: Picture) -> _Side:
+    sides = []
+    for column, weight in ((left, 1.0 - share), (right, share)):
         at = column % coarse.shape[1]
-        return _Side(inverse[:, at], x[:, at] * sin - z[:, at] * cos, y[:, at], weight)
-
-    return side(left, 1.0 - share), side(right, share)
+        sides.append((inverse[:, at], x[:, at] * sin - z[:, at] * cos, y[:, at], weight))
+    return sides
 
 
 def _inverse(plane: Picture) -> Picture:

@@ -171,7 +171,8 @@ class Drift:
             verdict = judged(pairs, self._map, found)
             # Light may have changed since the reference, but only colors since the last frame.
             if verdict == "drift" or (verdict != "same" and self._drifts_from(sample, reference)):
-                self._map = simplest(pairs, found)
+                # The identity stands where it fits as well.
+                self._map = None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
             elif verdict == "light":
                 self._reference = sample.mapped(self._map)
             return
@@ -228,11 +229,6 @@ def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
     if left <= UNEXPLAINED * change:
         return "drift"
     return "light" if left > BEYOND_NOISE * error else "noise"
-
-
-def simplest(pairs: Pairs, found: Matrix) -> Matrix | None:
-    """Return `found`, or None if the identity fits as well."""
-    return None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
 
 
 def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:

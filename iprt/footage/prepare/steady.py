@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -18,28 +18,26 @@ LOOK_BACK = 300
 
 
 class Incident:
-    """A run of bad frames, reported at its beginning and at its end."""
+    """A run of bad frames, logged at its beginning and at its end."""
 
-    def __init__(self, report: Callable[[str], None]) -> None:
-        self._report = report
-        self._bad = 0
+    _bad = 0
 
     def bad(self, problem: str) -> None:
         """Count a bad frame; `problem` describes it and its replacement."""
         if not self._bad:
-            self._report(problem)
+            LOG.warning(problem)
         self._bad += 1
 
     def good(self, index: int) -> None:
         """End the run of bad frames before a good one."""
         if self._bad:
-            self._report(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
+            LOG.warning(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
         self._bad = 0
 
     def end(self) -> None:
         """End the run of bad frames at the last frame."""
         if self._bad:
-            self._report(f"bad up to the last frame: {counted(self._bad, 'frame')}")
+            LOG.warning(f"bad up to the last frame: {counted(self._bad, 'frame')}")
         self._bad = 0
 
 
@@ -55,20 +53,11 @@ class SteadyReader:
         First frame of the video, down to which frames before the requested ones are searched.
     strict : bool
         Whether a bad frame is an error.
-    report : callable
-        Receives a line at the beginning and at the end of each run of bad frames.
     """
 
-    def __init__(
-        self,
-        reader: FrameReader,
-        first: int,
-        *,
-        strict: bool = False,
-        report: Callable[[str], None] = LOG.warning,
-    ) -> None:
+    def __init__(self, reader: FrameReader, first: int, *, strict: bool) -> None:
         self._reader, self._first, self._strict = reader, first, strict
-        self._incident = Incident(report)
+        self._incident = Incident()
         self._last: RawFrame | None = None
         self._color_of = self._depth_of = first  # the frames from which `_last` is composed
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.files.primaries import D65, REC709, to_rec709
-from iprt.footage.video.pixel_planes import Layout, Samples, layout, planes
+from iprt.footage.video.pixel_planes import Codes, Layout, layout, planes
 
 if TYPE_CHECKING:
     import av
@@ -167,7 +167,7 @@ def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
     return out
 
 
-def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float, float]:
+def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Codes, float, float]:
     """Return rows of luma or grey as stored, and the codes of black and white.
 
     Raises
@@ -198,7 +198,7 @@ def _limits(how: Layout, full: bool) -> tuple[float, float]:
     return 16.0 * 2 ** (how.bits - 8), 235.0 * 2 ** (how.bits - 8)
 
 
-def _coded_rgb(stored: list[Samples], encoding: Encoding) -> list[Picture]:
+def _coded_rgb(stored: list[Codes], encoding: Encoding) -> list[Picture]:
     """Return non-linear R, G, B, nominally from 0 to 1."""
     how = encoding.layout
     black, white = _limits(how, encoding.full)
@@ -262,7 +262,7 @@ def _table(transfer: int) -> Picture:
     return linear.astype(np.float32)
 
 
-def _upsampled(plane: Samples, how: Layout, height: int, width: int) -> Picture:
+def _upsampled(plane: Codes, how: Layout, height: int, width: int) -> Picture:
     """Upsample chroma to every luma sample, linearly.
 
     Chroma is sited at the default of MPEG-2 to HEVC: at every other luma sample of a row, and
