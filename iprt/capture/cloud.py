@@ -31,13 +31,13 @@ class Samples:
     position : (N, 3) float32
         Metres, in the scene's axes.
     color : (N, 3) float32
-        Linear radiance, in the colours of the first frame.
+        Linear radiance, in the colors of the first frame.
     normal : (N, 3) float32
         Unit vectors, facing the observing camera.
     radius : (N,) float32
         Metres: half the distance to the neighbours in the sample's frame.
     clipped : (N,) bool
-        The surface may be brighter than its colour.
+        The surface may be brighter than its color.
     """
 
     position: Float
@@ -95,10 +95,6 @@ class Cloud:
     def samples(self) -> Samples:
         """Return all samples."""
         return self._held.at(np.flatnonzero(np.isfinite(self._held.position[:, 0])))
-
-    def at(self, slot: Indices) -> Samples:
-        """Return the samples in these slots."""
-        return self._held.at(slot)
 
     def insert(self, samples: Samples) -> None:
         """Offer samples in order."""

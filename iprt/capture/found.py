@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ MILLIMETRE = 0.001
 
 
 @dataclass(frozen=True)
-class Frame:
+class FrameFiles:
     """Files of a frame, its pose as stored, and its own camera if the layout gives one."""
 
     color: Path
@@ -32,7 +32,7 @@ class Frame:
     camera: Pinhole | None = None
 
 
-@dataclass(frozen=True)
+@dataclass
 class Found:
     """Frames of a folder.
 
@@ -40,39 +40,32 @@ class Found:
     ----------
     name : str
         Name of the layout, for messages.
-    frames : list of Frame
-        Frames in order; at least one.
-    skipped : Counter
-        Counts of unusable frames, by reason.
     step_m : float
         Metres per step of integer depth.
     convention : str
         Convention of the poses by the layout's definition.
     up : str or None
         Axis of the poses' world that points up by the layout's definition.
+    frames : list of FrameFiles
+        Complete frames in order.
+    skipped : Counter
+        Counts of unusable frames, by reason.
     """
 
     name: str
-    frames: list[Frame]
-    skipped: Counter[str]
     step_m: float = MILLIMETRE
     convention: Convention = "opencv"
     up: Axis | None = None
+    frames: list[FrameFiles] = field(default_factory=list)
+    skipped: Counter[str] = field(default_factory=Counter)
 
     def __str__(self) -> str:
-        kept = counted(len(self.frames), "frame")
-        if not self.skipped:
-            return f"{self.name}, {kept}"
-        why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.skipped.items()))
-        return f"{self.name}, {kept}; skipped: {why}"
+        kept = f"{self.name}, {counted(len(self.frames), 'frame')}"
+        return f"{kept}; skipped: {self._why}" if self.skipped else kept
 
-
-@dataclass
-class Gatherer:
-    """A collection of complete frames, with counts of incomplete ones."""
-
-    frames: list[Frame] = field(default_factory=list)
-    skipped: Counter[str] = field(default_factory=Counter)
+    @property
+    def _why(self) -> str:
+        return ", ".join(f"{count} {reason}" for reason, count in sorted(self.skipped.items()))
 
     def add(
         self,
@@ -85,20 +78,21 @@ class Gatherer:
     ) -> None:
         """Add a frame; None means a missing part, or a pose that is not finite."""
         if color is None:
-            self.skipped["without colour"] += 1
+            self.skipped["without color"] += 1
         elif depth is None:
             self.skipped["without depth"] += 1
         elif pose is None:
             self.skipped["with an invalid pose" if has_pose else "without a pose"] += 1
         else:
-            self.frames.append(Frame(color, depth, pose, camera))
+            self.frames.append(FrameFiles(color, depth, pose, camera))
 
-    def complete(self, source: Path) -> list[Frame]:
-        """Return the frames; raise FormatError about `source` if there are none."""
+    def complete(self, source: Path) -> Self:
+        """Return itself; raise FormatError about `source` if there are no frames."""
         if not self.frames:
-            why = ", ".join(f"{count} {reason}" for reason, count in sorted(self.skipped.items()))
-            raise FormatError(f"{source}: no frame with colour, depth and a pose ({why or 'none'})")
-        return self.frames
+            raise FormatError(
+                f"{source}: no frame with color, depth and a pose ({self._why or 'none'})"
+            )
+        return self
 
 
 def by_number(

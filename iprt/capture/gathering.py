@@ -5,41 +5,23 @@ See section 5 of *Natural Environment Illumination*.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from iprt.capture.cloud import Cloud, Samples
+from iprt.capture.depth_normals import fit_planes
 from iprt.capture.pinhole import Pinhole
-from iprt.capture.planes import fit_planes
-from iprt.capture.sequence import Picture
+from iprt.capture.rgbd_sequence import RgbdFrame
 
 SEEN_THROUGH_M, SEEN_THROUGH = 0.1, 0.05
 """Absolute and relative distance in front of the depth picture from which a sample is removed; both
 must be exceeded."""
 Matrix = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class _Sight:
-    """Samples of the cloud within a frame: their slots, pixels and depth."""
-
-    slot: Indices
-    row: Indices
-    column: Indices
-    z: NDArray[np.float32]
 
 
 class Gathering:
     """A cloud that accumulates frames.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the random numbers.
 
     Attributes
     ----------
@@ -48,11 +30,11 @@ class Gathering:
         Number of samples that later frames saw through.
     """
 
-    def __init__(self, seed: int = 0) -> None:
-        self.cloud = Cloud(seed)
+    def __init__(self) -> None:
+        self.cloud = Cloud()
         self.removed = 0
 
-    def add(self, picture: Picture, pose: Matrix, *, shown: bool = True) -> None:
+    def add(self, picture: RgbdFrame, pose: Matrix, *, shown: bool = True) -> None:
         """Add a frame.
 
         Parameters
@@ -62,7 +44,7 @@ class Gathering:
         shown : bool
             Add the frame's surfaces; otherwise it only removes samples in its lines of sight.
         """
-        self._carve(self._sight(pose, picture.camera), picture.depth)
+        self._carve(picture.depth, pose, picture.camera)
         if not shown:
             return
         rays = picture.camera.rays()
@@ -80,8 +62,8 @@ class Gathering:
             )
         )
 
-    def _sight(self, pose: Matrix, camera: Pinhole) -> _Sight:
-        """Return all samples that project into the picture, hidden ones included."""
+    def _carve(self, depth: NDArray[np.float32], pose: Matrix, camera: Pinhole) -> None:
+        """Remove the samples that a frame sees through (space carving)."""
         positions = self.cloud.positions
         to_camera = pose[:3, :3].astype(np.float32)
         origin = (pose[:3, 3] @ pose[:3, :3]).astype(np.float32)
@@ -92,16 +74,11 @@ class Gathering:
         column = np.rint(camera.fx * xy[:, 0] / z + camera.cx)
         row = np.rint(camera.fy * xy[:, 1] / z + camera.cy)
         inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-        return _Sight(
-            slot[inside], row[inside].astype(np.intp), column[inside].astype(np.intp), z[inside]
-        )
-
-    def _carve(self, sight: _Sight, depth: NDArray[np.float32]) -> None:
-        """Remove the samples that the frame sees through (space carving)."""
+        pixel = row[inside].astype(np.intp), column[inside].astype(np.intp)
         # A pixel at an edge may show either side, so the nearest of its neighbours counts.
         nearest = ndimage.minimum_filter(np.where(depth > 0.0, depth, np.inf), 3)
-        nearest = np.where(depth > 0.0, nearest, 0.0)[sight.row, sight.column]
-        gap = nearest - sight.z
+        nearest = np.where(depth > 0.0, nearest, 0.0)[pixel]
+        gap = nearest - z[inside]
         through = (gap > SEEN_THROUGH_M) & (gap > SEEN_THROUGH * nearest)
-        self.cloud.remove(sight.slot[through])
+        self.cloud.remove(slot[inside][through])
         self.removed += int(through.sum())

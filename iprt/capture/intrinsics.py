@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 
 from iprt.capture.found import Axis
 from iprt.capture.pinhole import Pinhole
-from iprt.capture.rigid import MOST_BYTES, read_matrix
+from iprt.capture.rigid import read_matrix
 from iprt.errors import FormatError, SceneError
 from iprt.files.images import picture_size, read_header
 from iprt.files.message_text import printable
@@ -27,6 +27,7 @@ from iprt.files.toml_tables import (
     problems_error,
 )
 from iprt.files.toml_text import parse_toml, read_text
+from iprt.footage.video.poses import MOST_BYTES
 
 CAMERA = "camera.toml"
 MATRICES = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "camera-intrinsics.txt")
@@ -41,7 +42,7 @@ Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
 class CameraTable(Table):
     """The table of `camera.toml`: a pinhole, and the pictures' paths without a known layout.
 
-    `fx`, `fy` and `cx`, `cy` are in pixels of colour; the centre of the first pixel is at (0, 0),
+    `fx`, `fy` and `cx`, `cy` are in pixels of color; the centre of the first pixel is at (0, 0),
     as in OpenCV. Layouts with their own intrinsics may omit them. `up` is the axis of the poses'
     world that points up.
     """
@@ -95,7 +96,7 @@ def camera_of_table(table: CameraTable, color: Path) -> Pinhole | None:
 def cameras_of_files(
     folder: Path, color: Path, depth: Path
 ) -> tuple[Pinhole | None, Pinhole | None]:
-    """Return the cameras of colour and depth from files in the folder; None where missing.
+    """Return the cameras of color and depth from files in the folder; None where missing.
 
     Raises
     ------

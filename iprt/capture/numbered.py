@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.capture.found import Axis, Found, Gatherer, by_number
-from iprt.capture.rigid import numbers, read_lines, read_matrix, rigid
+from iprt.capture.found import Found, by_number
+from iprt.capture.rigid import read_matrix, rigid
 from iprt.capture.tum import STEP_M
 from iprt.errors import FormatError
 from iprt.files.kinds import FRAME_PATTERN
 from iprt.files.safe_reading import is_file
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
+from iprt.footage.video.poses import numbers, read_lines
 
 COLOR_FOLDERS = ("color", "rgb", "image", "images", "colour")
 DEPTH_FOLDERS = ("depth", "depths", "depth_images")
@@ -25,6 +26,7 @@ NUMBER = r"\D*(\d+)(?:-\d+)?"
 """Stem of a numbered file; in Redwood's, a time follows the number."""
 
 Matrix = NDArray[np.float64]
+Files = dict[int, Path]
 Poses = dict[int, Matrix | None]
 
 
@@ -39,14 +41,8 @@ def read_listed(folder: Path, color: str, depth: str, poses: str) -> Found:
     colors, depths = _matching(folder, color), _matching(folder, depth)
     if not colors or min(colors) > 1:
         raise FormatError(f"{folder / color}: no picture with number 0 or 1")
-    frames = _joined(colors, depths, _rows(folder / poses, colors))
-    return Found(
-        f"numbered pictures ({poses})",
-        frames.complete(folder / poses),
-        frames.skipped,
-        step_m=STEP_M,
-        up="z",
-    )
+    found = Found(f"numbered pictures ({poses})", step_m=STEP_M, up="z")
+    return _joined(found, folder / poses, colors, depths, _rows(folder / poses, colors))
 
 
 def read_rows(folder: Path) -> Found | None:
@@ -55,12 +51,11 @@ def read_rows(folder: Path) -> Found | None:
     It returns None if the folder lacks any of them.
     """
     path = next((folder / name for name in POSE_FILES if is_file(folder / name)), None)
-    colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
-    depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+    colors, depths = _pictures(folder)
     if path is None or not colors or not depths:
         return None
-    frames = _joined(colors, depths, _rows(path, colors))
-    return Found(f"numbered pictures ({path.name})", frames.complete(path), frames.skipped)
+    found = Found(f"numbered pictures ({path.name})")
+    return _joined(found, path, colors, depths, _rows(path, colors))
 
 
 def read_per_frame(folder: Path) -> Found | None:
@@ -75,20 +70,16 @@ def read_per_frame(folder: Path) -> Found | None:
         A pose is damaged, or no frame is complete.
     """
     files = by_number(folder, NUMBER + r"\.pose", (".txt",))
-    name = "7-Scenes (a pose file per frame)"
-    up: Axis | None = None
-    colors = by_number(folder, NUMBER + r"\.color")
-    depths = by_number(folder, NUMBER + r"\.depth")
+    found = Found("7-Scenes (a pose file per frame)")
+    colors, depths = (by_number(folder, NUMBER + kind) for kind in (r"\.color", r"\.depth"))
     if not files:
         files = by_number(_folder(folder, POSE_FOLDERS), NUMBER, (".txt",))
-        name, up = "ScanNet export (color, depth, pose)", "z"
-        colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
-        depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+        found = Found("ScanNet export (color, depth, pose)", up="z")
+        colors, depths = _pictures(folder)
     if not files:
         return None
     poses = {n: rigid(str(p), list(read_matrix(p, (4, 4), (3, 4)).flat)) for n, p in files.items()}
-    frames = _joined(colors, depths, poses)
-    return Found(name, frames.complete(folder), frames.skipped, up=up)
+    return _joined(found, folder, colors, depths, poses)
 
 
 def read_log(folder: Path) -> Found | None:
@@ -115,19 +106,17 @@ def read_log(folder: Path) -> Found | None:
             )
         matrix = [value for at, line in rows[start + 1 : start + 5] for value in numbers(at, line)]
         poses[int(words[0])] = rigid(where, matrix)
-    colors = by_number(_folder(folder, COLOR_FOLDERS), NUMBER)
-    depths = by_number(_folder(folder, DEPTH_FOLDERS), NUMBER)
+    colors, depths = _pictures(folder)
     if len(poses) == len(colors) and set(poses) != set(colors):
         # Picture numbers may start at 1 or have gaps, while the log counts from 0.
         poses = dict(zip(sorted(colors), (poses[n] for n in sorted(poses)), strict=True))
     if len(colors) == len(depths) and set(colors) != set(depths):
         # In Redwood's names, a time follows the number, and differs between the two.
         depths = dict(zip(sorted(colors), (depths[n] for n in sorted(depths)), strict=True))
-    frames = _joined(colors, depths, poses)
-    return Found(f"Open3D or Redwood ({path.name})", frames.complete(folder), frames.skipped)
+    return _joined(Found(f"Open3D or Redwood ({path.name})"), folder, colors, depths, poses)
 
 
-def _rows(path: Path, colors: dict[int, Path]) -> Poses:
+def _rows(path: Path, colors: Files) -> Poses:
     """Return one pose per line, for each picture or for consecutive numbers from the first."""
     rows = read_lines(path)
     first = min(colors)
@@ -135,16 +124,22 @@ def _rows(path: Path, colors: dict[int, Path]) -> Poses:
     return {n: rigid(at, numbers(at, words)) for n, (at, words) in zip(order, rows, strict=True)}
 
 
-def _joined(colors: dict[int, Path], depths: dict[int, Path], poses: Poses) -> Gatherer:
-    frames = Gatherer()
+def _joined(found: Found, source: Path, colors: Files, depths: Files, poses: Poses) -> Found:
+    """Add the frames of all numbers; raise FormatError about `source` if none is complete."""
     for number in sorted(colors.keys() | depths.keys() | poses.keys()):
-        frames.add(
+        found.add(
             colors.get(number), depths.get(number), poses.get(number), has_pose=number in poses
         )
-    return frames
+    return found.complete(source)
 
 
-def _matching(folder: Path, pattern: str) -> dict[int, Path]:
+def _pictures(folder: Path) -> tuple[Files, Files]:
+    """Return the files of color and depth in their folders, by number."""
+    color, depth = (_folder(folder, names) for names in (COLOR_FOLDERS, DEPTH_FOLDERS))
+    return by_number(color, NUMBER), by_number(depth, NUMBER)
+
+
+def _matching(folder: Path, pattern: str) -> Files:
     """Return files by the number in a printf pattern; a name without a pattern gets 0."""
     before, after = FRAME_PATTERN.split(pattern)[::2] if "%" in pattern else (pattern, "")
     names = re.compile(f"{re.escape(before)}([0-9]+){re.escape(after)}")

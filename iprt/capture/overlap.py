@@ -42,7 +42,7 @@ class Glance:
 
     @classmethod
     def of(cls, depth: Float, color: Float, clipped: Mask, camera: Pinhole) -> Glance:
-        """Downsample a frame, given as arrays (H, W), (H, W, 3), (H, W) as in `Picture`."""
+        """Downsample a frame, given as arrays (H, W), (H, W, 3), (H, W) as in `RgbdFrame`."""
         step = max(1, -(-depth.shape[1] // COLUMNS))
         parts = np.asarray(blocks(depth, step))
         there = parts > 0.0

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.capture.cloud import CELL_M, SLOTS, Samples
+from iprt.footage.cells import binned
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
 
@@ -23,56 +23,43 @@ MAX_STRETCH = 8
 SAME_SURFACE = 0.03
 """Relative distance behind the nearest disc up to which discs are blended with it."""
 CLIPPED_WEIGHT = 1e-3
-"""Weight of clipped colours, so that unclipped ones of the same surface dominate."""
+"""Weight of clipped colors, so that unclipped ones of the same surface dominate."""
 AT_ONCE = 2**18
 """Number of samples drawn at once, which bounds memory."""
 
 Float = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Splatted:
-    """A cloud rendered from a point.
+def splat(samples: Samples, width: int) -> tuple[Float, Float]:
+    """Render samples from the origin into an equirect picture of `width` x `width` / 2 texels.
 
-    Attributes
-    ----------
+    Returns
+    -------
     color : (H, W, 3) float32
         Linear radiance; 0 without a sample.
     depth : (H, W) float32
         Metres along the ray of the texel's centre; 0 without a sample.
     """
-
-    color: Float
-    depth: Float
-
-
-def splat(samples: Samples, width: int) -> Splatted:
-    """Render samples from the origin into an equirect picture of `width` x `width` / 2 texels."""
     view = View(width, width // 2, projection="equirect")
     directions = view.directions().reshape(-1, 3).astype(np.float32)
     nearest = np.full(len(directions), np.inf, np.float32)
     for texel, distance, _, _ in _discs(samples, directions, view):
         np.minimum.at(nearest, texel, distance)
     sums = np.zeros((5, len(directions)))
-    colors = np.zeros((4, len(directions)))
+    colors = np.zeros((len(directions), 4))
     for texel, distance, weight, index in _discs(samples, directions, view):
         front = distance <= nearest[texel] * (1.0 + SAME_SURFACE)
         texel, weight, index = texel[front], weight[front], index[front]
         sums[0] += np.bincount(texel, weight, len(directions))
         sums[1] += np.bincount(texel, weight * distance[front], len(directions))
         weight = weight * np.where(samples.clipped[index], np.float32(CLIPPED_WEIGHT), 1.0)
-        colors[3] += np.bincount(texel, weight, len(directions))
-        for channel in range(3):
-            seen = weight * samples.color[index, channel]
-            colors[channel] += np.bincount(texel, seen, len(directions))
+        seen = np.c_[samples.color[index], np.ones(len(index), np.float32)]
+        colors += binned(weight[:, None] * seen, texel, len(directions))
     there = sums[0] > 0.0
-    color = np.where(there, colors[:3] / np.where(there, colors[3], 1.0), 0.0)
+    color = colors[:, :3] / np.where(there, colors[:, 3], 1.0)[:, None]
     depth = np.where(there, sums[1] / np.where(there, sums[0], 1.0), 0.0)
     shape = (view.height, view.width)
-    return Splatted(
-        np.ascontiguousarray(color.T.reshape(*shape, 3), np.float32),
-        depth.reshape(shape).astype(np.float32),
-    )
+    return color.reshape(*shape, 3).astype(np.float32), depth.reshape(shape).astype(np.float32)
 
 
 def _discs(

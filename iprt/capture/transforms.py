@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from iprt.capture.found import Found, Gatherer
+from iprt.capture.found import Found
 from iprt.capture.intrinsics import checked, read_json
 from iprt.capture.pinhole import Pinhole
 from iprt.capture.rigid import rigid
@@ -43,7 +43,9 @@ def read_transforms(folder: Path) -> Found | None:
     model = data.get("camera_model", "PINHOLE")
     if model not in ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL"):
         raise FormatError(f"{path}: camera_model '{printable(str(model), 40)}' is no pinhole")
-    frames = Gatherer()
+    bent = any(abs(_number(data, key, str(path), -1e6, 1e6) or 0.0) > STRAIGHT for key in BENDING)
+    name = f"{path.name} (NeRF, nerfstudio{'; lens distortion is not undone' if bent else ''})"
+    found = Found(name, convention="opengl", up="z")
     common: Pinhole | None = None
     for number, entry in enumerate(entries):
         where = f"{path}: frames[{number}]"
@@ -61,15 +63,8 @@ def read_transforms(folder: Path) -> Found | None:
             if own or common is None:
                 camera = _camera({**data, **entry}, color, where if own else str(path))
             common = common if own else camera or common
-        frames.add(color, depth, pose, camera or common, has_pose="transform_matrix" in entry)
-    bent = any(abs(_number(data, key, str(path), -1e6, 1e6) or 0.0) > STRAIGHT for key in BENDING)
-    return Found(
-        f"{path.name} (NeRF, nerfstudio{'; lens distortion is not undone' if bent else ''})",
-        frames.complete(path),
-        frames.skipped,
-        convention="opengl",
-        up="z",
-    )
+        found.add(color, depth, pose, camera or common, has_pose="transform_matrix" in entry)
+    return found.complete(path)
 
 
 def _file(folder: Path, entry: dict[str, Any], key: str, where: str) -> Path | None:

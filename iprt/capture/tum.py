@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.capture.found import Found, Gatherer
-from iprt.capture.rigid import from_quaternion, numbers, read_lines
+from iprt.capture.found import Found
+from iprt.capture.rigid import from_quaternion
 from iprt.errors import FormatError
 from iprt.files.kinds import PICTURE_SUFFIXES
 from iprt.files.message_text import printable
 from iprt.files.safe_reading import is_file, stays_inside
+from iprt.footage.video.poses import numbers, read_lines
 
 SAME_TIME_S = 0.02
 """Largest difference in time between pictures and poses that belong together."""
@@ -35,7 +36,7 @@ Rows = list[tuple[str, list[str]]]
 
 
 def read_tum(folder: Path) -> Found | None:
-    """Join colour with the depth and the pose nearest in time.
+    """Join color with the depth and the pose nearest in time.
 
     Without `rgb.txt` and `depth.txt`, the files of `rgb` and `depth` are named by their times. It
     returns None if the folder has no lists and no such trajectory.
@@ -58,22 +59,20 @@ def read_tum(folder: Path) -> Found | None:
     depth_at, depths = pictures(folder, "depth")
     pose_at, rows = _timed(read_lines(trajectory), str(trajectory), WORDS - 1)
     poses = [from_quaternion(where, numbers(where, words)) for where, words in rows]
-    frames = Gatherer()
+    found = Found(f"TUM RGB-D ({trajectory.name})", step_m=STEP_M, up="z")
     for time, color in zip(color_at, colors, strict=True):
         depth, pose = _nearest(depth_at, time), _nearest(pose_at, time)
-        frames.add(
+        found.add(
             folder / color[1][0],
             None if depth is None else folder / depths[depth][1][0],
             None if pose is None else poses[pose],
             has_pose=pose is not None,
         )
-    if not frames.frames:
+    if not found.frames:
         raise FormatError(
-            f"{folder}: no colour picture has a depth and a pose within {SAME_TIME_S:g} s"
+            f"{folder}: no color picture has a depth and a pose within {SAME_TIME_S:g} s"
         )
-    return Found(
-        f"TUM RGB-D ({trajectory.name})", frames.frames, frames.skipped, step_m=STEP_M, up="z"
-    )
+    return found
 
 
 def _listed(folder: Path, name: str) -> tuple[Matrix, Rows]:

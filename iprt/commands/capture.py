@@ -61,8 +61,8 @@ def capture(
     int
         Exit status 0.
     """
-    from iprt.capture.scene import capture_panorama, write_scene
-    from iprt.capture.sequence import RgbdSequence
+    from iprt.capture.panorama import capture_panorama, write_scene
+    from iprt.capture.rgbd_sequence import RgbdSequence
     from iprt.commands.findings import Findings
     from iprt.commands.progress import progress_bar
     from iprt.commands.scene_report import add_first_look

@@ -42,6 +42,11 @@ def cell_texels(shape: tuple[int, ...], rows: int) -> NDArray[np.intp]:
     return np.outer(np.diff(down), np.diff(across))
 
 
+def binned(values: NDArray[np.floating], cell: NDArray[np.intp], count: int) -> Float:
+    """Sum values (N, C) over the cells (N,) that they belong to: (count, C)."""
+    return np.stack([np.bincount(cell, part, count) for part in values.T], axis=-1)
+
+
 def _cell_ends(shape: tuple[int, ...], rows: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return first texels (rows + 1,) and (2 rows + 1,) of cells; coarser cells share them."""
     height, width = shape[:2]

@@ -1,4 +1,4 @@
-"""Texels with clipped lights, in the picture's own colours."""
+"""Texels with clipped lights, in the picture's own colors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ WORD = 32
 
 @dataclass(frozen=True)
 class ClippedTexels:
-    """The stored colours of N texels of a panorama whose recovered radiance is higher.
+    """The stored colors of N texels of a panorama whose recovered radiance is higher.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
-"""Robust estimation of the linear map between the colours of two pictures of the same surfaces.
+"""Robust estimation of the linear map between the colors of two pictures of the same surfaces.
 
 After section 4 of *Natural Environment Illumination*: weighted least squares, regularised towards a
 scale per channel. Here residuals are relative to brightness, and iterated weights exclude surfaces
-whose colours changed differently from most.
+whose colors changed differently from most.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LIKELY_CROSSTALK, LIKELY_TINT, LIKELY_GAIN = 0.1, 0.3, 1.0
 """Prior standard deviations: of a map from a scale per channel, of this scale from a common one,
 and of the common scale from 1."""
 CLEAR = 4.0
-"""Least variance of colours along an axis, in units of noise, that determines crosstalk."""
+"""Least variance of colors along an axis, in units of noise, that determines crosstalk."""
 ALIKE = 16.0
 """Number of pairs with a common error: textures and lights are larger than cells."""
 MIN_ERROR = 1e-4
@@ -31,15 +31,15 @@ MIN_ERROR = 1e-4
 MAJORITY = 0.7
 """Least share of the picture that a map must explain: drift is uniform, light is not."""
 EXPLAINED = 0.05
-"""Relative error up to which a map explains the colour of a pair."""
+"""Relative error up to which a map explains the color of a pair."""
 MAX_GAIN = 8.0
 """Largest gain of a plausible map, and inverse of the least."""
 MAX_CONDITION = 16.0
-"""Largest condition number: beyond it, different colours become nearly equal, irreversibly."""
+"""Largest condition number: beyond it, different colors become nearly equal, irreversibly."""
 
 
 class Pairs:
-    """Colours of the same surfaces in two pictures.
+    """Colors of the same surfaces in two pictures.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Pairs:
     region : (N,) int
         Region of the picture that contains each pair.
     dark : float
-        Radiance below which colours are uncertain.
+        Radiance below which colors are uncertain.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:
     gain = (np.trace(ur) + pull) / (np.trace(uu) + pull)
     pull = likely / LIKELY_TINT**2
     scale = (np.diag(ur) + pull * gain) / (np.diag(uu) + pull)
-    # Half of the error is noise in u, which adds to uu and not to ur. Axes along which colours vary
+    # Half of the error is noise in u, which adds to uu and not to ur. Axes along which colors vary
     # by little more than noise carry no information.
     noise = 0.5 * variance / gain**2
     size, axes = np.linalg.eigh(uu)

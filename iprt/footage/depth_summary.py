@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from iprt.files.message_text import length
 from iprt.footage.normals import estimate_normals
-from iprt.footage.readings import Reading, likely_reading
+from iprt.footage.readings import Reading, likely_reading, sparse_texels
 from iprt.footage.video.depth_code import usable
-from iprt.geometry.equirect import equirect_direction, solid_angles
+from iprt.geometry.equirect import solid_angles
 
 Float = NDArray[np.float64]
 
@@ -80,14 +80,11 @@ class DepthSummary:
         """
         height, width = depth.shape
         step = -(-height // _ROWS)
-        row, column = np.meshgrid(
-            np.arange(step // 2, height, step), np.arange(step // 2, width, step), indexing="ij"
-        )
+        row, column, direction = sparse_texels(width, height, step)
         there = usable(depth[row, column])
         if not there.any():
             return None
-        pixels = np.stack([column, row], axis=-1)[there] + 0.5
-        direction = equirect_direction(pixels, width, height)
+        direction = direction[there]
         distance = depth[row, column][there].astype(np.float64)
         weight = solid_angles(width, height)[row[there]]
         points = direction * distance[:, None]

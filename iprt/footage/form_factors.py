@@ -10,8 +10,6 @@ which stays finite where they touch. Light behind openings is infinitely far awa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,23 +73,15 @@ def form_factors(x: Float, n: Float, cells: Cells, chosen: NDArray[np.intp], sha
     return np.asarray(leaving * seen / (squared + seen / np.pi))
 
 
-@dataclass(frozen=True)
-class Receivers:
-    """Surface points that receive light: `point` (n, 3) in metres and `normal` (n, 3)."""
-
-    point: Float
-    normal: Float
-
-
 def irradiance_of_lights(
-    receivers: Receivers, cells: Cells, fine: Cells, lights: Float, steps: int
+    x: Float, n: Float, cells: Cells, fine: Cells, lights: Float, steps: int
 ) -> tuple[Float, Float]:
     """Compute the irradiance by each light, and the solid angle that lights and openings take.
 
     Parameters
     ----------
-    receivers : Receivers
-        n points.
+    x, n : (n, 3) float64
+        Points in metres, and their normals.
     cells, fine : Cells
         N cells, and finer ones for visibility.
     lights : (N, 3, K) float64
@@ -106,7 +96,6 @@ def irradiance_of_lights(
         Projected solid angle of lights and openings, in [0, π].
     """
     chosen = np.flatnonzero((lights.sum(axis=(1, 2)) > 0.0) | (cells.opening > 0.0))
-    x, n = receivers.point, receivers.normal
     factors = form_factors(x, n, cells, chosen, np.ones(len(chosen)))
     factors *= visible(fine, x, cells.point[chosen], steps)
     outside = cells.opening[chosen] > 0.5
@@ -132,7 +121,7 @@ def distant_light(radiance: Float, cells: Cells) -> NDArray[np.float32]:
 
 
 def irradiance_of_rest(
-    receivers: Receivers, cells: Cells, radiance: Float, share: Float, taken: Float, steps: int
+    x: Float, n: Float, cells: Cells, radiance: Float, share: Float, taken: Float, steps: int
 ) -> Float:
     """Compute the irradiance (n, 3) from all surfaces without lights and openings.
 
@@ -141,8 +130,8 @@ def irradiance_of_rest(
 
     Parameters
     ----------
-    receivers : Receivers
-        n points.
+    x, n : (n, 3) float64
+        Points in metres, and their normals.
     cells : Cells
         N cells.
     radiance : (N, 3) float64
@@ -155,8 +144,7 @@ def irradiance_of_rest(
         Number of points at which visibility is tested.
     """
     chosen = np.flatnonzero(share > 0.0)
-    x = receivers.point
-    factors = form_factors(x, receivers.normal, cells, chosen, share[chosen])
+    factors = form_factors(x, n, cells, chosen, share[chosen])
     factors *= visible(cells, x, cells.point[chosen], steps)
     left = np.maximum(np.pi - taken, MIN_OPEN)
     total = np.maximum(factors.sum(1), MIN_OPEN)

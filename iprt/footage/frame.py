@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.median import median_of_smallest
-from iprt.footage.normals import estimate_normals, fit_tolerance, sanitise_normals
+from iprt.footage.normals import estimate_normals, fit_tolerance, sanitize_normals
 from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Weights of luminance in linear Rec.709, the colour space of all frames."""
+"""Weights of luminance in linear Rec.709, the color space of all frames."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Frame:
         Rigid transform from this frame's capture centre and axes, which all of the above uses, to
         the world. None: identity.
     clipped : ClippedTexels or None
-        Colours of clipped texels as stored in the picture. None: nothing is clipped.
+        Colors of clipped texels as stored in the picture. None: nothing is clipped.
     color_map : (3, 3) float64 or None
-        Map from colours of this frame to colours of the video's reference frame, which differs in
+        Map from colors of this frame to colors of the video's reference frame, which differs in
         exposure and white balance. None: identity.
     """
 
@@ -64,7 +64,7 @@ class Frame:
 
     @cached_property
     def radiance(self) -> NDArray[np.float32]:
-        """Linear radiance (H, W, 3) for rays: `color` in the colours of the reference frame."""
+        """Linear radiance (H, W, 3) for rays: `color` in the colors of the reference frame."""
         return self.radiance_of(self.color)
 
     @property
@@ -87,7 +87,7 @@ class Frame:
         device fits its own (`cl/world/real/planes.cl`).
         """
         fitted = estimate_normals(self.depth, self.opening.view(np.uint8))
-        return fitted if self.normal is None else sanitise_normals(self.normal, fitted)
+        return fitted if self.normal is None else sanitize_normals(self.normal, fitted)
 
     def fitted_normal_in(self, rows: slice) -> NDArray[np.float32]:
         """Return these rows of `fitted_normal`; fit no other rows if possible."""

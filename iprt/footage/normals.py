@@ -21,7 +21,7 @@ from iprt.footage.median import median_of_smallest
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 
-Plane = NDArray[np.float32]
+Picture = NDArray[np.float32]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 WINDOW_REACH = 2
@@ -37,7 +37,7 @@ _NEAREST = np.float32(1e30)
 """Largest inverse depth. It keeps products finite, because infinity times 0 is NaN."""
 
 
-def estimate_normals(depth: Plane, same: NDArray[np.uint8], rows: slice = slice(None)) -> Plane:
+def estimate_normals(depth: Picture, same: NDArray[np.uint8], rows: slice = slice(None)) -> Picture:
     """Fit unit normals that face the capture centre, zero where depth is infinite.
 
     Parameters
@@ -75,7 +75,7 @@ def estimate_normals(depth: Plane, same: NDArray[np.uint8], rows: slice = slice(
     return normal
 
 
-def sanitise_normals(given: Plane, estimate: Plane) -> Plane:
+def sanitize_normals(given: Picture, estimate: Picture) -> Picture:
     """Normalise given normals and turn them to the centre; fill gaps with the estimate.
 
     Parameters
@@ -107,7 +107,9 @@ def _column_spread(width: int, height: int) -> NDArray[np.intp]:
 
 
 @lru_cache(maxsize=4)
-def _window_tables(width: int, height: int) -> dict[tuple[int, int], tuple[Plane, Plane, Plane]]:
+def _window_tables(
+    width: int, height: int
+) -> dict[tuple[int, int], tuple[Picture, Picture, Picture]]:
     """Return the scale of 1/z and tangent coordinates a, b of each row, by steps down and aside.
 
     Each is (H, 1) float32. A neighbour more than about 75° away gets a scale that fits no plane.
@@ -146,9 +148,9 @@ class Tap:
 
     row: NDArray[np.intp]
     columns: NDArray[np.intp]
-    scale: Plane
-    a: Plane
-    b: Plane
+    scale: Picture
+    a: Picture
+    b: Picture
 
 
 def window_taps(width: int, height: int) -> list[Tap]:
@@ -165,12 +167,12 @@ def window_taps(width: int, height: int) -> list[Tap]:
     return taps
 
 
-def fit_tolerance(depth: Plane) -> float:
+def fit_tolerance(depth: Picture) -> float:
     """Return the largest distance from the local plane in a window, relative to depth (H, W)."""
     return float(np.clip(_NOISE_FACTOR * _noise(depth), *GAP_TOLERANCE))
 
 
-def _noise(depth: Plane) -> float:
+def _noise(depth: Picture) -> float:
     """Return the median deviation of inverse depth from a plane over three rows, relative to it.
 
     Along a meridian, a plane's inverse depth is a cosine of the angle. The sum of a texel's two
@@ -208,7 +210,7 @@ def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
 
 def _frame_angles(
     width: int, first: int, last: int, height: int
-) -> tuple[Plane, Plane, Plane, Plane]:
+) -> tuple[Picture, Picture, Picture, Picture]:
     """Return sin and cos of theta (rows, 1) and phi (W,) at texel centres."""
     theta, phi = texel_polar_angles(height)[first:last, None], texel_azimuths(width)
     tables = (np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi))
@@ -233,7 +235,7 @@ class _Window:
 
     def __init__(
         self,
-        inverse: Plane,
+        inverse: Picture,
         same: NDArray[np.uint8],
         first: int,
         spread: NDArray[np.intp],
@@ -249,7 +251,7 @@ class _Window:
         self._joined = bool((self._same == self._same[0, 0]).all())
         self._center = self._shifted(self._inverse, 0, 0)
 
-    def fit_planes(self, tolerance: float) -> Plane:
+    def fit_planes(self, tolerance: float) -> Picture:
         """Return unit normals (rows, W, 3) that face the centre; local slopes where too few fit."""
         slope_b = self._slope([self._sample(down, 0) for down in (2, 1, -1, -2)], axis=2)
         parallel = [self._sample(0, steps) for steps in (-2, -1, 1, 2)]
@@ -274,7 +276,7 @@ class _Window:
             np.where(solvable, ahead, np.where(self._center > 0.0, self._center, 1.0)),
         )
 
-    def _sums(self, slope_a: Plane, slope_b: Plane, tolerance: Plane) -> list[Plane]:
+    def _sums(self, slope_a: Picture, slope_b: Picture, tolerance: Picture) -> list[Picture]:
         """Return count and moments of a, b and inverse depth over the texels on the local plane.
 
         Two texels at opposite steps aside have opposite a and the same b, and are summed as pairs.
@@ -314,8 +316,8 @@ class _Window:
         return sums
 
     def _on_plane(
-        self, down: int, steps: int, slope_a: Plane, slope_b: Plane, tolerance: Plane
-    ) -> tuple[Plane, Plane, Plane, Plane]:
+        self, down: int, steps: int, slope_a: Picture, slope_b: Picture, tolerance: Picture
+    ) -> tuple[Picture, Picture, Picture, Picture]:
         """Return whether a window's texel is on the local plane (0 or 1), its rise, a and b."""
         rise, a, b = self._sample(down, steps)
         off = slope_a * a
@@ -330,7 +332,7 @@ class _Window:
         rise *= weight
         return weight, rise, a, b
 
-    def _slope(self, line: list[tuple[Plane, Plane, Plane]], axis: int) -> Plane:
+    def _slope(self, line: list[tuple[Picture, Picture, Picture]], axis: int) -> Picture:
         """Return the slope of inverse depth along a line of samples.
 
         It is the mean of both sides' slopes if they differ by no more than twice the smaller bend.
@@ -358,14 +360,14 @@ class _Window:
         slope = np.where(smooth, 0.5 * (before + after), one_sided)
         return np.where(surface & np.isfinite(slope), slope, np.float32(0.0))
 
-    def _sample(self, down: int, steps: int) -> tuple[Plane, Plane, Plane]:
+    def _sample(self, down: int, steps: int) -> tuple[Picture, Picture, Picture]:
         """Return the rise of 1/z over the centre (rows, W), and tangent coordinates a, b (rows, 1).
 
         A neighbour more than about 75° away gets a rise that fits no plane.
         """
         rows = slice(self._first, self._last)
         scale, a, b = (t[rows] for t in self._tables[down, steps])
-        rise: Plane = self._shifted(self._inverse, down, steps) * scale
+        rise: Picture = self._shifted(self._inverse, down, steps) * scale
         rise -= self._center
         return rise, a, b
 
@@ -379,7 +381,7 @@ class _Window:
             shifted[row] = plane[top + row, start : start + self._width]
         return shifted
 
-    def _to_world(self, across: Plane, up: Plane, ahead: Plane) -> Plane:
+    def _to_world(self, across: Picture, up: Picture, ahead: Picture) -> Picture:
         """Return unit vectors facing the centre, from components east, north and away from it."""
         sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(
             self._width, self._first, self._last, self._height

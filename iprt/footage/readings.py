@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import equirect_direction
@@ -56,12 +57,9 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
     """
     height, width = depth.shape
     step = max(1, height // ROWS)
-    row, column = np.meshgrid(
-        np.arange(step // 2, height, step), np.arange(step // 2, width, step), indexing="ij"
-    )
+    row, column, direction = sparse_texels(width, height, step)
     chosen = depth[row, column]
     stored = np.where(usable(chosen), chosen, np.float32(0.0)).astype(np.float64)
-    direction = equirect_direction(np.stack([column, row], axis=-1) + 0.5, width, height)
     part, ahead = np.abs(direction).max(axis=-1), np.abs(direction[..., 2])
     shares: dict[Reading, float] = {}
     with np.errstate(all="ignore"):
@@ -81,6 +79,17 @@ def likely_reading(depth: NDArray[np.float32], *, is_cube: bool = False) -> Read
     best = max(shares, key=lambda reading: shares[reading])
     is_clear = shares[best] > max(LEAST_SHARE, LEAST_FACTOR * shares["distance"])
     return best if is_clear else "distance"
+
+
+def sparse_texels(
+    width: int, height: int, step: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Float]:
+    """Return rows, columns (h, w) and directions (h, w, 3) of every `step`-th texel."""
+    row, column = np.meshgrid(
+        np.arange(step // 2, height, step), np.arange(step // 2, width, step), indexing="ij"
+    )
+    pixels = np.asarray(np.stack([column, row], axis=-1) + 0.5, np.float64)
+    return row, column, equirect_direction(pixels, width, height)
 
 
 def _falls_beside(stored: Float, ahead: Float) -> Mask:
@@ -153,8 +162,6 @@ def _candidates(direction: Float, inverse: Float, known: Mask, weight: Float) ->
 
 def _windows(plane: Float) -> Float:
     """Return sums (h - 2 REACH, w, ...) over windows that wrap around at the seam."""
-    around = np.concatenate([plane[:, -REACH:], plane, plane[:, :REACH]], axis=1)
-    rows, columns = plane.shape[0] - 2 * REACH, plane.shape[1]
-    shifts = range(2 * REACH + 1)
-    down = np.sum([around[shift : shift + rows] for shift in shifts], axis=0)
-    return np.asarray(np.sum([down[:, shift : shift + columns] for shift in shifts], axis=0))
+    ones = np.ones(2 * REACH + 1)
+    down = convolve1d(plane, ones, axis=0)[REACH:-REACH]
+    return np.asarray(convolve1d(down, ones, axis=1, mode="wrap"))

@@ -85,7 +85,7 @@ class RealMaterial:
     mask : (h, w) bool or None
         Equirect picture, turned with the world; texels read the nearest pixel.
     color : (r, g, b) or None
-        Linear colour of the surface, in any unit, as chromaticities are compared.
+        Linear color of the surface, in any unit, as chromaticities are compared.
     color_tolerance : float
         Largest distance between chromaticities, see `chromaticity`.
     plane : Plane or None
@@ -103,7 +103,7 @@ class RealMaterial:
     evidence: Evidence | None = None
 
     def place(self, frame: Frame) -> Mask:
-        """Return (H, W) bool: the texels that may show this surface, regardless of their colour."""
+        """Return (H, W) bool: the texels that may show this surface, regardless of their color."""
         inside = np.isfinite(frame.depth) & ~frame.opening
         if self.mask is not None:
             inside &= _nearest(self.mask, frame.width, frame.height)
@@ -116,14 +116,14 @@ class RealMaterial:
         return self.colored(frame, self.place(frame))
 
     def colored(self, frame: Frame, place: Mask) -> Mask:
-        """Return the texels of `place` that have the surface's colour."""
+        """Return the texels of `place` that have the surface's color."""
         if self.color is None:
             return place
         return place & _alike(frame.radiance, self.color, self.color_tolerance)
 
 
 def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Divide linear colours (..., 3) by the sum of their channels; NaN for black.
+    """Divide linear colors (..., 3) by the sum of their channels; NaN for black.
 
     The result does not depend on the strength of light. Two chromaticities are at most √2 apart;
     a grey and a wood's brown about 0.2.

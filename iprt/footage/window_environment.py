@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.cells import binned
 from iprt.footage.push_pull import push_pull
 from iprt.geometry.equirect import texel_polar_angles
 
@@ -41,15 +42,7 @@ def outside_radiance(
     row, column = texel // width, texel % width
     weight = np.sin(texel_polar_angles(height))[row]
     cell = row * OUTSIDE_ROWS // height * 2 * OUTSIDE_ROWS + column * 2 * OUTSIDE_ROWS // width
-    size = 2 * OUTSIDE_ROWS**2
-    weighted = weight[:, None] * light
-    shape = (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS)
-    total = np.bincount(cell, weight, size).astype(np.float64).reshape(shape)
-    sums = np.stack(
-        [
-            np.bincount(cell, weighted[:, c], size).astype(np.float64).reshape(shape)
-            for c in range(3)
-        ],
-        axis=-1,
-    )
-    return push_pull(sums, total, wide_levels=WIDE_LEVELS).astype(np.float32)
+    both = binned(weight[:, None] * np.c_[light, np.ones(len(light))], cell, 2 * OUTSIDE_ROWS**2)
+    both = both.reshape(OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 4)
+    filled = push_pull(both[..., :3], both[..., 3], wide_levels=WIDE_LEVELS)
+    return filled.astype(np.float32)

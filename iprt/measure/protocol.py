@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import iprt
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.scene_files import input_files
 

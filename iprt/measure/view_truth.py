@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError, IprtError, SceneError
 from iprt.files.images import read_color
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.measure import metrics
 from iprt.measure.intervals import Estimate
 from iprt.output.display import display

@@ -47,7 +47,7 @@ from iprt.files.toml_tables import (
 )
 from iprt.files.toml_text import parse_toml, read_text
 from iprt.footage.real_material import MAX_REAL_MATERIALS, Plane, RealMaterial
-from iprt.footage.video.table import VideoTable
+from iprt.footage.video.video_table import VideoTable
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import (
     Clip,

@@ -23,10 +23,10 @@ from iprt.footage.depth_summary import normal_warnings
 from iprt.footage.prepare.reading import RawFrame, RawFrames, require_unit
 from iprt.footage.video.container import is_container
 from iprt.footage.video.depth_code import DepthCode
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.placement import Eye, Fit
-from iprt.footage.video.sequence import frame_path
 from iprt.footage.video.source import FrameSource
-from iprt.footage.video.table import VideoTable
+from iprt.footage.video.video_table import VideoTable
 from iprt.scene.manifest import MANIFEST_NAME, parse_manifest
 from iprt.scene.manifest_writing import VIEW_SIZE, copied, table_text
 

@@ -21,7 +21,7 @@ from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
 from iprt.footage.real_material import Evidence
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.tracks import depth_code
 from iprt.geometry.equirect import solid_angles
 from iprt.geometry.mesh import Instance, transformed

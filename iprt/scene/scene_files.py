@@ -11,7 +11,7 @@ from typing import Protocol
 from iprt.errors import FormatError
 from iprt.files.safe_reading import is_file, require_inside
 from iprt.footage.prepare.remarks import video_notices, video_problems
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.source import FrameSource
 from iprt.scene.manifest import MANIFEST_NAME, Manifest
 

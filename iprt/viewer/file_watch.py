@@ -8,7 +8,7 @@ from pathlib import Path
 
 from iprt.errors import IprtError
 from iprt.files.kinds import FRAME_PATTERN
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.manifest import MANIFEST_NAME, Manifest, read_manifest
 

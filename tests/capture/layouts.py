@@ -66,7 +66,7 @@ def intrinsics(camera: Camera) -> Array:
 
 
 def write_scannet(folder: Path) -> Path:
-    """Write folders; colour is larger than depth, of another aspect and focal length."""
+    """Write folders; color is larger than depth, of another aspect and focal length."""
     large = Camera(130, 96, 90.0)
     for number, pose in enumerate(POSES):
         write_color(folder / f"color/{number}.jpg", large, pose)
@@ -108,6 +108,11 @@ def write_nerfstudio(folder: Path) -> Path:
     text = json.dumps({"camera_model": "OPENCV", **size, **center, "frames": frames})
     (folder / "transforms.json").write_text(text)
     return folder
+
+
+def written(name: str, content: str | bytes) -> Callable[[Path], object]:
+    data = content if isinstance(content, bytes) else content.encode()
+    return lambda folder: (folder / name).write_bytes(data)
 
 
 WRITERS: dict[str, Callable[[Path], Path]] = {

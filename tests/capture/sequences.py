@@ -22,19 +22,19 @@ WALLS = np.array([2.0, 1.3, 2.4])
 """Half the sides of the room, around the origin."""
 
 Trace = Callable[[Array, Array], tuple[Array, Array]]
-"""Rays' origin (3,) and directions (..., 3), of any length -> colour (..., 3), and distance in
+"""Rays' origin (3,) and directions (..., 3), of any length -> color (..., 3), and distance in
 lengths of the direction."""
 
 
 def room(origin: Array, direction: Array) -> tuple[Array, Array]:
-    """A room of smooth colours."""
+    """A room of smooth colors."""
     with np.errstate(divide="ignore"):
         t = ((np.sign(direction) * WALLS - origin) / direction).min(axis=-1)
     return painted(origin + t[..., None] * direction), t
 
 
 def painted(point: Array) -> Array:
-    """The colour of a point, from 0.1 to 0.7."""
+    """The color of a point, from 0.1 to 0.7."""
     waves = np.stack([point @ [3.0, 1.0, 2.0], point @ [-1.0, 4.0, 1.0], point @ [1.0, 2.0, -3.0]])
     return np.moveaxis(0.4 + 0.3 * np.sin(waves), 0, -1)
 
@@ -95,11 +95,11 @@ def write_tum(
     shoot: Callable[[int, Array, Array], tuple[Array, Array]],
 ) -> Path:
     """Write a sequence; `shoot` has the number, the camera's position and its rays in the scene,
-    and gives linear colour and depth along the camera's +Z.
+    and gives linear color and depth along the camera's +Z.
     """
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
-    lines: dict[str, list[str]] = {"rgb": ["# colour"], "depth": ["# depth"], "groundtruth": []}
+    lines: dict[str, list[str]] = {"rgb": ["# color"], "depth": ["# depth"], "groundtruth": []}
     for number, pose in enumerate(poses):
         color, depth = shoot(number, pose[:3, 3], camera.rays() @ pose[:3, :3].T)
         time = 1000.0 + number / 30.0

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iprt.capture.scene import BETWEEN, MEASURED, UNSEEN, Captured, capture_panorama
-from iprt.capture.sequence import RgbdSequence
+from iprt.capture.panorama import BETWEEN, MEASURED, UNSEEN, Captured, capture_panorama
+from iprt.capture.rgbd_sequence import RgbdSequence
 from iprt.geometry.camera import View
 from tests.capture.sequences import (
     Array,
@@ -35,7 +35,7 @@ def captured(
     center: Array = ORIGIN,
     **options: bool,
 ) -> Captured:
-    """A panorama of noisy pictures; `exposure` (frames, 3) scales their colours."""
+    """A panorama of noisy pictures; `exposure` (frames, 3) scales their colors."""
     random = np.random.default_rng(5)
 
     def shoot(number: int, origin: Array, rays: Array) -> tuple[Array, Array]:

@@ -11,8 +11,7 @@ import pytest
 
 from iprt.capture.conventions import CONVENTIONS, up_axis
 from iprt.capture.found import Convention
-from iprt.capture.sequence import RgbdSequence
-from iprt.errors import FormatError
+from iprt.capture.rgbd_sequence import RgbdSequence
 from tests.capture.layouts import (
     CAMERA,
     FLIP,
@@ -85,17 +84,6 @@ def test_noise_of_poses_and_depth_changes_nothing(tmp_path: Path) -> None:
     settled = RgbdSequence.open(folder).settled
     assert settled.convention == "opencv"
     assert "as the layout has it" not in settled.words
-
-
-def test_poses_of_other_pictures_are_refused_in_a_line(tmp_path: Path) -> None:
-    folder = write_7_scenes(tmp_path)
-    order = iter(np.random.default_rng(1).permutation(len(POSES)))
-    rewrite_7_scenes(folder, lambda _: in_world(Y_DOWN, POSES[next(order)]))
-    with pytest.raises(FormatError, match=r"agree by no convention \(opencv \d+%, ") as raised:
-        RgbdSequence.open(folder)
-    assert "\n" not in str(raised.value)
-    assert "--poses" in str(raised.value)
-    assert RgbdSequence.open(folder, "opencv").settled.words.endswith("(--poses)")
 
 
 def test_frames_that_share_nothing_leave_the_layouts_convention(tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
@@ -69,8 +71,8 @@ def _local(directions: Float) -> Float:
     return np.asarray(directions[..., [0, 2, 1]])
 
 
-def _of_window(points: Float, out: Float, material: Material) -> Float:
-    total = np.zeros((len(points), 3))
+def towards_window(points: Float) -> Iterator[tuple[Float, Float]]:
+    """Directions (n, 3) from points of the floor to parts of the window, and form factors (n,)."""
     (x0, y0), (x1, y1) = WINDOW.low, WINDOW.high
     area = (x1 - x0) * (y1 - y0) / WINDOW_POINTS**2
     across = (np.arange(WINDOW_POINTS) + 0.5) / WINDOW_POINTS
@@ -79,29 +81,45 @@ def _of_window(points: Float, out: Float, material: Material) -> Float:
             way = np.array([x, y, ROOM.low[2]]) - points
             squared = (way**2).sum(-1)
             way /= np.sqrt(squared)[:, None]
-            f = evaluate_specular(material, _local(out), _local(way))
-            total += f * sky(way) * (way[:, 1] * -way[:, 2] * area / squared)[:, None]
+            yield way, way[:, 1] * -way[:, 2] * area / squared
+
+
+def reflections(
+    out: Float, material: Material, u: Float, azimuth: Float
+) -> tuple[NDArray[np.bool_], Float, Float]:
+    """Rays that the coat of the floor reflects, by the distribution of its normals.
+
+    Returns which of n directions (n, 3) have one, its direction (m, 3) and its weight (m, 1).
+    """
+    alpha, local = material.alpha, _local(out)
+    cosine = np.sqrt((1.0 - u) / (1.0 + (alpha**2 - 1.0) * u))
+    sine = np.sqrt(1.0 - cosine**2)
+    h = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
+    across = (local * h).sum(-1)
+    way = 2.0 * across[:, None] * h - local
+    good = (across > 1e-3) & (way[:, 2] > 1e-3)
+    density = ggx(h[good], alpha) * h[good][:, 2] / (4.0 * across[good])
+    weight = evaluate_specular(material, local[good], way[good])
+    return good, _local(way[good]), weight * (way[good][:, 2] / density)[:, None]
+
+
+def _of_window(points: Float, out: Float, material: Material) -> Float:
+    total = np.zeros((len(points), 3))
+    for way, factor in towards_window(points):
+        f = evaluate_specular(material, _local(out), _local(way))
+        total += f * sky(way) * factor[:, None]
     return total
 
 
 def _of_walls(frame: Frame, points: Float, out: Float, material: Material) -> Float:
     rng = np.random.default_rng(3)
-    total, alpha, local = np.zeros((len(points), 3)), material.alpha, _local(out)
+    total = np.zeros((len(points), 3))
     for _ in range(RAYS):
         u, azimuth = rng.random(len(out)), 2.0 * np.pi * rng.random(len(out))
-        cosine = np.sqrt((1.0 - u) / (1.0 + (alpha**2 - 1.0) * u))
-        sine = np.sqrt(1.0 - cosine**2)
-        h = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
-        across = (local * h).sum(-1)
-        way = 2.0 * across[:, None] * h - local
-        good = (across > 1e-3) & (way[:, 2] > 1e-3)
-        density = ggx(h[good], alpha) * h[good][:, 2] / (4.0 * across[good])
-        weight = evaluate_specular(material, local[good], way[good])
-        weight *= (way[good][:, 2] / density)[:, None]
-        start, ray = points[good], _local(way[good])
+        good, ray, weight = reflections(out, material, u, azimuth)
+        start = points[good]
         t, _, _ = ROOM.first_hit(start, ray)
-        end = start + t[:, None] * ray
-        where = equirect_texel(end, frame.width, frame.height)
+        where = equirect_texel(start + t[:, None] * ray, frame.width, frame.height)
         through = frame.opening[where]
         total[good] += weight * np.where(through[:, None], 0.0, frame.color[where])
     return total / RAYS

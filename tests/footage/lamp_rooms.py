@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
+from iprt.output.display import srgb_encode
 from tests.frame.radiosity import Albedo, Lamp, room
 from tests.worlds import Float
 
@@ -26,20 +27,20 @@ def grey(value: float) -> Albedo:
     return lambda points, _: np.full(points.shape, value)
 
 
-def coloured(_: Float, normals: Float) -> Float:
+def colored(_: Float, normals: Float) -> Float:
     axis = np.abs(normals).argmax(-1)
     side = np.take_along_axis(normals, axis[:, None], -1)[:, 0] > 0.0
     return PALETTE[2 * axis + side]
 
 
 def tiled(points: Float, normals: Float) -> Float:
-    """Coloured walls with tiles of half a metre, every other one darker."""
+    """Colored walls with tiles of half a metre, every other one darker."""
     odd = np.floor(2.0 * points).sum(-1).astype(int) % 2
-    return np.asarray(coloured(points, normals) * np.where(odd, 1.0, 0.55)[:, None])
+    return np.asarray(colored(points, normals) * np.where(odd, 1.0, 0.55)[:, None])
 
 
-ROOMS: dict[str, Albedo] = {"grey": grey(0.5), "white": grey(0.85), "dark": grey(0.2)}
-ROOMS |= {"coloured": coloured, "tiled": tiled}
+ROOMS: dict[str, Albedo] = {"gray": grey(0.5), "white": grey(0.85), "dark": grey(0.2)}
+ROOMS |= {"colored": colored, "tiled": tiled}
 LAMPS = {5.0: 0.8, 20.0: 0.4, 80.0: 0.2}
 """Half the side of a lamp by its radiance: all light the room alike."""
 WARM = Lamp(0.2, -1.4, 0.4, (30.0, 20.0, 8.0))
@@ -59,9 +60,7 @@ def clip(frame: Frame, white: float = 1.0) -> Frame:
 
 
 def srgb(color: NDArray[np.float32]) -> NDArray[np.uint8]:
-    seen = np.clip(color, 0.0, 1.0)
-    coded = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
-    return np.asarray(np.round(coded * 255.0), np.uint8)
+    return np.asarray(np.round(255.0 * srgb_encode(np.clip(color, 0.0, 1.0))), np.uint8)
 
 
 def tone_mapped(color: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -13,8 +13,7 @@ import numpy as np
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from tests.footage.coated_rooms import WINDOW, WINDOW_POINTS, sky
-from tests.oracles.brdf import evaluate_specular, ggx
+from tests.footage.coated_rooms import WINDOW, reflections, sky, towards_window
 from tests.oracles.worlds import Sphere, World, frame_of
 from tests.worlds import Float, pose_at
 
@@ -88,17 +87,9 @@ def _sent(points: Float, d: Float, normal: Float, which: Float, glow: float) -> 
 def _irradiance(world: World, x: Float, glow: float) -> Float:
     """(n, 3) at points of the floor: through the window point by point, the rest by rays."""
     total = np.zeros((len(x), 3))
-    (x0, y0), (x1, y1) = WINDOW.low, WINDOW.high
-    across = (np.arange(WINDOW_POINTS) + 0.5) / WINDOW_POINTS
-    area = (x1 - x0) * (y1 - y0) / WINDOW_POINTS**2
-    for u in across:
-        for v in across:
-            way = np.array([x0 + u * (x1 - x0), y0 + v * (y1 - y0), world.low[2]]) - x
-            squared = (way**2).sum(-1)
-            way /= np.sqrt(squared)[:, None]
-            _, _, which = world.first_hit(x + 1e-6 * way, way)
-            factor = (which == 0) * way[:, 1] * -way[:, 2] * area / squared
-            total += sky(way) * factor[:, None]
+    for way, factor in towards_window(x):
+        _, _, which = world.first_hit(x + 1e-6 * way, way)
+        total += sky(way) * ((which == 0) * factor)[:, None]
     rng = np.random.default_rng(5)
     side = int(np.sqrt(SHADING_RAYS))
     for ray in range(side * side):
@@ -120,17 +111,9 @@ def _coat(world: World, x: Float, out: Float, glow: float, alpha: float) -> Floa
     """(n, 3) what the coat reflects, by the distribution of its normals."""
     rng = np.random.default_rng(3)
     material = Material("plastic", alpha=alpha, ior=1.5)
-    total, local = np.zeros((len(x), 3)), out[:, [0, 2, 1]]
+    total = np.zeros((len(x), 3))
     for ray in range(COAT_RAYS):
         u, azimuth = (ray + rng.random(len(x))) / COAT_RAYS, 2.0 * np.pi * rng.random(len(x))
-        cosine = np.sqrt((1.0 - u) / (1.0 + (alpha**2 - 1.0) * u))
-        sine = np.sqrt(1.0 - cosine**2)
-        h = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
-        across = (local * h).sum(-1)
-        way = 2.0 * across[:, None] * h - local
-        good = (across > 1e-3) & (way[:, 2] > 1e-3)
-        density = ggx(h[good], alpha) * h[good][:, 2] / (4.0 * across[good])
-        weight = evaluate_specular(material, local[good], way[good])
-        weight *= (way[good][:, 2] / density)[:, None]
-        total[good] += weight * _met(world, x[good], way[good][:, [0, 2, 1]], glow, window=True)
+        good, way, weight = reflections(out, material, u, azimuth)
+        total[good] += weight * _met(world, x[good], way, glow, window=True)
     return total / COAT_RAYS

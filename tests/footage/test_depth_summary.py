@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from iprt.footage.depth_summary import DepthSummary, normal_warnings
-from iprt.scene.scene import Scene
-from tests.scene.files import SHARED, box_room, directions
-
-OWN = Path(__file__).resolve().parents[2] / "scenes360"
-SCENES = [OWN / "room", OWN / "train", OWN / "chart", SHARED / "livingroom", SHARED / "hotel"]
+from tests.scene.files import box_room, directions
 
 
 def room(scale: float = 1.0, height: int = 128) -> NDArray[np.float32]:
@@ -48,22 +42,6 @@ def test_units_that_are_unlikely(scale: float, message: str) -> None:
     assert "check depth_scale" in warning
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("folder", SCENES, ids=lambda path: path.name)
-def test_scenes_are_likely_and_their_inverse_is_not(folder: Path) -> None:
-    if not folder.is_dir():
-        pytest.skip("not in this checkout")
-    depth = Scene.open(folder).raw_frame().depth
-    assert of(depth).warnings() == []
-    floor = of(depth).floor_m
-    assert floor is not None
-    assert 1.3 <= floor <= 1.51, "as its README says"
-    with np.errstate(divide="ignore"):
-        inverse = np.where(depth > 0.0, 2.0 / depth, 0.0).astype(np.float32)
-    (warning,) = of(inverse).warnings()
-    assert warning.startswith("seems to be stored as 1 / depth")
-
-
 def test_a_place_wider_than_any_is_warned_of() -> None:
     depth = room()
     far = np.random.default_rng(2).uniform(1e8, 1e9, depth.shape)
@@ -83,33 +61,6 @@ def test_round_places_are_not_inverted() -> None:
         assert place.reading == "distance"
         assert place.floor_m is None
         assert "floor" not in place.line()
-
-
-def sectors(*shares: float) -> NDArray[np.float32]:
-    """Around a camera under open sky: shares of the directions that see level ground, that would
-    see it if depth were inverse, and, of the rest, rubble.
-    """
-    up = directions(128, 64)[..., 1]
-    aside = np.broadcast_to((np.arange(128) + 0.5) / 128, up.shape)
-    ground, bowl = -1.3 / up, -up / 1.3
-    rubble = np.exp(np.random.default_rng(1).normal(0.0, 1.0, up.shape))
-    depth = np.select([aside < shares[0], aside < sum(shares)], [ground, bowl], rubble)
-    return np.where(up < 0.0, depth, 0.0).astype(np.float32)
-
-
-@pytest.mark.parametrize(
-    ("level", "inverse", "inverted"),
-    [
-        (0.4, 0.6, False),  # both are level: it is a hollow in the ground
-        (0.25, 0.75, True),
-        (0.0, 0.15, False),  # a thing that happens to be round
-        (0.0, 0.4, True),
-    ],
-)
-def test_inverse_depth_is_level_in_many_and_more_directions(
-    level: float, inverse: float, inverted: bool
-) -> None:
-    assert (of(sectors(level, inverse)).reading == "inverse") is inverted
 
 
 def test_without_depth_there_is_nothing_to_tell() -> None:

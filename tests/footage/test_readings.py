@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from iprt.footage.readings import Reading, likely_reading
-from iprt.scene.scene import Scene
-from tests.scene.files import SHARED, box_room, directions
+from tests.scene.files import box_room, directions
 
 Depth = NDArray[np.float32]
-OWN = Path(__file__).resolve().parents[2] / "scenes360"
-SCENES = [OWN / "room", OWN / "lounge", OWN / "train", OWN / "chart"]
-SCENES += [SHARED / name for name in ("hotel", "livingroom", "livingroom-video")]
+READINGS: tuple[Reading, ...] = get_args(Reading)
 
 
 def as_read(depth: NDArray[np.floating], reading: Reading) -> Depth:
@@ -55,7 +52,7 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("reading", ["distance", "inverse", "cube", "axis", "twice"])
+@pytest.mark.parametrize("reading", READINGS)
 @pytest.mark.parametrize("place", PLACES)
 def test_places_of_planes(place: str, reading: Reading) -> None:
     written = as_read(PLACES[place], reading)
@@ -91,15 +88,3 @@ def test_what_has_no_planes_is_distance() -> None:
     ):
         assert likely_reading(depth.astype(np.float32)) == "distance"
         assert likely_reading(depth.astype(np.float32), is_cube=True) == "distance"
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("folder", SCENES, ids=lambda path: path.name)
-def test_scenes_are_distances_and_are_recognised_otherwise(folder: Path) -> None:
-    if not folder.is_dir():
-        pytest.skip("not in this checkout")
-    depth = Scene.open(folder).raw_frame().depth
-    for reading in ("distance", "inverse", "cube", "axis", "twice"):
-        written = as_read(depth, reading)
-        assert likely_reading(written, is_cube=reading == "twice") == reading
-    assert likely_reading(depth, is_cube=True) == "distance"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iprt.files.images import picture_size, read_color
-from iprt.footage.video.sequence import frame_path
+from iprt.footage.video.picture_tracks import frame_path
 from iprt.geometry.camera import View
 from iprt.measure.view_truth import truth_indices
 from iprt.scene.scene import Scene

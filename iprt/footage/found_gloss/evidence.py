@@ -8,7 +8,7 @@ on a plane's cells, with E the irradiance and S the reflection towards the camer
 roughness α and index of refraction 1.5 (`coat_reflection`). k is its strength. The reflectance ρ
 varies by textures that are independent of S. Local means are subtracted from L, E and S, which
 leaves variation over a few degrees. L and S are then divided by the local mean of L, and E by its
-own. A robust regression (Huber) over cells and colours estimates k, and factors on E, separately
+own. A robust regression (Huber) over cells and colors estimates k, and factors on E, separately
 for lights and for all other light. Cells that the model does not explain, such as the rim of a
 sunny patch, are left out, also from the means.
 
@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtr
+from scipy.special import huber, stdtr
 
 from iprt.footage.cells import Cells, Float
 from iprt.footage.found_gloss.cell_means import MeansAround
@@ -54,8 +54,6 @@ HUBER, ODD = 1.5, 4.0
 MODEL = 0.02
 """Standard deviation of the model error, relative to the local mean radiance."""
 STEPS, ROUNDS = 8, 3
-
-Grid = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -326,7 +324,7 @@ class PlanePicture:
             scales = scales or [_deviation(rest) for rest in left]
             total = np.zeros(self._block.max() + 1)
             for rows, rest, scale in zip(varied, left, scales, strict=True):
-                cost = _huber_cost(rest, scale).sum(axis=-1) * self._weight[rows.cells]
+                cost = huber(HUBER * scale, rest).sum(axis=-1) * self._weight[rows.cells]
                 cost *= (scales[0] / scale) ** 2
                 total += np.bincount(self._block[rows.cells], cost, len(total))
             costs.append(total)
@@ -369,11 +367,6 @@ def _robust(left: Sequence[Float]) -> Float:
 def _huber(left: Float, deviation: float) -> Float:
     bound = HUBER * deviation
     return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
-
-
-def _huber_cost(left: Float, scale: float) -> Float:
-    bound, size = HUBER * scale, np.abs(left)
-    return np.asarray(np.where(size < bound, 0.5 * size * size, bound * (size - 0.5 * bound)))
 
 
 def _lowest(cost: Float) -> float:

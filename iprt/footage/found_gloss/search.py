@@ -16,7 +16,7 @@ from iprt.footage.cell_planes import PARALLEL, CellPlane, find_planes
 from iprt.footage.cells import Cells, cell_means
 from iprt.footage.found_gloss.coat_reflection import IOR, KINDS
 from iprt.footage.found_gloss.evidence import ALPHAS, Reflection
-from iprt.footage.found_gloss.frames import Followed, Moment
+from iprt.footage.found_gloss.followed_planes import Followed, Moment
 from iprt.footage.frame import Frame
 from iprt.footage.real_material import Evidence, Plane, RealMaterial
 from iprt.footage.threads import on_all_cores
@@ -57,7 +57,7 @@ def find_gloss(
     Parameters
     ----------
     frame : Frame
-        Sanitised, with recovered clipped lights. Cells with known gloss (`Frame.gloss`) are left
+        Sanitized, with recovered clipped lights. Cells with known gloss (`Frame.gloss`) are left
         out.
     taken : frozenset of str
         Names that are in use already.

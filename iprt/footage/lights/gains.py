@@ -14,7 +14,7 @@ surfaces prove that light is missing (energy balance). This counts as strongly a
 tone mapping flattens shading but not the energy balance.
 
 Where neither constrains the gains, priors do, far weaker than a well-lit wall. Gains are small, and
-similar between the colours of a light and between adjacent parts of it; reflectances are typical of
+similar between the colors of a light and between adjacent parts of it; reflectances are typical of
 rooms. A clipped surface that may be reflecting its irradiance is expected to do so.
 """
 
@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median
 from scipy.sparse import csr_array
+from scipy.special import huber
 
 Float = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ MAX_GAIN = 1e4
 EXPECTED_GAIN, GAIN_SPREAD = 3.0, 2.5
 """Median of gains, and standard deviation of their logarithm (as for all spreads below)."""
 COLOR_SPREAD, HALF_CLIPPED_SPREAD = 1.5, 0.4
-"""Spread between the gains of two colours of a light: both clipped, or one, which lost little."""
+"""Spread between the gains of two colors of a light: both clipped, or one, which lost little."""
 LOCUS_SLOPE, TINT_SPREAD = 0.1, 0.1
 """Chromaticity prior: slope of green over the mean of red and blue, against red over blue, and its
 spread. Lights are warm or cold, like black bodies (2700 K to 10000 K) and skies."""
@@ -86,13 +87,8 @@ class Shading:
     shine_lights: Float
 
 
-@dataclass(frozen=True)
-class Tie:
-    """A prior that lights `first` and `second` have similar gains, within `spread`."""
-
-    first: int
-    second: int
-    spread: float
+Tie = tuple[int, int, float]
+"""A prior that two lights have similar gains, and the expected spread of their logarithms."""
 
 
 @dataclass(frozen=True)
@@ -214,11 +210,10 @@ class _Problem:
         self.reweight(gains)
         points, surplus, *prior = self._terms(gains)
         spread = self._spread[self._shading.segment]
-        z = np.abs(points[0]) / spread
-        huber = np.where(z < HUBER, z**2, 2.0 * HUBER * z - HUBER**2)
+        robust = 2.0 * huber(HUBER, points[0] / spread)
         square = surplus[0] ** 2
         apart = self._rows @ gains - self._values
-        total = ((huber + 2.0 * np.log(spread)) / ALIKE).sum() + apart @ apart
+        total = ((robust + 2.0 * np.log(spread)) / ALIKE).sum() + apart @ apart
         total += sum((weight * values**2).sum() for values, weight in prior)
         return float(total + (self._share * square / (1.0 + square)).sum() / CLIPPED_SPREAD**2)
 
@@ -321,8 +316,8 @@ def _expectations(ties: Sequence[Tie], clipped: NDArray[np.bool_]) -> tuple[Floa
         if clipped[light].all():
             red, blue = -0.5 - LOCUS_SLOPE, -0.5 + LOCUS_SLOPE
             expect({3 * light: red, 3 * light + 1: 1.0, 3 * light + 2: blue}, 0.0, TINT_SPREAD)
-    for tie in ties:
+    for first, second, spread in ties:
         for c in range(3):
-            if clipped[tie.first, c] and clipped[tie.second, c]:
-                expect({3 * tie.first + c: 1.0, 3 * tie.second + c: -1.0}, 0.0, tie.spread)
+            if clipped[first, c] and clipped[second, c]:
+                expect({3 * first + c: 1.0, 3 * second + c: -1.0}, 0.0, spread)
     return np.array(rows), np.array(values)

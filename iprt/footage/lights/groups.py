@@ -173,8 +173,6 @@ def lights_of(frame: Frame, clipped: Clipped, group: NDArray[np.intp]) -> list[L
     lights = []
     for number in range(1, int(group.max()) + 1):
         inside = own == number
-        if not inside.any():
-            continue
         far = bool(clipped.far[inside][0])
         knots: tuple[float, ...] = KNOTS_DEG if far else (0.0,)
         flux = np.bincount(clipped.row[inside], weight[inside], frame.height)
@@ -194,7 +192,7 @@ def ties_of(lights: Sequence[Light]) -> list[Tie]:
         for j, b in enumerate(lights[:i]):
             if a.far and b.far and a.group == b.group and a.knot == b.knot + 1:
                 one_side = a.knots_deg[a.knot] * b.knots_deg[b.knot] > 0.0
-                ties.append(Tie(i, j, SAME_SIDE if one_side else ACROSS_HORIZON))
+                ties.append((i, j, SAME_SIDE if one_side else ACROSS_HORIZON))
             elif a.far and b.far and a.knots_deg[a.knot] == b.knots_deg[b.knot]:
-                ties.append(Tie(i, j, SAME_ELEVATION))
+                ties.append((i, j, SAME_ELEVATION))
     return ties

@@ -15,8 +15,8 @@ from iprt.footage.albedo_segments import (
     spread_cells,
     well_seen,
 )
-from iprt.footage.cells import Cells, Float, Geometry, cell_means, cell_sums, cell_texels
-from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.cells import Cells, Float, Geometry, binned, cell_means, cell_sums, cell_texels
+from iprt.footage.form_factors import irradiance_of_lights, irradiance_of_rest
 from iprt.footage.frame import Frame
 from iprt.footage.lights.gains import Shading
 from iprt.footage.lights.groups import Clipped, Light, grid_cells
@@ -65,11 +65,11 @@ def shading_of(
         return None
     shining, of_light = _shining(frame, clipped, group, lights, fine)
     at = np.concatenate([chosen, shining])
-    receivers = Receivers(lifted(fine, at), fine.normal[at])
+    receivers = lifted(fine, at), fine.normal[at]
     radiance = _light_cells(frame, clipped, group, lights, middle.rows)
-    direct, taken = irradiance_of_lights(receivers, middle, fine, radiance, LIGHT_STEPS)
+    direct, taken = irradiance_of_lights(*receivers, middle, fine, radiance, LIGHT_STEPS)
     share, dim = _rest(frame, clipped, cell_sums(sums, coarse.rows))
-    rest = direct[..., -1] + irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
+    rest = direct[..., -1] + irradiance_of_rest(*receivers, coarse, dim, share, taken, REST_STEPS)
     direct, n = direct[..., :-1], len(chosen)
     return Shading(
         radiance=color[chosen],
@@ -95,9 +95,7 @@ def _rest(frame: Frame, clipped: Clipped, sums: Float) -> tuple[Float, Float]:
     texel = np.flatnonzero(left_out)
     cell, color = grid_cells(frame, texel, rows), frame.color.reshape(-1, 3)[texel]
     texels = cell_texels(frame.depth.shape, rows).ravel()
-    rest = sums.reshape(-1, 3).copy()
-    for c in range(3):
-        rest[:, c] -= np.bincount(cell, color[:, c], count)
+    rest = sums.reshape(-1, 3) - binned(color, cell, count)
     plain = texels - np.bincount(cell, minlength=count)
     # Cells without such texels would keep a rounding error.
     rest = np.where(plain[:, None] > 0, np.maximum(rest, 0.0), 0.0)
@@ -133,8 +131,7 @@ def _light_cells(
     cell = grid_cells(frame, clipped.texel, rows)
 
     def means(values: NDArray[np.floating], where: NDArray[np.intp]) -> Float:
-        sums = [np.bincount(where, values[:, c], cells) for c in range(3)]
-        return np.stack(sums, axis=-1) / texels[:, None]
+        return binned(values, where, cells) / texels[:, None]
 
     result = np.zeros((cells, 3, len(lights) + 1))
     for index, light in enumerate(lights):

@@ -3,7 +3,7 @@
 A picture with a white level shows a window, a lamp or the sun as white. Shadows and objects need
 their true radiance. `ClippedLights` groups clipped texels into lights and estimates each light's
 gain from the shading of the surfaces around it (`iprt.footage.lights`). Frames then hold the
-recovered radiance, and the picture's own colours of these texels (`ClippedTexels`).
+recovered radiance, and the picture's own colors of these texels (`ClippedTexels`).
 """
 
 from __future__ import annotations

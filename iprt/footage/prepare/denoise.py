@@ -1,8 +1,8 @@
 """Denoising of estimated depth by projection onto locally fitted planes.
 
 With noisy depth, tangent planes fitted to 5 x 5 texels vary from texel to texel, and so does the
-shading of surfaces. Where `Noise.of` finds noise, planes are fitted to many more texels
-(`cell_planes`), and each texel moves to the planes around it that it agrees with (`smoothed`).
+shading of surfaces. Where `noise_of` finds noise, planes are fitted to many more texels
+(`fit_cells`), and each texel moves to the planes around it that it agrees with (`smoothed`).
 Exact depth stays unchanged, bit for bit.
 
 A plane is a vector g with g . x = 1 for its points x, and 1 - g . x is the distance of a point from
@@ -13,8 +13,6 @@ up without a change of basis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +22,7 @@ from iprt.footage.normals import GAP_TOLERANCE, window_taps
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
 
-Plane = NDArray[np.float32]
+Picture = NDArray[np.float32]
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -45,57 +43,45 @@ SHARED_REACH = 12.0
 _WINDOWS, _ACROSS = 40, 5
 _BLOCK_ROWS = 64
 _OWN_WEIGHT = 1e-3
-_NEIGHBOURS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
+_NEIGHBORS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Relative RMS deviations of depth from local surfaces: first tercile over the panorama.
+def noise_of(depth: Picture, known: Mask) -> tuple[float, float]:
+    """Estimate relative RMS deviations from local surfaces: first tercile over the panorama.
 
-    Attributes
-    ----------
+    They are estimated in windows of 5 x 5 samples, which keep away from the poles.
+
+    Returns
+    -------
     bent : float
-        Deviation from quadratic surfaces, which also fit curved walls.
+        Deviation from quadratic surfaces, which also fit curved walls; 0 if fewer than 30 windows
+        have depth.
     flat : float
         Deviation from planes, larger where errors are shared by many texels.
     """
-
-    bent: float
-    flat: float
-
-    @property
-    def shared(self) -> float:
-        """Part of the noise that many texels share, which local smoothing does not remove."""
-        return float(np.sqrt(max(self.flat**2 - self.bent**2, 0.0)))
-
-    @classmethod
-    def of(cls, depth: Plane, known: Mask) -> Noise:
-        """Estimate noise from windows of 5 x 5 samples; 0 if fewer than 30 have depth.
-
-        The windows keep away from the poles.
-        """
-        height, width = depth.shape
-        step = max(1, round(height / 256))
-        rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
-        row = np.repeat(rows, 2 * _WINDOWS)[:, None]
-        column = np.tile(np.arange(2 * _WINDOWS) * width // (2 * _WINDOWS), _WINDOWS)[:, None]
-        polar = texel_polar_angles(height)
-        theta = polar[row]
-        offset = (np.arange(_ACROSS) - _ACROSS // 2) * step
-        down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
-        aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
-        at = row + down, (column + aside) % width
-        whole = known[at].all(axis=1)
-        if np.count_nonzero(whole) < 30:
-            return cls(0.0, 0.0)
-        to, phi = polar[at[0]], aside * 2.0 * np.pi / width
-        ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
-        a = np.sin(to) * np.sin(phi) / ahead
-        b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
-        # 1 / z over inverse depth is 1 on the surface.
-        scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
-        shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
-        return cls(*(_departure(shapes[whole, :, :terms]) for terms in (6, 3)))
+    height, width = depth.shape
+    step = max(1, round(height / 256))
+    rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
+    row = np.repeat(rows, 2 * _WINDOWS)[:, None]
+    column = np.tile(np.arange(2 * _WINDOWS) * width // (2 * _WINDOWS), _WINDOWS)[:, None]
+    polar = texel_polar_angles(height)
+    theta = polar[row]
+    offset = (np.arange(_ACROSS) - _ACROSS // 2) * step
+    down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
+    aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
+    at = row + down, (column + aside) % width
+    whole = known[at].all(axis=1)
+    if np.count_nonzero(whole) < 30:
+        return 0.0, 0.0
+    to, phi = polar[at[0]], aside * 2.0 * np.pi / width
+    ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
+    a = np.sin(to) * np.sin(phi) / ahead
+    b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
+    # 1 / z over inverse depth is 1 on the surface.
+    scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
+    shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
+    bent, flat = (_departure(shapes[whole, :, :terms]) for terms in (6, 3))
+    return bent, flat
 
 
 def _departure(shapes: Float) -> float:
@@ -110,7 +96,7 @@ def _departure(shapes: Float) -> float:
     return float(np.quantile(np.sqrt((rest * rest).mean(axis=1)), 1.0 / 3.0))
 
 
-def smoothed(depth: Plane) -> Plane:
+def smoothed(depth: Picture) -> Picture:
     """Move noisy depth to the planes around it; return the same array if it has no noise.
 
     Steps and creases that stand out from the noise stay, and so do details smaller than a cell.
@@ -128,18 +114,20 @@ def smoothed(depth: Plane) -> Plane:
     if height < MIN_ROWS or width != 2 * height:
         return depth
     known = usable(depth)
-    noise = Noise.of(depth, known)
-    if noise.bent <= CLEAN:
+    bent, flat = noise_of(depth, known)
+    if bent <= CLEAN:
         return depth
     exact = np.where(known, depth, np.float32(0.0))
-    planes = cell_planes(exact, known, noise.flat)
+    planes = fit_cells(exact, known, flat)
     # Draw a second time with weights at the new place, so that a texel's own noise hardly matters.
     drawn = _drawn(exact, _drawn(exact, exact, planes), planes)
-    drawn = _flattened(drawn, planes, SHARED_REACH * noise.shared)
+    # Local smoothing does not remove the noise that many texels share.
+    shared = float(np.sqrt(max(flat**2 - bent**2, 0.0)))
+    drawn = _flattened(drawn, planes, SHARED_REACH * shared)
     return np.where(known, drawn, depth)
 
 
-def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
+def fit_cells(depth: Picture, known: Mask, noise: float) -> Float:
     """Fit planes to cells.
 
     A cell starts from the plane of the best-fitting window of 3 x 3 cells that contains it, as in
@@ -151,12 +139,12 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
     depth : (H, W) float32
         Metres; 0 where not `known`.
     noise : float
-        `Noise.flat`.
+        `flat` of `noise_of`.
 
     Returns
     -------
     (rows, columns, 4) float64
-        Plane g of each cell, 0 where none fits, and the largest relative distance of its texels.
+        Picture g of each cell, 0 where none fits, and the largest relative distance of its texels.
     """
     sums = _cell_sums(depth, known)
     rows, columns = sums.shape[1:]
@@ -164,7 +152,7 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
         (tap.row[:, None], (np.arange(columns) + tap.columns[:, None]) % columns)
         for tap in window_taps(columns, rows)
     ]
-    near = [taps[5 * (down + 2) + aside + 2] for down, aside in _NEIGHBOURS]
+    near = [taps[5 * (down + 2) + aside + 2] for down, aside in _NEIGHBORS]
     least = 0.25 * depth.size / (rows * columns)
     plane = np.zeros((rows, columns, 3))
     off = np.full((rows, columns), np.inf)
@@ -186,7 +174,7 @@ def cell_planes(depth: Plane, known: Mask, noise: float) -> Float:
     return np.concatenate([plane, reach[..., None]], axis=-1)
 
 
-def _cell_sums(depth: Plane, known: Mask) -> Float:
+def _cell_sums(depth: Picture, known: Mask) -> Float:
     """Return (10, rows, columns) sums of 1, x, y, z, xx, xy, xz, yy, yz and zz over cells."""
     height, width = depth.shape
     rows = min(CELL_ROWS, height // 2)
@@ -230,7 +218,7 @@ def _agreement(squared: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(np.maximum(1.0 - squared, 0.0) ** 2, squared.dtype)
 
 
-def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
+def _drawn(depth: Picture, place: Picture, planes: Float) -> Picture:
     """Move `depth` (H, W) to the planes of the 3 x 3 cells around that pass near `place`.
 
     Quadratic B-splines weight the cells, so that one plane blends smoothly into the next.
@@ -246,7 +234,7 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
         x, y, z = (part.astype(np.float32) for part in texel_directions(width, height, block))
         at = place[block]
         total, shift = np.zeros_like(at), np.zeros_like(at)
-        for down, aside in _NEIGHBOURS:
+        for down, aside in _NEIGHBORS:
             row = np.clip(cell_row[block] + down, 0, rows - 1)
             there = planes[row][:, (cell + aside) % columns]
             inverse = there[..., 0] * x + there[..., 1] * y + there[..., 2] * z
@@ -259,7 +247,7 @@ def _drawn(depth: Plane, place: Plane, planes: Float) -> Plane:
     return drawn
 
 
-def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
+def _flattened(depth: Picture, planes: Float, reach: float) -> Picture:
     """Move `depth` (H, W) to the large planes (`find_planes`) that its cells belong to.
 
     This removes errors shared by large parts of floors or walls, up to `reach` times the depth.
@@ -296,8 +284,8 @@ def _flattened(depth: Plane, planes: Float, reach: float) -> Plane:
 def _as_cells(planes: Float) -> Cells:
     """Return cells of tangent planes (rows, columns, 3); sky where there is none."""
     rows, columns = planes.shape[:2]
-    x, y, z = np.broadcast_arrays(*texel_directions(columns, rows))
-    direction = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    direction = np.stack(np.broadcast_arrays(*texel_directions(columns, rows)), axis=-1)
+    direction = direction.reshape(-1, 3)
     g = planes.reshape(-1, 3)
     inverse = (g * direction).sum(axis=-1)
     there = inverse > 0.0
@@ -319,7 +307,7 @@ def _as_cells(planes: Float) -> Cells:
     )
 
 
-def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Plane]:
+def _splines(texels: int, cells: int) -> tuple[NDArray[np.intp], Picture]:
     """Return the cell (texels,) of each texel, and B-spline weights (3, texels).
 
     The weights belong to the previous cell, the cell itself and the next one.

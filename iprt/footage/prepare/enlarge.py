@@ -1,4 +1,4 @@
-"""Depth with fewer texels than its colour: stored at low resolution, or enlarged by repetition.
+"""Depth with fewer texels than its color: stored at low resolution, or enlarged by repetition.
 
 Depth estimators give, for example, 1024 x 512 texels for a picture of 4096 x 2048. Repeated texels
 turn every slanted surface into a staircase. `Grid` detects repeated texels, and `enlarged`
@@ -9,6 +9,7 @@ it. Planes are exact in inverse depth: `1 / r = g . w` in the direction w.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from iprt.footage.normals import estimate_normals, over_poles
 from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import texel_azimuths, texel_directions, texel_polar_angles
 
-Plane = NDArray[np.float32]
+Picture = NDArray[np.float32]
 Index = slice | NDArray[np.intp]
 
 MIN_FACTOR = 1.15
@@ -60,7 +61,7 @@ class Grid:
         return self.columns.size, self.rows.size
 
     @classmethod
-    def of(cls, depth: Plane) -> Grid | None:
+    def of(cls, depth: Picture) -> Grid | None:
         """Detect the grid of a picture (H, W); return None if no texels are repeated.
 
         Depth never changes within a coarse texel, over the whole picture, and the borders between
@@ -81,30 +82,31 @@ class Grid:
                 return cls(rows, columns)
         return None
 
-    def coarse(self, depth: Plane) -> Plane:
+    def coarse(self, depth: Picture) -> Picture:
         """Return the depth (h, w) of the coarse texels; 0 where they have none."""
         known = np.where(usable(depth), depth, np.float32(0.0))
         # A mask of finer resolution may have cut holes out of them.
-        rows = np.maximum.reduceat(known, self.rows, axis=0)
-        return np.asarray(np.maximum.reduceat(rows, self.columns, axis=1), np.float32)
+        return np.asarray(self._over(np.maximum, known), np.float32)
 
-    def repeated(self, coarse: Plane, height: int, width: int) -> Plane:
+    def repeated(self, coarse: Picture, height: int, width: int) -> Picture:
         """Repeat coarse texels (h, w) over the grid, to (height, width)."""
         down = np.diff(self.rows, append=height)
         across = np.diff(self.columns, append=width)
         return coarse.repeat(down, axis=0).repeat(across, axis=1)
 
-    def has_finer_holes(self, depth: Plane) -> bool:
-        """Return whether holes cut through coarse texels, such as a mask of the size of colour."""
+    def has_finer_holes(self, depth: Picture) -> bool:
+        """Return whether holes cut through coarse texels, such as a mask of the size of color."""
         there = usable(depth)
-        some = np.logical_or.reduceat(there, self.rows, axis=0)
-        every = np.logical_and.reduceat(there, self.rows, axis=0)
-        some = np.logical_or.reduceat(some, self.columns, axis=1)
-        every = np.logical_and.reduceat(every, self.columns, axis=1)
+        some, every = self._over(np.logical_or, there), self._over(np.logical_and, there)
         return bool((some & ~every).any())
 
+    def _over(self, function: np.ufunc, plane: NDArray[np.generic]) -> NDArray[Any]:
+        """Reduce a picture (H, W) over each coarse texel, to (h, w)."""
+        rows = function.reduceat(plane, self.rows, axis=0)
+        return np.asarray(function.reduceat(rows, self.columns, axis=1))
 
-def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Plane:
+
+def at_full_size(depth: Picture, grid: Grid | None, width: int, height: int) -> Picture:
     """Return depth (height, width), enlarged along surfaces where its resolution is lower.
 
     Depth that needs no enlarging is returned as it is.
@@ -116,7 +118,7 @@ def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Pl
     grid : Grid or None
         The coarse texels that the depth repeats.
     width, height : int
-        Size of the colour picture.
+        Size of the color picture.
     """
     coarse = depth if grid is None else grid.coarse(depth)
     if coarse.shape == (height, width):
@@ -129,7 +131,7 @@ def at_full_size(depth: Plane, grid: Grid | None, width: int, height: int) -> Pl
     return _with_unmeasured(full, depth)
 
 
-def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
+def _with_unmeasured(full: Picture, depth: Picture) -> Picture:
     """Return `full` (H, W) with the `UNMEASURED` texels of `depth`."""
     unmeasured = depth == UNMEASURED
     if not unmeasured.any():
@@ -140,7 +142,7 @@ def _with_unmeasured(full: Plane, depth: Plane) -> Plane:
     return np.where(said & ~(full > 0.0), np.float32(UNMEASURED), full)
 
 
-def _changes(known: Plane) -> NDArray[np.bool_]:
+def _changes(known: Picture) -> NDArray[np.bool_]:
     """Return (H,) whether some depth differs from the row above. Holes do not count."""
     above, below = known[:-1], known[1:]
     changed = np.zeros(known.shape[0], np.bool_)
@@ -162,7 +164,7 @@ def _starts(changed: NDArray[np.bool_], count: int) -> NDArray[np.intp] | None:
     return None
 
 
-def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> Plane:
+def enlarged(coarse: Picture, width: int, height: int, *, holes: bool = True) -> Picture:
     """Interpolate depth along surfaces to a higher resolution.
 
     Each texel blends the four coarse texels around it, weighted bilinearly. Coarse texels that
@@ -182,8 +184,8 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
     (height, width) float32
         0 where there is no surface.
     """
-    left, right = _sides(coarse, width)
-    above, below, share = _neighbours(height, coarse.shape[0])
+    sides = _sides(coarse, width)
+    above, below, share = _neighbors(height, coarse.shape[0])
     theta = texel_polar_angles(height)
     sin, cos = (f(theta).astype(np.float32)[:, None] for f in (np.sin, np.cos))
     result = np.empty((height, width), np.float32)
@@ -193,77 +195,59 @@ def enlarged(coarse: Plane, width: int, height: int, *, holes: bool = True) -> P
         weight = np.empty_like(inverse)
         part = share[band, None]
         corners = (
-            (row[band] + 1, down, side)
+            (row[band] + 1, down, *side)
             for row, down in ((above, 1.0 - part), (below, part))
-            for side in (left, right)
+            for side in sides
         )
-        for corner, (row, down, side) in enumerate(corners):
-            own = side.inverse[row]
-            plane = sin[band] * side.outward[row] + cos[band] * side.up[row]
-            inverse[corner] = np.clip(plane, own / _FARTHEST, own * _FARTHEST)
-            weight[corner] = down * side.weight * (own > 0.0 if not holes else 1.0)
+        for corner, (row, down, own, outward, up, across) in enumerate(corners):
+            plane = sin[band] * outward[row] + cos[band] * up[row]
+            known = own[row]
+            inverse[corner] = np.clip(plane, known / _FARTHEST, known * _FARTHEST)
+            weight[corner] = down * across * (known > 0.0 if not holes else 1.0)
         result[band] = _inverse(_agreed(inverse, weight))
     return result
 
 
-@dataclass(frozen=True)
-class _Side:
-    """Coarse texels to the left, or to the right, of each of `width` columns.
-
-    All planes continue by one row over both poles.
-
-    Attributes
-    ----------
-    inverse : (h + 2, width) float32
-        Inverse depth, 0 where there is no surface.
-    outward, up : (h + 2, width) float32
-        Components of `g` along the horizontal direction of each column, and along +Y.
-    weight : (width,) float32
-        Bilinear weight.
-    """
-
-    inverse: Plane
-    outward: Plane
-    up: Plane
-    weight: Plane
+Side = tuple[Picture, Picture, Picture, Picture]
+"""Coarse texels on one side of each of `width` columns, continued by one row over both poles:
+inverse depth, 0 where there is no surface; components of `g` along the horizontal direction of each
+column, and along +Y; all (h + 2, width). The last one is the bilinear weight (width,)."""
 
 
-def _sides(coarse: Plane, width: int) -> tuple[_Side, _Side]:
+def _sides(coarse: Picture, width: int) -> list[Side]:
     """Return the coarse texels to the left and to the right of the columns."""
     phi = texel_azimuths(width)
     sin, cos = np.sin(phi).astype(np.float32), np.cos(phi).astype(np.float32)
     inverse = over_poles(_inverse(coarse), 1)
     x, y, z = np.moveaxis(over_poles(_planes(coarse), 1), -1, 0)
-    left, right, share = _neighbours(width, coarse.shape[1])
-
-    def side(column: NDArray[np.intp], weight: Plane) -> _Side:
+    left, right, share = _neighbors(width, coarse.shape[1])
+    sides = []
+    for column, weight in ((left, 1.0 - share), (right, share)):
         at = column % coarse.shape[1]
-        return _Side(inverse[:, at], x[:, at] * sin - z[:, at] * cos, y[:, at], weight)
+        sides.append((inverse[:, at], x[:, at] * sin - z[:, at] * cos, y[:, at], weight))
+    return sides
 
-    return side(left, 1.0 - share), side(right, share)
 
-
-def _inverse(plane: Plane) -> Plane:
+def _inverse(plane: Picture) -> Picture:
     """Return 1 / plane where it is a positive number, else 0."""
     there = usable(plane)
     return np.divide(np.float32(1.0), plane, out=np.zeros_like(plane), where=there)
 
 
-def _neighbours(size: int, coarse_size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Plane]:
+def _neighbors(size: int, coarse_size: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Picture]:
     """Return (size,) coarse texels before (from -1) and after each texel; weight of the latter."""
     at = (np.arange(size) + 0.5) * coarse_size / size - 0.5
     before = np.floor(at).astype(np.intp)
     return before, before + 1, (at - before).astype(np.float32)
 
 
-def _planes(coarse: Plane) -> Plane:
+def _planes(coarse: Picture) -> Picture:
     """Return `g` (h, w, 3), 1/m, of the plane through each texel's depth; 0 if it has none."""
     h, w = coarse.shape
     there = usable(coarse)
     depth = np.where(there, coarse, np.float32(np.inf))
     normal = estimate_normals(depth, np.zeros(coarse.shape, np.uint8))
-    x, y, z = np.broadcast_arrays(*texel_directions(w, h))
-    direction = np.stack([x, y, z], axis=-1).astype(np.float32)
+    direction = np.stack(np.broadcast_arrays(*texel_directions(w, h)), axis=-1).astype(np.float32)
     facing = np.einsum("...i,...i", normal, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
         planes = normal / (depth * facing)[..., None]
@@ -271,7 +255,7 @@ def _planes(coarse: Plane) -> Plane:
     return _with_borrowed(planes, _Points(direction, _inverse(coarse)))
 
 
-def _around(plane: Plane) -> Plane:
+def _around(plane: Picture) -> Picture:
     """Pad by `_REACH` texels over the poles and across the seam."""
     over = over_poles(plane, _REACH)
     return np.concatenate([over[:, -_REACH:], over, over[:, :_REACH]], axis=1)
@@ -287,20 +271,20 @@ class _Points:
         Inverse depth; 0 where there is no surface.
     """
 
-    def __init__(self, direction: Plane, inverse: Plane) -> None:
+    def __init__(self, direction: Picture, inverse: Picture) -> None:
         self._direction, self._inverse = _around(direction), _around(inverse)
 
-    def depths(self, planes: Plane, row: Index, column: Index) -> tuple[Plane, Plane]:
+    def depths(self, planes: Picture, row: Index, column: Index) -> tuple[Picture, Picture]:
         """Return the inverse depth of planes (..., 3) and of texels, in the texels' directions."""
         on_plane = np.einsum("...i,...i", planes, self._direction[row, column])
         return np.asarray(on_plane), self._inverse[row, column]
 
-    def fit(self, planes: Plane, row: Index, column: Index) -> NDArray[np.bool_]:
+    def fit(self, planes: Picture, row: Index, column: Index) -> NDArray[np.bool_]:
         """Return whether texels lie on planes."""
         on_plane, own = self.depths(planes, row, column)
         return np.asarray((np.abs(on_plane - own) <= np.float32(SAME_PLANE) * own) & (own > 0.0))
 
-    def ill_fitted(self, planes: Plane) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def ill_fitted(self, planes: Picture) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns of texels whose plane in (h, w, 3) fits few neighbours."""
         (height, width), count = planes.shape[:2], np.zeros(planes.shape[:2], np.int8)
         for down, aside in _steps(1):
@@ -311,7 +295,7 @@ class _Points:
         return row + _REACH, column + _REACH
 
     def score(
-        self, planes: Plane, row: NDArray[np.intp], column: NDArray[np.intp]
+        self, planes: Picture, row: NDArray[np.intp], column: NDArray[np.intp]
     ) -> NDArray[np.int8]:
         """Return (N,) the number of texels around N texels that lie on their planes (N, 3)."""
         count = np.zeros(row.size, np.int8)
@@ -326,7 +310,7 @@ def _steps(reach: int) -> list[tuple[int, int]]:
     return [(down, aside) for down in steps for aside in steps]
 
 
-def _with_borrowed(planes: Plane, points: _Points) -> Plane:
+def _with_borrowed(planes: Picture, points: _Points) -> Picture:
     """Replace badly fitting planes (h, w, 3) by a neighbour's where that fits better.
 
     A strip one texel wide, such as the far edge of a table, is too small to fit its own plane to.
@@ -349,7 +333,7 @@ def _with_borrowed(planes: Plane, points: _Points) -> Plane:
     return borrowed
 
 
-def _agreed(inverse: Plane, weight: Plane) -> Plane:
+def _agreed(inverse: Picture, weight: Picture) -> Picture:
     """Return the inverse depth (...) of the largest group of corners (4, ...) that agree.
 
     It is 0 where this group has no surface.
@@ -361,7 +345,7 @@ def _agreed(inverse: Plane, weight: Plane) -> Plane:
     return np.asarray(mixed, np.float32)
 
 
-def _majority(inverse: Plane, weight: Plane) -> Plane:
+def _majority(inverse: Picture, weight: Picture) -> Picture:
     """Return (N,) the result of `_agreed` for corners (4, N) that do not all agree."""
     limit = np.float32(SAME_SURFACE) * np.minimum(inverse[:, None], inverse[None])
     agree = np.abs(inverse[:, None] - inverse[None]) <= limit

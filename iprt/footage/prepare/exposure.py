@@ -1,6 +1,6 @@
 """Compensation of drift of a video's exposure and white balance.
 
-Automatic exposure and white balance multiply all colours by the same linear map (*Natural
+Automatic exposure and white balance multiply all colors by the same linear map (*Natural
 Environment Illumination*, section 4). A change of light differs: it changes each surface by another
 factor. The map of each frame to a reference frame is estimated from the surfaces that both show.
 Radiance for rays is mapped by it (`Frame.radiance`), so that temporal histories stay valid. It is
@@ -10,11 +10,12 @@ mapped back for display.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.cells import cell_sums, cell_texels
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
@@ -29,9 +30,9 @@ ROWS = 256
 CELL_ROWS = 32
 """Number of rows of cells, whose means are compared."""
 NEARLY_WHITE = 0.95
-"""Share of the clipping radiance above which colours may be clipped."""
+"""Share of the clipping radiance above which colors may be clipped."""
 DARK_OF_WHITE, DARK_OF_MEDIAN = 0.005, 0.02
-"""Radiance below which a colour is uncertain: relative to white where the range is limited, because
+"""Radiance below which a color is uncertain: relative to white where the range is limited, because
 eight bits resolve it coarsely, and relative to the picture's median."""
 SAME_DEPTH = 0.1
 """Largest relative difference in depth of texels that show the same surface."""
@@ -40,11 +41,11 @@ SAME_PLACE = 0.5
 WHOLE = 0.75
 """Least share of a cell's texels with the same surfaces."""
 MIN_SHARE = 0.05
-"""Least share of the sphere on which colours are compared."""
+"""Least share of the sphere on which colors are compared."""
 REGION = 8
 """Width, in cells, of the regions over which drift must be the same."""
 MIN_DRIFT = 0.002
-"""Least relative change of colours that changes the map."""
+"""Least relative change of colors that changes the map."""
 UNEXPLAINED = 0.2
 """Largest share of that change left unexplained by a map; beyond it, it is noise or light."""
 BEYOND_NOISE = 4.0
@@ -65,9 +66,9 @@ class Sample:
     depth : (h, w) float32
         Metres, +inf in open sky.
     usable : (h, w) bool
-        Whether the colour is not clipped.
+        Whether the color is not clipped.
     dark : float
-        Radiance below which colours are uncertain.
+        Radiance below which colors are uncertain.
     pose : (4, 4) float64 or None
         `Frame.pose`.
     """
@@ -101,7 +102,7 @@ class Sample:
         return bool(seen.mean() >= MIN_SHARE)
 
     def mapped(self, color_map: Matrix | None) -> Sample:
-        """Return the sample in other colours."""
+        """Return the sample in other colors."""
         if color_map is None:
             return self
         color = np.maximum(self.color @ color_map.T.astype(np.float32), np.float32(0.0))
@@ -133,13 +134,13 @@ class Drift:
 
     The reference is the first frame of the video, and the first one after a cut. A map stays until
     another one is clearly better, so a steady video has no maps. Where the light has changed, the
-    current frame becomes the reference, in the colours of the first one. Where the camera has moved
+    current frame becomes the reference, in the colors of the first one. Where the camera has moved
     too far, the previous frame does.
 
     Parameters
     ----------
     white : float
-        Radiance at which colours clip; infinite if they never do.
+        Radiance at which colors clip; infinite if they never do.
     """
 
     def __init__(self, white: float = np.inf) -> None:
@@ -149,7 +150,7 @@ class Drift:
         self._map: Matrix | None = None
 
     def __call__(self, frame: Frame) -> Frame:
-        """Return the frame with its `color_map`, or itself if colours have not drifted."""
+        """Return the frame with its `color_map`, or itself if colors have not drifted."""
         sample = Sample.of(frame, self._white)
         if sample.legible:
             self._follow(sample)
@@ -168,9 +169,10 @@ class Drift:
                 continue
             self._reference = reference
             verdict = judged(pairs, self._map, found)
-            # Light may have changed since the reference, but only colours since the last frame.
+            # Light may have changed since the reference, but only colors since the last frame.
             if verdict == "drift" or (verdict != "same" and self._drifts_from(sample, reference)):
-                self._map = simplest(pairs, found)
+                # The identity stands where it fits as well.
+                self._map = None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
             elif verdict == "light":
                 self._reference = sample.mapped(self._map)
             return
@@ -179,7 +181,7 @@ class Drift:
         self._reference = sample.mapped(self._map)
 
     def _drifts_from(self, sample: Sample, reference: Sample) -> bool:
-        """Return whether colours drifted since the previous frame, if that is not the reference."""
+        """Return whether colors drifted since the previous frame, if that is not the reference."""
         if self._before is None or self._before is reference:
             return False
         pairs, _ = compare(sample, self._before)
@@ -190,7 +192,7 @@ class Drift:
 
 
 def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
-    """Pair the colours of surfaces that both show.
+    """Pair the colors of surfaces that both show.
 
     Returns the pairs, and the share of the sphere that shows the same surfaces in both. The pairs
     are None for another place, or if there is too little to compare.
@@ -200,14 +202,14 @@ def compare(sample: Sample, reference: Sample) -> tuple[Pairs | None, float]:
     same_place = float(np.average(same.mean(axis=1), weights=solid_angles(*same.shape[::-1])))
     if same_place < SAME_PLACE:
         return None, same_place
-    side = max(1, len(same) // CELL_ROWS)
-    count = _cells(same, side)
-    clipped = _cells(~(sample.usable & there.usable), side)
+    rows = min(CELL_ROWS, len(same))
+    count = cell_sums(same, rows)
+    clipped = cell_sums(~(sample.usable & there.usable), rows)
     some = np.maximum(count, 1.0)[..., None]
-    seen, wanted = (_cells(s.color * same[..., None], side) / some for s in (sample, there))
+    seen, wanted = (cell_sums(s.color * same[..., None], rows) / some for s in (sample, there))
     # Cells at an edge would mix different surfaces. Cells with clipped texels would lose their
     # brightest texels in one picture, and be too dark there.
-    used = (count > WHOLE * side * side) & (clipped == 0.0)
+    used = (count > WHOLE * cell_texels(same.shape, rows)) & (clipped == 0.0)
     used &= (seen.mean(-1) > sample.dark) & (wanted.mean(-1) > there.dark)
     weight = np.broadcast_to(solid_angles(*used.shape[::-1])[:, None], used.shape)
     if weight[used].sum() < MIN_SHARE * weight.sum():
@@ -227,22 +229,6 @@ def judged(pairs: Pairs, before: Matrix | None, found: Matrix) -> Verdict:
     if left <= UNEXPLAINED * change:
         return "drift"
     return "light" if left > BEYOND_NOISE * error else "noise"
-
-
-def simplest(pairs: Pairs, found: Matrix) -> Matrix | None:
-    """Return `found`, or None if the identity fits as well."""
-    return None if pairs.left(np.eye(3))[0] < MIN_DRIFT else found
-
-
-def _cells(picture: NDArray[Any], side: int) -> Matrix:
-    """Sum (h, w, ...) over squares of texels; incomplete squares at the edges are left out."""
-    rows, columns = picture.shape[0] // side, picture.shape[1] // side
-    whole = picture[: rows * side, : columns * side].astype(np.float32)
-    # Rows first is twice as quick as both axes at once.
-    lines = whole.reshape(rows, side, -1).sum(axis=1)
-    return np.asarray(
-        lines.reshape(rows, columns, side, *picture.shape[2:]).sum(axis=2), np.float64
-    )
 
 
 def _same_depth(found: Picture, expected: Picture) -> NDArray[np.bool_]:

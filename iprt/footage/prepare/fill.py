@@ -1,4 +1,4 @@
-"""Cleaning of colour and depth: holes are filled or set to infinity, and openings flagged."""
+"""Cleaning of color and depth: holes are filled or set to infinity, and openings flagged."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iprt.footage.prepare.openings import holes_of
 from iprt.footage.video.depth_code import usable
 
 Mask = NDArray[np.bool_]
-Plane = NDArray[np.float32]
+Picture = NDArray[np.float32]
 
 _CG_TOLERANCE = 1e-5
 _CG_TEXEL_STEPS = 3e7
@@ -25,11 +25,11 @@ large ones."""
 class CleanDepth:
     """Depth (H, W) float32 and openings (H, W) bool, as `Frame` holds them."""
 
-    depth: Plane
+    depth: Picture
     opening: Mask
 
 
-def sanitise_color(color: Plane) -> Plane:
+def sanitize_color(color: Picture) -> Picture:
     """Set negative and non-finite radiance (H, W, 3) to 0.
 
     Returns the same array if there is none.
@@ -42,7 +42,7 @@ def sanitise_color(color: Plane) -> Plane:
     return np.where(usable, color, np.float32(0.0)).astype(np.float32)
 
 
-def sanitise_depth(stored: Plane, color: Plane) -> CleanDepth:
+def sanitize_depth(stored: Picture, color: Picture) -> CleanDepth:
     """Fill the holes that a rim closes, and set the others to infinity.
 
     Parameters

@@ -42,7 +42,7 @@ class Holes:
 
 
 def find_openings(stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
-    """Find the openings (H, W) of depth in metres, with its colour (H, W, 3)."""
+    """Find the openings (H, W) of depth in metres, with its color (H, W, 3)."""
     measured = usable(stored)
     if measured.all():
         return np.zeros_like(measured)

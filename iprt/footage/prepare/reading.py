@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from iprt.footage.prepare.turn import turned_color, turned_geometry
 from iprt.footage.video.depth_code import DepthSamples, usable
 from iprt.footage.video.mistaken_depth import require_no_picture
 from iprt.footage.video.placement import shape_problem
-from iprt.footage.video.source import Decoder, FrameSource
+from iprt.footage.video.reader import Streams, open_streams
+from iprt.footage.video.source import FrameSource
 
 Picture = NDArray[np.float32]
 
@@ -57,8 +59,8 @@ class RawFrames:
     def stored_depth(self) -> StoredDepth | None:
         """Storage of depth, from the first frame of the video; None if that cannot be read."""
         try:
-            with self.source.decoding() as decoder:
-                return self._stored(decoder.depth(self.source.indices[0]))
+            with self.reading() as reader:
+                return self._stored(reader.depth(self.source.indices[0]))
         except FormatError:
             return None
 
@@ -74,8 +76,8 @@ class RawFrames:
     @contextmanager
     def reading(self) -> Iterator[FrameReader]:
         """Open a reader of frames, quickest in order. Not for several threads at a time."""
-        with self.source.decoding() as decoder:
-            yield FrameReader(self, decoder)
+        with open_streams() as streams:
+            yield FrameReader(self, streams)
 
     def read(self, index: int) -> RawFrame:
         """Read one frame; see `FrameReader`."""
@@ -86,8 +88,12 @@ class RawFrames:
 class FrameReader:
     """A reader of frames that holds their files open."""
 
-    def __init__(self, frames: RawFrames, decoder: Decoder) -> None:
-        self._frames, self._source, self._decoder = frames, frames.source, decoder
+    def __init__(self, frames: RawFrames, streams: Streams) -> None:
+        self._frames, self._source = frames, frames.source
+        self._placement = self._source.placement
+        self._readers: dict[str, Callable[[int], Any]] = {
+            key: track.reader(streams) for key, track in self._source.tracks.by_key.items()
+        }
 
     def read(self, index: int) -> RawFrame:
         """Read a frame; errors are those from `color` and `completed`."""
@@ -102,27 +108,30 @@ class FrameReader:
             If a file is damaged, missing, not 2:1, of another size than the first frame, or
             without a single finite value.
         """
-        color = self._decoder.color(index)
+        color: Picture = self._readers["color"](index)
         path = self._source.files(index)["color"]
+        if self._placement is not None:
+            _require_size(path, color, self._placement.stored, "the first frame")
+            color = self._placement.color(color)
         height, width = color.shape[:2]
         if width != 2 * height:
             raise FormatError(f"{path}: {shape_problem(color)}")
-        self._require_size(path, color, "the first frame")
-        _require_any(path, np.isfinite(color), "colour is NaN or infinite everywhere")
+        _require_size(path, color, self._source.size, "the first frame")
+        _require_any(path, np.isfinite(color), "color is NaN or infinite everywhere")
         return turned_color(color, self._source.yaw_offset_deg)
 
     def completed(self, index: int, color: Picture) -> RawFrame:
-        """Read depth, normals and pose of a frame whose colour is read.
+        """Read depth, normals and pose of a frame whose color is read.
 
         Raises
         ------
         FormatError
-            If a file is damaged or missing, depth is larger than colour or not 2:1, normals have
-            another size than colour, integer depth has no scale, depth has no usable value, or
+            If a file is damaged or missing, depth is larger than color or not 2:1, normals have
+            another size than color, integer depth has no scale, depth has no usable value, or
             the depth of the first frame is a picture.
         """
         path, code = self._source.files(index)["depth"], self._source.code
-        samples = self._decoder.depth(index)
+        samples = self.depth(index)
         if index == self._source.indices[0]:
             self._frames.first_depth(samples)
         stored = self._frames.stored_depth or StoredDepth.of(path, samples, code)
@@ -138,21 +147,30 @@ class FrameReader:
         """Return the pose of a frame; see `FrameSource.pose`."""
         return self._source.pose(index)
 
+    def depth(self, index: int) -> DepthSamples:
+        """Read depth as stored, placed on the sphere."""
+        samples: DepthSamples = self._readers["depth"](index)
+        return samples if self._placement is None else samples.placed(self._placement)
+
     def _normal(self, index: int) -> Picture | None:
-        normal = self._decoder.normal(index)
-        if normal is not None:
-            path = self._source.files(index)["normal"]
-            self._require_size(path, normal, "colour")
-            require_unit(path, normal)
+        if "normal" not in self._readers:
+            return None
+        normal: Picture = self._readers["normal"](index)
+        alike = self._placement and self._placement.alike(normal.shape[1], normal.shape[0])
+        if alike is not None:
+            normal = alike.nearest(normal)
+        path = self._source.files(index)["normal"]
+        _require_size(path, normal, self._source.size, "color")
+        require_unit(path, normal)
         return normal
 
     def _full_depth(self, path: Path, depth: Picture, stored: StoredDepth) -> Picture:
-        """Return depth at the size of colour."""
+        """Return depth at the size of color."""
         size = self._source.size
         columns, rows = own = depth.shape[1], depth.shape[0]
         if columns != 2 * rows or rows > size[1]:
             raise FormatError(
-                f"{path}: {extent(own)} pixels, but colour has {extent(size)}; depth needs the "
+                f"{path}: {extent(own)} pixels, but color has {extent(size)}; depth needs the "
                 "same size, or a smaller one twice as wide as high"
             )
         if own != stored.size:
@@ -161,10 +179,11 @@ class FrameReader:
             )
         return at_full_size(depth, stored.grid, *size)
 
-    def _require_size(self, path: Path, picture: Picture, other: str) -> None:
-        size, own = self._source.size, (picture.shape[1], picture.shape[0])
-        if own != size:
-            raise FormatError(f"{path}: {extent(own)} pixels, but {other} has {extent(size)}")
+
+def _require_size(path: Path, picture: Picture, size: tuple[int, int], other: str) -> None:
+    own = picture.shape[1], picture.shape[0]
+    if own != size:
+        raise FormatError(f"{path}: {extent(own)} pixels, but {other} has {extent(size)}")
 
 
 def _require_any(path: Path, usable: NDArray[np.bool_], problem: str) -> None:

@@ -49,7 +49,7 @@ def _gaps(source: FrameSource) -> dict[str, str]:
 
 
 def video_remarks(frames: RawFrames) -> list[str]:
-    """Return remarks on unread parts of colour, its coverage of the sphere, and depth."""
+    """Return remarks on unread parts of color, its coverage of the sphere, and depth."""
     source = frames.source
     path, placement = source.files(source.indices[0])["color"], source.placement
     lines = []
@@ -64,7 +64,7 @@ def video_remarks(frames: RawFrames) -> list[str]:
 
 
 def interpolation(frames: RawFrames) -> list[str]:
-    """Return at most one line: depth has a lower resolution than colour, and is interpolated."""
+    """Return at most one line: depth has a lower resolution than color, and is interpolated."""
     source, stored = frames.source, frames.stored_depth
     if stored is None or (stored.grid is None and stored.size == source.size):
         return []
@@ -73,7 +73,7 @@ def interpolation(frames: RawFrames) -> list[str]:
     if stored.grid is not None:
         what += f", enlarged from {extent(stored.grid.size)} by repeating them"
     if stored.size != source.size:
-        what += f"; colour has {extent(source.size)}"
+        what += f"; color has {extent(source.size)}"
     return [f"{what}; depth is interpolated along surfaces"]
 
 

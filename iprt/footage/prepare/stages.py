@@ -1,8 +1,8 @@
 """Stages that turn the files of a video into `Frame` objects, in order.
 
-1. Decode (`iprt.footage.video`): place pictures on the sphere, convert colour to linear radiance.
+1. Decode (`iprt.footage.video`): place pictures on the sphere, convert color to linear radiance.
 2. Metres (`metres`): convert stored depth to metres along rays.
-3. Enlarge (`enlarge`): resample depth to the size of colour, along surfaces.
+3. Enlarge (`enlarge`): resample depth to the size of color, along surfaces.
 4. Turn (`turn`): rotate about the vertical by `yaw_offset_deg`.
 
 `reading` runs stages 1 to 4 on each frame separately. `steady` replaces unreadable frames by good
@@ -11,7 +11,7 @@ ones. `Preparation` runs the other stages, frame by frame:
 5. Denoise (`denoise`): project noisy depth onto the planes fitted around it.
 6. Openings (`openings`): sort texels without depth into windows, open sky and gaps in surfaces.
 7. Fill (`fill`): interpolate depth over windows and gaps from their rim; open sky is infinite.
-8. Exposure (`exposure`): estimate the map of colours to the video's reference frame.
+8. Exposure (`exposure`): estimate the map of colors to the video's reference frame.
 9. Gloss (`gloss`): mark the texels of glossy surfaces.
 10. Clipped lights (`clipped_lights`): recover the radiance that the camera clipped.
 """
@@ -27,7 +27,7 @@ from iprt.footage.frame import Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import smoothed
 from iprt.footage.prepare.exposure import Drift
-from iprt.footage.prepare.fill import CleanDepth, sanitise_color, sanitise_depth
+from iprt.footage.prepare.fill import CleanDepth, sanitize_color, sanitize_depth
 from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.openings import find_openings
 from iprt.footage.prepare.reading import Picture, RawFrame
@@ -43,7 +43,7 @@ class Preparation:
     Parameters
     ----------
     white : float
-        Radiance at which colour clips; infinite if it never does.
+        Radiance at which color clips; infinite if it never does.
     materials : tuple of RealMaterial
         The glossy real surfaces.
     drift : bool
@@ -60,15 +60,14 @@ class Preparation:
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
-        self._stored: tuple[Picture, Picture | None] | None = None
-        self._clean: CleanDepth | None = None
+        self._last: tuple[Picture, Picture | None, CleanDepth] | None = None
 
     def __call__(self, raw: RawFrame) -> Frame:
         """Prepare the next frame."""
         frame = self._cleaned(raw)
         if self._exposure is not None:
             frame = self._exposure(frame)
-        # Materials are recognised by their hue, in the colours of the reference frame.
+        # Materials are recognised by their hue, in the colors of the reference frame.
         frame = self._gloss(frame)
         return self._lights(frame).measured()
 
@@ -84,22 +83,21 @@ class Preparation:
         """Return a frame after denoising, openings and filling.
 
         Depth equal to the previous frame's is not filled again. A static scene may have a single
-        depth picture, depth may have half the rate of colour, or replace an unreadable one.
+        depth picture, depth may have half the rate of color, or replace an unreadable one.
         """
-        color = sanitise_color(raw.color)
-        if self._clean is None or not self._stays(raw, color):
-            self._clean = sanitise_depth(smoothed(raw.depth), color)
-            self._stored = raw.depth, raw.normal
-        assert self._stored is not None
-        depth, opening = self._clean.depth, self._clean.opening
-        return Frame(color, depth, opening, self._stored[1], index=raw.index, pose=raw.pose)
+        color = sanitize_color(raw.color)
+        if self._last is None or not _stays(raw, color, *self._last):
+            self._last = raw.depth, raw.normal, sanitize_depth(smoothed(raw.depth), color)
+        _, normal, clean = self._last
+        return Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
 
-    def _stays(self, raw: RawFrame, color: Picture) -> bool:
-        """Return whether a frame has the depth, normals and openings of the previous one."""
-        assert self._clean is not None
-        assert self._stored is not None
-        same = all(map(_same, (raw.depth, raw.normal), self._stored))
-        return same and np.array_equal(find_openings(raw.depth, color), self._clean.opening)
+
+def _stays(
+    raw: RawFrame, color: Picture, depth: Picture, normal: Picture | None, clean: CleanDepth
+) -> bool:
+    """Return whether a frame has the depth, normals and openings of the previous one."""
+    same = _same(raw.depth, depth) and _same(raw.normal, normal)
+    return same and np.array_equal(find_openings(raw.depth, color), clean.opening)
 
 
 def _same(plane: Picture | None, other: Picture | None) -> bool:

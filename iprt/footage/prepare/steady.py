@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -18,36 +18,34 @@ LOOK_BACK = 300
 
 
 class Incident:
-    """A run of bad frames, reported at its beginning and at its end."""
+    """A run of bad frames, logged at its beginning and at its end."""
 
-    def __init__(self, report: Callable[[str], None]) -> None:
-        self._report = report
-        self._bad = 0
+    _bad = 0
 
     def bad(self, problem: str) -> None:
         """Count a bad frame; `problem` describes it and its replacement."""
         if not self._bad:
-            self._report(problem)
+            LOG.warning(problem)
         self._bad += 1
 
     def good(self, index: int) -> None:
         """End the run of bad frames before a good one."""
         if self._bad:
-            self._report(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
+            LOG.warning(f"frame {index}: good again, after {counted(self._bad, 'bad frame')}")
         self._bad = 0
 
     def end(self) -> None:
         """End the run of bad frames at the last frame."""
         if self._bad:
-            self._report(f"bad up to the last frame: {counted(self._bad, 'frame')}")
+            LOG.warning(f"bad up to the last frame: {counted(self._bad, 'frame')}")
         self._bad = 0
 
 
 class SteadyReader:
     """A reader that replaces unreadable parts by those from the last good frame.
 
-    Without depth or normals, the last good depth and normals stay, and colour goes on. Without
-    colour, the whole last good frame stays: new depth would not fit old colour.
+    Without depth or normals, the last good depth and normals stay, and color goes on. Without
+    color, the whole last good frame stays: new depth would not fit old color.
 
     Parameters
     ----------
@@ -55,20 +53,11 @@ class SteadyReader:
         First frame of the video, down to which frames before the requested ones are searched.
     strict : bool
         Whether a bad frame is an error.
-    report : callable
-        Receives a line at the beginning and at the end of each run of bad frames.
     """
 
-    def __init__(
-        self,
-        reader: FrameReader,
-        first: int,
-        *,
-        strict: bool = False,
-        report: Callable[[str], None] = LOG.warning,
-    ) -> None:
+    def __init__(self, reader: FrameReader, first: int, *, strict: bool) -> None:
         self._reader, self._first, self._strict = reader, first, strict
-        self._incident = Incident(report)
+        self._incident = Incident()
         self._last: RawFrame | None = None
         self._color_of = self._depth_of = first  # the frames from which `_last` is composed
 
@@ -105,7 +94,7 @@ class SteadyReader:
         return raw
 
     def _recolored(self, last: RawFrame, index: int, color: Picture) -> RawFrame:
-        """Return the last frame with the colour and pose of another."""
+        """Return the last frame with the color and pose of another."""
         self._last = replace(last, color=color, index=index, pose=self._reader.pose(index))
         self._color_of = index
         return self._last
@@ -124,7 +113,7 @@ class SteadyReader:
         return self._last
 
     def _look_back(self, index: int) -> None:
-        """Find the last good colour and the last good frame before `index`."""
+        """Find the last good color and the last good frame before `index`."""
         newest: tuple[int, Picture] | None = None
         for earlier in range(index - 1, max(self._first, index - LOOK_BACK) - 1, -1):
             with suppress(FormatError):

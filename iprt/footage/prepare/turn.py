@@ -9,9 +9,9 @@ Picture = NDArray[np.float32]
 
 
 def turned_color(color: Picture, yaw_deg: float) -> Picture:
-    """Rotate colour to the right, towards +X: azimuth a moves to a + yaw.
+    """Rotate color to the right, towards +X: azimuth a moves to a + yaw.
 
-    Colour is interpolated linearly between columns.
+    Color is interpolated linearly between columns.
     """
     columns = yaw_deg / 360.0 * color.shape[1]
     whole = int(np.floor(columns))

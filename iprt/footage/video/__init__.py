@@ -1,1 +1,1 @@
-"""Decoding of 360° videos: tracks of colour, depth and normals, from files or streams."""
+"""Decoding of 360° videos: tracks of color, depth and normals, from files or streams."""

@@ -1,4 +1,4 @@
-"""Conversion of decoded frames to linear Rec.709 radiance, by the stream's colour tags.
+"""Conversion of decoded frames to linear Rec.709 radiance, by the stream's color tags.
 
 Missing tags default to
 
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.files.primaries import D65, REC709, to_rec709
-from iprt.footage.video.pixel_planes import Layout, Samples, layout, planes
+from iprt.footage.video.pixel_planes import Codes, Layout, layout, planes
 
 if TYPE_CHECKING:
     import av
@@ -71,14 +71,14 @@ _PRIMARIES = {
 
 @dataclass(frozen=True)
 class Encoding:
-    """Colour encoding of a frame, in codes of ITU-T H.273.
+    """Color encoding of a frame, in codes of ITU-T H.273.
 
     Attributes
     ----------
     layout : Layout
         Layout of the pixel format.
     matrix, transfer, primaries : int
-        Matrix coefficients, transfer characteristics and colour primaries.
+        Matrix coefficients, transfer characteristics and color primaries.
     full : bool
         Whether codes have full range, from 0 to the largest.
     """
@@ -117,9 +117,9 @@ def encoding_of(frame: av.VideoFrame, path: Path) -> Encoding:
         matrix = 9 if primaries == 9 else 1 if large else 6
     full = _is_full(frame, how)
     for code, known, what in (
-        (matrix, _LUMA, "colour matrix"),
+        (matrix, _LUMA, "color matrix"),
         (transfer, (*_BT1886, *_GAMMAS, _SRGB, _LINEAR, _PQ, _HLG), "transfer characteristics"),
-        (primaries, _PRIMARIES, "colour primaries"),
+        (primaries, _PRIMARIES, "color primaries"),
     ):
         if code not in known:
             raise FormatError(
@@ -145,7 +145,7 @@ def has_highlights(pixels: str, transfer: int) -> bool:
 def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
     """Convert rows of a frame to linear Rec.709 radiance (h, W, 3) float32; 1: reference white.
 
-    Colours outside of Rec.709 are negative in a channel. A panorama's chroma is interpolated across
+    Colors outside of Rec.709 are negative in a channel. A panorama's chroma is interpolated across
     its seam.
 
     Raises
@@ -167,7 +167,7 @@ def linear_color(frame: av.VideoFrame, rows: slice, path: Path) -> Picture:
     return out
 
 
-def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float, float]:
+def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Codes, float, float]:
     """Return rows of luma or grey as stored, and the codes of black and white.
 
     Raises
@@ -186,7 +186,7 @@ def luma(frame: av.VideoFrame, rows: slice, path: Path) -> tuple[Samples, float,
 
 def _is_full(frame: av.VideoFrame, how: Layout) -> bool:
     """Return whether codes have full range."""
-    return how.full or frame.color_range == 2 or (how.kind == "grey" and frame.color_range != 1)
+    return how.full or frame.color_range == 2 or (how.kind == "gray" and frame.color_range != 1)
 
 
 def _limits(how: Layout, full: bool) -> tuple[float, float]:
@@ -198,7 +198,7 @@ def _limits(how: Layout, full: bool) -> tuple[float, float]:
     return 16.0 * 2 ** (how.bits - 8), 235.0 * 2 ** (how.bits - 8)
 
 
-def _coded_rgb(stored: list[Samples], encoding: Encoding) -> list[Picture]:
+def _coded_rgb(stored: list[Codes], encoding: Encoding) -> list[Picture]:
     """Return non-linear R, G, B, nominally from 0 to 1."""
     how = encoding.layout
     black, white = _limits(how, encoding.full)
@@ -262,7 +262,7 @@ def _table(transfer: int) -> Picture:
     return linear.astype(np.float32)
 
 
-def _upsampled(plane: Samples, how: Layout, height: int, width: int) -> Picture:
+def _upsampled(plane: Codes, how: Layout, height: int, width: int) -> Picture:
     """Upsample chroma to every luma sample, linearly.
 
     Chroma is sited at the default of MPEG-2 to HEVC: at every other luma sample of a row, and

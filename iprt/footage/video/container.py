@@ -68,14 +68,14 @@ class StreamInfo:
     claimed: Fraction | None
 
     @property
-    def is_grey(self) -> bool:
+    def is_gray(self) -> bool:
         """Return whether there is one channel only."""
         return self.pixels.startswith("gray")
 
     @property
-    def is_deep_grey(self) -> bool:
+    def is_deep_gray(self) -> bool:
         """Return whether the stream can hold depth: one channel of more than 8 bits."""
-        return self.is_grey and self.pixels != "gray"
+        return self.is_gray and self.pixels != "gray"
 
 
 def is_container(root: Path, name: str) -> bool:

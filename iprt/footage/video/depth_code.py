@@ -76,13 +76,11 @@ class DepthMarks:
 
     def masks(self, values: NDArray[Any]) -> list[tuple[NDArray[np.bool_], float]]:
         """Return masks (H, W) of the marks, each with the depth to use instead."""
-        marks = [(mark, UNMEASURED) for mark in self.invalid] + [
-            (mark, np.inf) for mark in self.sky
-        ]
         kind = np.float32 if values.dtype.kind == "f" else np.float64
         return [
             (np.isnan(values) if np.isnan(mark) else values == kind(mark), shown)
-            for mark, shown in marks
+            for marks, shown in ((self.invalid, UNMEASURED), (self.sky, np.inf))
+            for mark in marks
         ]
 
 

@@ -29,26 +29,26 @@ SAMPLES = 128
 LEAST = 64
 """Least number of samples for a correlation."""
 COLORED, SHARE = 0.04, 0.01
-"""Least chroma of a coloured sample, relative to its range, and least share of such samples in a
-coloured picture. Grey pictures from lossy codecs have far less of both."""
+"""Least chroma of a colored sample, relative to its range, and least share of such samples in a
+colored picture. Grey pictures from lossy codecs have far less of both."""
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
-def grey_at_first(decode: Decode[Item]) -> Decode[Item]:
-    """Wrap a decoder of depth so that it refuses a first frame in colours."""
+def gray_at_first(decode: Decode[Item]) -> Decode[Item]:
+    """Wrap a decoder of depth so that it refuses a first frame in colors."""
     is_checked = False
 
     def checked(frame: av.VideoFrame, rows: slice, path: Path) -> Item:
         nonlocal is_checked
         if not is_checked:
-            _require_grey(frame, rows, path)
+            _require_gray(frame, rows, path)
             is_checked = True
         return decode(frame, rows, path)
 
     return checked
 
 
-def _require_grey(frame: av.VideoFrame, rows: slice, path: Path) -> None:
+def _require_gray(frame: av.VideoFrame, rows: slice, path: Path) -> None:
     """Raise FormatError if some rows of a frame have chroma, which depth has not."""
     how = layout(frame.format.name)
     if how is None or how.kind != "yuv":
@@ -58,9 +58,9 @@ def _require_grey(frame: av.VideoFrame, rows: slice, path: Path) -> None:
     off = [np.abs(plane.astype(np.float32) - 0.5 * codes) / codes for plane in chroma]
     if float((np.maximum(*off) > COLORED).mean()) > SHARE:
         raise FormatError(
-            f"{path}: the lower half of its pictures is in colours, and no depth; where the halves "
+            f"{path}: the lower half of its pictures is in colors, and no depth; where the halves "
             "are for two eyes, take one by --eye left (eye in [video]) and name a file of depth; "
-            "false colours cannot be read as depth"
+            "false colors cannot be read as depth"
         )
 
 
@@ -96,12 +96,9 @@ def require_no_picture(path: Path, depth: Picture, color: Picture, code: DepthCo
 
 def _rank_correlation(a: Picture, b: Picture) -> float:
     """Return Spearman's rank correlation of two arrays (N,); 0 if one is constant."""
-    ranks = [_ranks(values) for values in (a, b)]
-    spread = [float(rank.std()) for rank in ranks]
-    if min(spread) == 0.0:
+    if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return 0.0
-    products = (ranks[0] - ranks[0].mean()) * (ranks[1] - ranks[1].mean())
-    return float(products.mean()) / (spread[0] * spread[1])
+    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
 
 
 def _ranks(values: Picture) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import av
 
-Samples = NDArray[Any]
+Codes = NDArray[Any]
 
 _SORTED = {
     "nv12": "yuv420p",
@@ -49,7 +49,7 @@ class Layout:
     Attributes
     ----------
     kind : str
-        "yuv", "rgb" or "grey".
+        "yuv", "rgb" or "gray".
     bits : int
         Bits of each sample; 16 or 32 for floats.
     is_float : bool
@@ -68,7 +68,7 @@ class Layout:
     full: bool = False
 
 
-_KINDS = {"yuv": "yuv", "gray": "grey", "gbr": "rgb"}
+_KINDS = {"yuv": "yuv", "gray": "gray", "gbr": "rgb"}
 _SUBSAMPLING = ((1, 1), (1, 2), (2, 1), (2, 2), (4, 1))
 
 
@@ -92,7 +92,7 @@ def layout(pixels: str) -> Layout | None:
     return None if kind is None else Layout(kind, bits, is_float, full=kind == "rgb")
 
 
-def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
+def planes(frame: av.VideoFrame, rows: slice) -> list[Codes]:
     """Return planes of some rows of a frame as stored: Y, U, V; R, G, B; or grey.
 
     Parameters
@@ -114,7 +114,7 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
     if how.kind == "rgb" and not frame.format.name.startswith("gbr"):
         pixels = frame.to_ndarray(format="rgb48le" if how.bits == 16 else "rgb24")
         return [pixels[rows, :, channel] for channel in range(3)]
-    count = 1 if how.kind == "grey" else 3
+    count = 1 if how.kind == "gray" else 3
     found = []
     for number in range(count):
         down = how.down if how.kind == "yuv" and number else 1
@@ -124,11 +124,11 @@ def planes(frame: av.VideoFrame, rows: slice) -> list[Samples]:
     return found
 
 
-def _plane(frame: av.VideoFrame, number: int, how: Layout) -> Samples:
+def _plane(frame: av.VideoFrame, number: int, how: Layout) -> Codes:
     """Return a plane of a planar frame without row padding; it shares the frame's memory."""
     plane = frame.planes[number]
     size = 1 if how.bits <= 8 else how.bits // 8 if how.is_float else 2
     order = ">" if frame.format.is_big_endian else "<"
     kind = np.dtype(f"{order}f{size}" if how.is_float else f"{order}u{size}")
-    samples: Samples = np.frombuffer(memoryview(plane), kind)
+    samples: Codes = np.frombuffer(memoryview(plane), kind)
     return samples.reshape(-1, plane.line_size // size)[: plane.height, : plane.width]

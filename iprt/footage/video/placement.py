@@ -58,8 +58,8 @@ class Placement:
     def alike(self, width: int, height: int) -> Placement | None:
         """Return the placement of depth or normals of a size; None if they are whole panoramas.
 
-        Pictures with the shape of stored colour, and no more pixels, are placed like it. A 2:1
-        picture is a crop only if stored colour is 2:1, too.
+        Pictures with the shape of stored color, and no more pixels, are placed like it. A 2:1
+        picture is a crop only if stored color is 2:1, too.
         """
         own = self.stored
         is_alike = abs(width * own[1] - height * own[0]) < own[0] and width <= own[0]

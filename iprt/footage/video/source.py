@@ -1,31 +1,23 @@
-"""Decoded frames of a video: colour, depth and normals."""
+"""The source of a video's frames: its tracks, poses, and placement on the sphere."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from fractions import Fraction
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.errors import FormatError
 from iprt.files.images import Header
-from iprt.files.message_text import extent
 from iprt.files.safe_reading import require_inside
-from iprt.footage.video.depth_code import DepthCode, DepthSamples
+from iprt.footage.video.depth_code import DepthCode
 from iprt.footage.video.placement import Placement, placement_of
 from iprt.footage.video.poses import read_poses
-from iprt.footage.video.reader import Streams, open_streams
-from iprt.footage.video.table import VideoTable
 from iprt.footage.video.tracks import StreamTrack, Tracks, depth_code, open_tracks
-
-Picture = NDArray[np.float32]
+from iprt.footage.video.video_table import VideoTable
 
 
 class FrameSource:
@@ -94,7 +86,7 @@ class FrameSource:
 
     @cached_property
     def white(self) -> float:
-        """Radiance at which colour clips; infinite if it never does."""
+        """Radiance at which color clips; infinite if it never does."""
         given = self._video.white
         if given is not None:
             return given
@@ -105,9 +97,9 @@ class FrameSource:
         return {key: track.file(index) for key, track in self.tracks.by_key.items()}
 
     def moment(self, index: int) -> tuple[Path, Fraction] | None:
-        """Return the video file of a frame's colour, and its time in seconds on the file's clock.
+        """Return the video file of a frame's color, and its time in seconds on the file's clock.
 
-        None if colour is stored as pictures.
+        None if color is stored as pictures.
         """
         track = self.tracks.by_key["color"]
         return (track.file(index), track.moment(index)) if isinstance(track, StreamTrack) else None
@@ -123,69 +115,18 @@ class FrameSource:
 
     @cached_property
     def size(self) -> tuple[int, int]:
-        """Width and height of the panorama, from the header of the first colour picture."""
+        """Width and height of the panorama, from the header of the first color picture."""
         header, placement = self.header, self.placement
         return (header.width, header.height) if placement is None else placement.size
 
     @cached_property
     def header(self) -> Header:
-        """Header of the first colour picture."""
+        """Header of the first color picture."""
         return self.tracks.by_key["color"].header()
 
     @cached_property
     def placement(self) -> Placement | None:
-        """Placement of stored colour on the sphere; None if it covers all of it."""
+        """Placement of stored color on the sphere; None if it covers all of it."""
         header, path = self.header, self.files(self.indices[0])["color"]
         size = header.width, header.height
         return placement_of(path, size, self._video.eye, self._video.fit, header.xmp)
-
-    @contextmanager
-    def decoding(self) -> Iterator[Decoder]:
-        """Open a decoder of frames, quickest in order. Not for several threads at a time."""
-        with open_streams() as streams:
-            yield Decoder(self, streams)
-
-
-class Decoder:
-    """A decoder of a source's pictures, placed on the sphere; it holds their files open."""
-
-    def __init__(self, source: FrameSource, streams: Streams) -> None:
-        self.source = source
-        self._readers: dict[str, Callable[[int], Any]] = {
-            key: track.reader(streams) for key, track in source.tracks.by_key.items()
-        }
-
-    def color(self, index: int) -> Picture:
-        """Decode linear radiance (H, W, 3).
-
-        Raises
-        ------
-        FormatError
-            If a file is damaged or missing, or differs in size from the first frame.
-        """
-        color: Picture = self._readers["color"](index)
-        placement = self.source.placement
-        if placement is None:
-            return color
-        own = color.shape[1], color.shape[0]
-        if own != placement.stored:
-            raise FormatError(
-                f"{self.source.files(index)['color']}: {extent(own)} pixels, but the first frame "
-                f"has {extent(placement.stored)}"
-            )
-        return placement.color(color)
-
-    def depth(self, index: int) -> DepthSamples:
-        """Decode depth as stored."""
-        samples: DepthSamples = self._readers["depth"](index)
-        placement = self.source.placement
-        return samples if placement is None else samples.placed(placement)
-
-    def normal(self, index: int) -> Picture | None:
-        """Decode normals (H, W, 3); None if there are none."""
-        if "normal" not in self._readers:
-            return None
-        normal: Picture = self._readers["normal"](index)
-        placement = self.source.placement
-        alike = None if placement is None else placement.alike(normal.shape[1], normal.shape[0])
-        return normal if alike is None else alike.nearest(normal)

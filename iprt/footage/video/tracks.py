@@ -1,10 +1,16 @@
-"""Tracks of colour, depth and normals that `[video]` names, and their clock."""
+"""Tracks of color, depth and normals that `[video]` names, and their clock.
+
+The video has its own clock: frame i is shown i / fps seconds after the first. It takes the nearest
+frame of every stream. Streams of different or variable rates thus stay in sync, and a frame does
+not depend on the order of reading.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -12,18 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import Header, read_normal
+from iprt.files.images import Header, read_color, read_normal
 from iprt.files.safe_reading import is_file, require_inside
 from iprt.files.toml_tables import LAST_FRAME
-from iprt.footage.video.clock import Clock, disagreements, frame_count
 from iprt.footage.video.color import has_highlights, linear_color, luma
 from iprt.footage.video.container import StreamInfo, is_container, video_streams
 from iprt.footage.video.depth_code import DepthCode, DepthMarks, DepthSamples, unit_problem
-from iprt.footage.video.mistaken_depth import grey_at_first
+from iprt.footage.video.mistaken_depth import gray_at_first
+from iprt.footage.video.picture_tracks import DepthPictures, PictureTrack
 from iprt.footage.video.pixel_planes import layout
 from iprt.footage.video.reader import Streams
-from iprt.footage.video.sequence import ColorPictures, DepthPictures, PictureTrack
-from iprt.footage.video.table import VideoTable
+from iprt.footage.video.video_table import VideoTable
 
 if TYPE_CHECKING:
     import av
@@ -32,10 +37,12 @@ Picture = NDArray[np.float32]
 Item = TypeVar("Item")
 Shown = TypeVar("Shown", covariant=True)
 DEFAULT_FPS = Fraction(30)
+SAME_RATE = 2e-4
+"""Relative difference up to which rates count as equal; 30 and 30/1.001 differ by 1e-3."""
 
 
 class Track(Protocol[Shown]):
-    """Pictures of one kind along a video: colour, depth as stored, or normals."""
+    """Pictures of one kind along a video: color, depth as stored, or normals."""
 
     def file(self, index: int) -> Path:
         """Return the file that holds a frame's picture."""
@@ -63,9 +70,9 @@ class StreamTrack(Track[Item]):
     info : StreamInfo
         The stream.
     zero : Fraction
-        Start of the video's clock, in seconds on the file's clock.
-    clock : Clock
-        The video's clock.
+        Time of frame 0, in seconds on the file's clock.
+    fps : Fraction
+        Frames per second of the video.
     rows : slice
         Rows of the stream's frames.
     decode : callable
@@ -76,11 +83,11 @@ class StreamTrack(Track[Item]):
         self,
         info: StreamInfo,
         zero: Fraction,
-        clock: Clock,
+        fps: Fraction,
         rows: slice,
         decode: Callable[[av.VideoFrame, slice, Path], Item],
     ) -> None:
-        self._info, self._zero, self._clock = info, zero, clock
+        self._info, self._zero, self._fps = info, zero, fps
         self._rows, self._decode = rows, decode
 
     def file(self, _: int) -> Path:
@@ -89,7 +96,7 @@ class StreamTrack(Track[Item]):
 
     def moment(self, index: int) -> Fraction:
         """Return the time of a frame, in seconds on the file's clock."""
-        return self._zero + self._clock.time(index)
+        return self._zero + index / self._fps
 
     def header(self) -> Header:
         """Return the size and range of the pictures."""
@@ -150,16 +157,17 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
     if video.fps is not None:
         fps = Fraction(video.fps).limit_denominator(10**6)
     indices = _indices(video, fps, color)
-    clock = Clock(fps, indices[0] if color is None else 0)
+    first = indices[0] if color is None else 0
     place = root, indices, within
     code = depth_code(video)
     by_key: dict[str, Track[Any]] = {}
     packed = color is not None and depth is color
     if color is None:
-        by_key["color"] = ColorPictures(video.color, *place, video.color_layer)
+        read = partial(read_color, layer=video.color_layer)
+        by_key["color"] = PictureTrack("color", video.color, *place, read, video.color_layer)
     else:
         rows = slice(0, color.height // 2 if packed else color.height)
-        by_key["color"] = StreamTrack(color, color.start, clock, rows, linear_color)
+        by_key["color"] = StreamTrack(color, color.start, fps, rows, linear_color)
     if depth is None:
         assert video.depth is not None
         by_key["depth"] = DepthPictures(video.depth, *place, video.depth_layer, code)
@@ -170,11 +178,12 @@ def open_tracks(root: Path, video: VideoTable, within: Path) -> Tracks:
         # Streams of one file share its clock. Another file's clock starts with the video.
         same = color is not None and color.path == depth.path
         zero = color.start if color is not None and same else depth.start
-        decode = grey_at_first(_depth_samples) if packed else _depth_samples
-        by_key["depth"] = StreamTrack(depth, zero, clock, rows, decode)
+        decode = gray_at_first(_depth_samples) if packed else _depth_samples
+        by_key["depth"] = StreamTrack(depth, zero - first / fps, fps, rows, decode)
     if video.normal is not None:
         by_key["normal"] = PictureTrack("normal", video.normal, *place, read_normal)
-    notes = disagreements(clock, indices, color, None if packed else depth)
+    length = (indices[-1] - first) / fps
+    notes = _disagreements(fps, length, {"color": color, "depth": None if packed else depth})
     return Tracks(by_key, indices, float(fps), notes)
 
 
@@ -206,13 +215,13 @@ def _depth_samples(frame: av.VideoFrame, rows: slice, path: Path) -> DepthSample
     how = layout(frame.format.name)
     assert how is not None
     bits = 0 if how.is_float else how.bits
-    return DepthSamples(stored, black, white, bits, exact=how.kind == "grey" and how.bits > 8)
+    return DepthSamples(stored, black, white, bits, exact=how.kind == "gray" and how.bits > 8)
 
 
 def _indices(video: VideoTable, fps: Fraction, color: StreamInfo | None) -> range:
     if video.frames is not None:
         return range(video.frames[0], video.frames[1] + 1)
-    count = 1 if color is None else frame_count(color, fps)
+    count = 1 if color is None else round((color.last - color.start) * fps) + 1
     if count > LAST_FRAME + 1:
         raise FormatError(
             f"video.frames: {video.color} has {count} frames; say which to use, at most the first "
@@ -232,11 +241,11 @@ def _streams(key: str, root: Path, name: str, within: Path) -> list[StreamInfo]:
 def _color_stream(
     root: Path, video: VideoTable, within: Path
 ) -> tuple[StreamInfo | None, list[StreamInfo]]:
-    """Return the stream of colour, if it comes from a video file, and the file's other streams."""
+    """Return the stream of color, if it comes from a video file, and the file's other streams."""
     if not is_container(root, video.color):
         return None, []
     streams = _streams("color", root, video.color, within)
-    color = next((stream for stream in streams if not stream.is_deep_grey), streams[0])
+    color = next((stream for stream in streams if not stream.is_deep_gray), streams[0])
     return color, [stream for stream in streams if stream is not color]
 
 
@@ -247,7 +256,7 @@ def _depth_stream(
     color: StreamInfo | None,
     others: list[StreamInfo],
 ) -> StreamInfo | None:
-    """Return the stream of depth, if in a video file; the colour stream if that holds both."""
+    """Return the stream of depth, if in a video file; the color stream if that holds both."""
     if video.depth is None:
         if color is None and not is_file(root / video.color):
             raise FormatError(f"video.color: there is no file {video.color}")
@@ -256,29 +265,60 @@ def _depth_stream(
                 f"video.depth: required key is missing; {video.color} is no video file, which "
                 "could hold depth itself; name a file of depth (see docs/footage.md)"
             )
-        found = next((stream for stream in others if stream.is_deep_grey), None)
+        found = next((stream for stream in others if stream.is_deep_gray), None)
         if found is not None:
             return found
         if video.eye is not None:
             raise FormatError(
                 f"video.depth: {color.path} holds no second stream of 16-bit grey; with eye, which "
-                "takes one of two pictures in colours, name a file of depth"
+                "takes one of two pictures in colors, name a file of depth"
             )
         # Two panoramas stacked vertically make a square.
         if color.width == color.height and color.height % 4 == 0:
             return color
         raise FormatError(
             f"video.depth: {color.path} holds no depth: no second stream of 16-bit grey, and its "
-            f"{color.width} x {color.height} pixels are not a square with colour above depth; name "
+            f"{color.width} x {color.height} pixels are not a square with color above depth; name "
             "a file of depth (see docs/footage.md)"
         )
     if not is_container(root, video.depth):
         return None
     streams = _streams("depth", root, video.depth, within)
-    depth = next((stream for stream in streams if stream.is_deep_grey), None)
+    depth = next((stream for stream in streams if stream.is_deep_gray), None)
     if depth is None:
         raise FormatError(
             f"video.depth: {root / video.depth} holds {streams[0].pixels}; depth needs a stream of "
             "grey with more than 8 bits, such as FFV1 with gray16le"
         )
     return depth
+
+
+def _disagreements(
+    fps: Fraction, length: Fraction, streams: dict[str, StreamInfo | None]
+) -> list[str]:
+    """Return lines on disagreements between streams and how they are resolved.
+
+    `length` is the time of the video's last frame in seconds.
+    """
+    lines = []
+    for key, stream in streams.items():
+        if stream is None:
+            continue
+        name, end = f"video.{key}: {stream.path.name}", stream.last - stream.start
+        if abs(stream.rate - fps) > SAME_RATE * max(stream.rate, fps):
+            lines.append(
+                f"{name} has {float(stream.rate):.6g} frames per second, the video "
+                f"{float(fps):.6g}; the nearest in time are shown"
+            )
+        period = 1 / min(stream.rate, fps)
+        if length >= end + period:
+            lines.append(
+                f"{name} ends after {float(end):.2f} s, the video after {float(length):.2f} s; its "
+                "last frame stays"
+            )
+        elif stream.claimed is not None and stream.claimed > end + 2 / stream.rate + period:
+            lines.append(
+                f"{name} ends after {float(end):.2f} s, but claims {float(stream.claimed):.2f} s; "
+                "it may be cut off"
+            )
+    return lines

@@ -100,13 +100,6 @@ def test_the_six_walls_of_a_room_are_its_planes() -> None:
     assert cells.solid_angle[shown].sum() > 0.85 * 4.0 * np.pi
 
 
-def test_cells_that_may_not_belong_to_a_plane_do_not() -> None:
-    cells = room_cells()
-    down = cells.direction[:, 1] < -0.3
-    for plane in find_planes(cells, 0.002, ~down):
-        assert not down[plane.cells].any()
-
-
 @pytest.mark.parametrize(("lift", "planes"), [(0.0, 6), (0.015, 6), (0.3, 7)])
 def test_pieces_that_errors_of_depth_set_off_are_no_planes(lift: float, planes: int) -> None:
     """Part of the floor lies higher, by so many metres: a table is one, a flake is none."""

@@ -32,7 +32,7 @@ def lit(gains: Float, noise: float, seed: int = 0) -> Shading:
 
 
 @pytest.mark.parametrize("outliers", [0, 60])
-def test_gains_of_several_lights_and_colours(outliers: int) -> None:
+def test_gains_of_several_lights_and_colors(outliers: int) -> None:
     """Also where a fifth of the points shows something else, highlights or paint."""
     gains = np.array([[4.0, 5.0, 8.0], [30.0, 20.0, 10.0], [1.0, 1.0, 1.0]])
     seen = lit(gains, 0.05)

@@ -41,29 +41,29 @@ def recovered(frame: Frame) -> NDArray[np.float32]:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("radiance", "walls"),
-    [(5.0, "white"), (5.0, "tiled"), (20.0, "grey"), (80.0, "coloured"), (80.0, "white")],
+    ("light", "walls"),
+    [
+        (lamp(5.0), "white"),
+        (lamp(5.0), "tiled"),
+        (lamp(20.0), "gray"),
+        (lamp(80.0), "colored"),
+        (WARM, "colored"),
+    ],
+    ids=["white", "tiled", "gray", "colored", "warm"],
 )
-def test_a_lamp_is_as_bright_as_it_was(radiance: float, walls: str) -> None:
-    frame = lamp_room(walls, lamp(radiance))
+def test_a_lamp_is_as_bright_as_it_was(light: Lamp, walls: str) -> None:
+    """The color of a lamp, too, though the picture shows it white."""
+    frame = lamp_room(walls, light)
     lit = bright(frame)
+    assert (clip(frame).color[lit] == 1.0).mean() > 0.9
     ratio = flux(recovered(frame), lit) / flux(frame.color, lit)
     np.testing.assert_allclose(ratio, 1.0, atol=0.25)
 
 
 @pytest.mark.thorough
-def test_the_colour_of_a_lamp_that_looks_white() -> None:
-    frame = lamp_room("coloured", WARM)
-    lit = bright(frame)
-    assert (clip(frame).color[lit] == 1.0).mean() > 0.9
-    ratio = flux(recovered(frame), lit) / flux(frame.color, lit)
-    np.testing.assert_allclose(ratio, 1.0, atol=0.2)
-
-
-@pytest.mark.thorough
 def test_two_lamps_are_told_apart() -> None:
     dim, strong = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3), Lamp(1.4, 1.5, 0.25, (40.0,) * 3)
-    frame = lamp_room("coloured", dim, strong)
+    frame = lamp_room("colored", dim, strong)
     light = recovered(frame)
     for radiance in (8.0, 40.0):
         lit = np.abs(frame.color - radiance).max(axis=-1) < 1.0
@@ -89,7 +89,7 @@ def test_behind_a_window_the_sky_is_brighter_than_the_ground() -> None:
 
 def test_the_rim_of_a_lamp_is_not_painted() -> None:
     """Where one channel is clipped and others are not, that one has lost little."""
-    frame = lamp_room("grey", lamp(20.0))
+    frame = lamp_room("gray", lamp(20.0))
     seen, lit = clip(frame), bright(frame)
     rim = lit & ~np.roll(lit, 1, axis=1)
     seen.color[rim] = (0.7, 0.8, 1.0)
@@ -99,15 +99,7 @@ def test_the_rim_of_a_lamp_is_not_painted() -> None:
 
 
 @pytest.mark.thorough
-def test_eight_bits_do() -> None:
-    frame = lamp_room("coloured", lamp(20.0))
-    found = ClippedLights(1.0)(replace(frame, color=decode_srgb(srgb(frame.color))))
-    lit = bright(frame)
-    np.testing.assert_allclose(flux(found.color, lit) / flux(frame.color, lit), 1.0, atol=0.25)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(("walls", "strong", "dim"), [("grey", 30.0, 5.0), ("tiled", 20.0, 6.0)])
+@pytest.mark.parametrize(("walls", "strong", "dim"), [("gray", 30.0, 5.0), ("tiled", 20.0, 6.0)])
 def test_light_that_tone_mapping_hides(walls: str, strong: float, dim: float) -> None:
     """A lamp that is not clipped, but shown as bright as one that is; depth as estimators see it.
 
@@ -138,7 +130,7 @@ def test_bright_walls_are_no_part_of_lamps() -> None:
 @pytest.mark.thorough
 def test_light_and_lengths_may_have_any_unit() -> None:
     factor = 2.0**10
-    frame = clip(lamp_room("coloured", WARM))
+    frame = clip(lamp_room("colored", WARM))
     plain = ClippedLights(1.0)(frame).color
     scaled = replace(frame, color=frame.color * np.float32(factor))
     brighter = ClippedLights(factor)(scaled).color
@@ -146,33 +138,6 @@ def test_light_and_lengths_may_have_any_unit() -> None:
     assert not np.array_equal(plain, frame.color)
     np.testing.assert_allclose(brighter, plain * factor, rtol=1e-3)
     np.testing.assert_allclose(longer, plain, rtol=1e-3)
-
-
-@pytest.mark.thorough
-def test_the_seam_does_not_show() -> None:
-    """A lamp across the seam is one lamp, as bright as elsewhere."""
-    frame = lamp_room("coloured", WARM)
-    column = int(np.nonzero(bright(frame).any(axis=0))[0].mean())
-    turned = replace(
-        frame,
-        **{
-            name: np.roll(getattr(frame, name), 128 - column, 1)
-            for name in ("color", "depth", "opening", "normal")
-        },
-    )
-    angle = 2.0 * np.pi * (128 - column) / 128
-    cos, sin = np.cos(angle), np.sin(angle)
-    turn = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
-    turned = replace(turned, normal=(turned.normal @ turn.T).astype(np.float32))
-    lit = bright(turned)
-    assert lit[:, 0].any()
-    assert lit[:, -1].any()
-    found = Recovered.of(ClippedLights(1.0)(clip(turned)), 1.0)
-    assert found is not None
-    assert found.lights == 1
-    np.testing.assert_allclose(
-        flux(recovered(turned), lit) / flux(turned.color, lit), 1.0, atol=0.25
-    )
 
 
 @pytest.mark.parametrize("start", [0, 20, 64, 127])
@@ -200,7 +165,7 @@ def test_panes_of_a_window_are_one_light(start: int) -> None:
 
 
 def test_nothing_clipped_changes_nothing() -> None:
-    frame = lamp_room("grey", lamp(20.0))
+    frame = lamp_room("gray", lamp(20.0))
     assert ClippedLights(float("inf"))(frame) is frame
     assert ClippedLights(25.0)(frame) is frame
     nearly = replace(frame, color=np.minimum(frame.color, np.float32(0.975)))
@@ -249,6 +214,3 @@ def test_any_size_and_any_noise(size: tuple[int, int]) -> None:
     assert np.isfinite(light).all()
     assert (light >= color).all()
     assert light.max() <= MAX_GAIN
-
-
-# In a video -------------------------------------------------------------------------------------

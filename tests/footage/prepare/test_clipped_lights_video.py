@@ -43,7 +43,7 @@ def brightness(frame: Frame, where: NDArray[np.bool_]) -> float:
 
 def test_gains_stay_while_the_lights_do(estimates: list[Frame]) -> None:
     """Noise at the white level, and things that pass before the lamp, leave it as bright."""
-    truth = lamp_room("grey", lamp(20.0))
+    truth = lamp_room("gray", lamp(20.0))
     frame, lit = clip(truth), bright(truth)
     rng = np.random.default_rng(3)
     stage = ClippedLights(1.0)
@@ -59,8 +59,8 @@ def test_gains_stay_while_the_lights_do(estimates: list[Frame]) -> None:
 
 
 def test_a_camera_that_stops_down_clips_less_of_a_lamp() -> None:
-    """What rays find stays, in the colours of the reference frame."""
-    truth = lamp_room("grey", lamp(20.0))
+    """What rays find stays, in the colors of the reference frame."""
+    truth = lamp_room("gray", lamp(20.0))
     lit = bright(truth)
     stage = ClippedLights(1.0)
     first = stage(clip(truth))
@@ -73,7 +73,7 @@ def test_a_camera_that_stops_down_clips_less_of_a_lamp() -> None:
 def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
-    before, after = (lamp_room("grey", *lamps, rows=32) for lamps in ((one,), (one, other)))
+    before, after = (lamp_room("gray", *lamps, rows=32) for lamps in ((one,), (one, other)))
     lit = np.abs(after.color - 24.0).max(axis=-1) < 1.0
     stage = ClippedLights(1.0)
     stage(clip(before))
@@ -90,7 +90,7 @@ def test_a_lamp_that_is_switched_on_fades_in(estimates: list[Frame]) -> None:
 def test_after_a_cut_other_lights_hold_at_once() -> None:
     one = Lamp(-1.2, -1.4, 0.4, (8.0,) * 3)
     other = Lamp(1.4, 1.5, 0.4, (24.0,) * 3)
-    before, after = (lamp_room("grey", light, rows=32) for light in (one, other))
+    before, after = (lamp_room("gray", light, rows=32) for light in (one, other))
     stage = ClippedLights(1.0)
     stage(clip(before))
     alone = ClippedLights(1.0)(clip(after))
@@ -103,7 +103,7 @@ def test_after_a_cut_other_lights_hold_at_once() -> None:
 
 def lamp_scene(folder: Path, name: str, extra: str = "") -> Scene:
     """The warm lamp in a room, clipped."""
-    frame = clip(lamp_room("coloured", WARM))
+    frame = clip(lamp_room("colored", WARM))
     root = write_scene(folder)
     write_rgb(root / "color.exr", frame.color)
     write_channels(root / "depth.exr", Z=frame.depth)

@@ -21,23 +21,23 @@ MESH = Path(__file__).parents[3] / "scenes360" / "room" / "meshes" / "pot.ply"
 WIDTH, HEIGHT = 512, 256
 ROOM = World()
 TABLE = World(solids=(Box((0.2, -1.0, -1.5), (0.6, 0.4, 0.3), 0.3),))
-Plane = NDArray[np.float32]
+Picture = NDArray[np.float32]
 
 
-def depth_of(world: World) -> tuple[Plane, NDArray[np.intp]]:
+def depth_of(world: World) -> tuple[Picture, NDArray[np.intp]]:
     """Exact depth, and the number of the solid that is seen; 0 for walls."""
     directions = View(WIDTH, HEIGHT, projection="equirect").directions()
     distance, _, which = world.first_hit(np.zeros(3), directions)
     return distance.astype(np.float32), which
 
 
-def noisy(depth: Plane, noise: float, seed: int = 0) -> Plane:
+def noisy(depth: Picture, noise: float, seed: int = 0) -> Picture:
     """White noise, relative to depth."""
     values = np.random.default_rng(seed).normal(size=depth.shape)
     return np.asarray(depth * (1.0 + noise * values), np.float32)
 
 
-def errors(depth: Plane, truth: Plane) -> Plane:
+def errors(depth: Picture, truth: Picture) -> Picture:
     return np.asarray(np.abs(depth / truth - 1.0), np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Depth of fewer values than colour, against closed forms."""
+"""Depth of fewer values than color, against closed forms."""
 
 from __future__ import annotations
 
@@ -11,21 +11,18 @@ from scipy import ndimage
 
 from iprt import cli
 from iprt.footage.prepare.enlarge import Grid, at_full_size, enlarged
-from iprt.footage.prepare.remarks import interpolation
 from iprt.footage.video.depth_code import usable
 from iprt.scene.scene import Scene
 from tests.footage.video.encoding import Track, grey16, plain, write_video
 from tests.scene.files import (
     MANIFEST,
     OBJECT,
-    SHARED,
     box_room,
     directions,
     write_channels,
     write_scene,
 )
 
-OWN = Path(__file__).resolve().parents[3] / "scenes360"
 Depth = NDArray[np.float32]
 
 
@@ -119,7 +116,7 @@ def test_holes_stay_holes(nothing: float) -> None:
     rim = ndimage.binary_dilation(hole, iterations=3) & ~ndimage.binary_erosion(hole, iterations=3)
     assert not usable(full)[hole & ~rim].any()
     assert usable(full)[~hole & ~rim].all()
-    # A mask of the sky at the size of colour is finer than the depth that it is cut out of.
+    # A mask of the sky at the size of color is finer than the depth that it is cut out of.
     stored = np.where(hole, np.float32(nothing), repeated(room(64), height))
     full = at_full_size(stored, Grid.of(stored), 2 * height, height)
     np.testing.assert_array_equal(usable(full), ~hole)
@@ -215,33 +212,6 @@ def test_steps_that_lie_on_a_grid_by_chance_are_none() -> None:
         even += not (rows % 2).any()
         assert Grid.of(stepped(np.isin(np.arange(32), rows), across)) is None
     assert even
-
-
-def test_steps_too_many_to_be_chance_are_a_grid() -> None:
-    grid = Grid.of(stepped(some(64, 2, 1.0), some(128, 2, 1.0)))
-    assert grid is not None
-    assert grid.size == (64, 32)
-
-
-SCENES = [OWN / "room", OWN / "train", OWN / "chart"]
-SCENES += [SHARED / name for name in ("livingroom", "hotel", "livingroom-video")]
-
-
-@pytest.mark.parametrize("folder", SCENES, ids=lambda path: path.name)
-def test_scenes_have_a_resolution_of_their_own(folder: Path) -> None:
-    if not folder.is_dir():
-        pytest.skip("not in this checkout")
-    scene = Scene.open(folder)
-    depth = scene.raw_frame().depth
-    assert interpolation(scene.raw_frames) == []
-    for how, stored in quantised(depth).items():
-        assert Grid.of(stored) is None, how
-        if how == "decimetres":
-            continue  # of some, too little is left to tell
-        small = stored[::4, ::4]
-        grid = Grid.of(repeated(small, depth.shape[0] * 5 // 8))
-        assert grid is not None, how
-        assert grid.size == (small.shape[1], small.shape[0]), how
 
 
 def write_coarse_scene(folder: Path, depth: Depth) -> Path:

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.files.images import decode_srgb
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.exposure import Drift
 from iprt.geometry.camera import View
+from tests.footage.lamp_rooms import srgb
 from tests.oracles.worlds import Box, World
 from tests.worlds import Float, bright_walls, landscape_frame, room_frame, sphere_frame
 
@@ -36,11 +38,7 @@ def noisy(color: NDArray[np.floating], seed: int, amount: float = 0.02) -> NDArr
 
 def eight_bits(color: NDArray[np.floating], seed: int) -> NDArray[np.float32]:
     """As an 8-bit sRGB picture shows a noisy view: clipped and in 256 steps."""
-    linear = np.clip(noisy(color, seed), 0.0, 1.0)
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    coded = np.round(coded * 255.0) / 255.0
-    back = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    return back.astype(np.float32)
+    return decode_srgb(srgb(noisy(color, seed)))
 
 
 def exact(color: NDArray[np.floating], seed: int) -> NDArray[np.float32]:
@@ -52,18 +50,18 @@ CAMERAS: dict[str, tuple[Camera, float, float]] = {
     "noise": (noisy, np.inf, 0.003),
     "8 bits": (eight_bits, 1.0, 0.005),
 }
-"""How a camera shows light, what it clips, and by how much the colours that its map gives may be
+"""How a camera shows light, what it clips, and by how much the colors that its map gives may be
 off."""
 
 
 def shown(frame: Frame, camera: Camera, seed: int, color_map: Float | None = None) -> Frame:
-    """The frame as a camera with those colours shows it."""
+    """The frame as a camera with those colors shows it."""
     color = frame.color if color_map is None else frame.color @ color_map.T
     return replace(frame, color=camera(color, seed))
 
 
 def off(found: Float | None, true: Float, color: NDArray[np.floating]) -> float:
-    """By how much `found` misses the inverse of `true`: RMS, relative to each colour."""
+    """By how much `found` misses the inverse of `true`: RMS, relative to each color."""
     found = np.eye(3) if found is None else found
     difference = color @ (found @ true).T - color
     size = color.mean(-1, keepdims=True)
@@ -71,7 +69,7 @@ def off(found: Float | None, true: Float, color: NDArray[np.floating]) -> float:
 
 
 def lamp(at: tuple[float, float, float], strength: float) -> Frame:
-    """The room with a lamp more, whose light the walls reflect in their colours."""
+    """The room with a lamp more, whose light the walls reflect in their colors."""
     points = FRAME.depth[..., None] * View(WIDTH, HEIGHT, projection="equirect").directions()
     towards = np.array(at) - points
     distance = np.linalg.norm(towards, axis=-1)
@@ -101,13 +99,6 @@ def test_a_steady_video_has_no_map(camera: str) -> None:
         assert drift(frame) is frame
 
 
-def test_much_noise_is_no_drift() -> None:
-    drift = Drift()
-    for seed in range(6):
-        frame = replace(FRAME, color=noisy(FRAME.color, seed, 0.15))
-        assert drift(frame) is frame
-
-
 def test_drift_that_cannot_be_seen_is_none() -> None:
     drift = Drift()
     drift(FRAME)
@@ -117,7 +108,7 @@ def test_drift_that_cannot_be_seen_is_none() -> None:
 
 
 def test_a_nearly_grey_room_tells_no_crosstalk() -> None:
-    """Colours that differ by less than noise would make a map that takes colours away."""
+    """Colors that differ by less than noise would make a map that takes colors away."""
     grey = FRAME.color.mean(axis=-1, keepdims=True)
     world = replace(FRAME, color=(grey + 0.02 * (FRAME.color - grey)).astype(np.float32))
     drift = Drift()
@@ -126,7 +117,7 @@ def test_a_nearly_grey_room_tells_no_crosstalk() -> None:
     assert off(found, 2.0 * np.eye(3), FRAME.color) < 0.01
 
 
-def test_a_reference_without_colours_takes_none_away() -> None:
+def test_a_reference_without_colors_takes_none_away() -> None:
     """Though the map that explains it best does, and cannot be undone."""
     grey = FRAME.color.mean(axis=-1, keepdims=True)
     world = replace(FRAME, color=(grey + 0.05 * (FRAME.color - grey)).astype(np.float32))
@@ -138,7 +129,7 @@ def test_a_reference_without_colours_takes_none_away() -> None:
 
 @pytest.mark.parametrize("camera", ["exact", "8 bits"])
 def test_moving_things_do_not_count(camera: str) -> None:
-    """A dark thing passes close by, over a fifth of the sphere; another part changes its colour."""
+    """A dark thing passes close by, over a fifth of the sphere; another part changes its color."""
     shows, white, bound = CAMERAS[camera]
     world = replace(FRAME, color=0.5 * FRAME.color)
     depth, color = world.depth.copy(), world.color.copy()
@@ -165,7 +156,7 @@ def test_clipped_texels_do_not_count() -> None:
 
 
 @pytest.mark.parametrize("color", [(0.5, 0.5, 0.5), (0.6, 0.3, 0.1), (0.4, 0.0, 0.0)])
-def test_one_colour_tells_a_scale_per_channel(color: tuple[float, float, float]) -> None:
+def test_one_color_tells_a_scale_per_channel(color: tuple[float, float, float]) -> None:
     wall = sphere_frame(2.0, 64, 32, 1.0)
     wall = replace(wall, color=wall.color * np.array(color, np.float32))
     gains = np.array([2.0, 1.5, 1.2])
@@ -191,7 +182,7 @@ def test_a_lamp_is_no_drift(at: tuple[float, float, float], strength: float) -> 
     assert drift(lit) is lit
 
 
-def test_the_light_may_change_while_colours_drift() -> None:
+def test_the_light_may_change_while_colors_drift() -> None:
     """The map that holds goes on to hold when a lamp goes on, and drift is found after it."""
     lit = lamp(LAMPS[0], 3.0)
     drift = Drift()
@@ -266,7 +257,7 @@ def test_a_ramp_is_followed_without_lag_or_drift() -> None:
 
 
 def test_drift_is_followed_while_the_light_changes_a_little() -> None:
-    """Light that has changed since the reference does not hide how colours drift now."""
+    """Light that has changed since the reference does not hide how colors drift now."""
     gains = np.exp(0.3 * np.sin(np.linspace(0.0, np.pi, 16)) ** 2)
     drift = Drift()
     errors = []

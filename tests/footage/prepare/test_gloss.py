@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -175,11 +174,8 @@ def test_info_and_check_tell_what_a_region_covers(
         ('kind = "glass"', "real_materials.floor: expected kind = 'plastic' or 'conductor'"),
         ("ior = 0.5", "real_materials.floor.ior: expected greater than 1"),
         ("alpha = 2.0", "real_materials.floor.alpha: expected less than or equal to 1"),
-        ("alhpa = 0.2", "real_materials.floor.alhpa: unknown key; did you mean alpha?"),
         ("reflectance = [1, 1, 1]", "real_materials.floor.reflectance: unknown key"),
-        ('mask = "../m.png"', "real_materials.floor.mask: '../m.png' leaves the scene's folder"),
         ("color = [0.0, 0.0, 0.0]", "real_materials.floor.color: expected at least one value"),
-        ("color = [0.1, 0.2]", "real_materials.floor.color: expected 3 values, got 2"),
         (
             "color_tolerance = 0.1",
             "real_materials.floor.color_tolerance: has no effect without color",
@@ -187,14 +183,6 @@ def test_info_and_check_tell_what_a_region_covers(
         (
             "plane = { point = [0, 0, 0], normal = [0, 0, 0] }",
             "real_materials.floor.plane.normal: expected at least one value that is not 0",
-        ),
-        (
-            "plane = { point = [0, 0, 0] }",
-            "real_materials.floor.plane.normal: required key is missing",
-        ),
-        (
-            "plane = { point = [0, 0, 0], normal = [0, 1, 0], tolernace = 1.0 }",
-            "real_materials.floor.plane.tolernace: unknown key; did you mean tolerance?",
         ),
         (PLANE + FLOOR + PLANE, "real_materials: 2 of them are named 'floor'; names must differ"),
     ],
@@ -211,9 +199,3 @@ def test_one_table_is_not_a_list() -> None:
     text = MANIFEST + FLOOR.replace("[[", "[").replace("]]", "]") + PLANE
     with pytest.raises(SceneError, match=r"write \[\[real_materials\]\]"):
         parse_manifest(text, "scene.toml")
-
-
-def test_a_bad_scene_is_one_line(scene: Path, fails: Callable[..., str]) -> None:
-    path = scene / "scene.toml"
-    path.write_text(path.read_text() + FLOOR)
-    assert "real_materials.floor: say where the surface is" in fails("scene", "info", scene)

@@ -25,11 +25,8 @@ from iprt.footage.video.depth_code import (
 )
 from iprt.scene.scene import Scene
 from tests.footage.video.encoding import grey16, write_video
-from tests.scene.files import SHARED, box_room, directions, write_channels, write_png16_grey
+from tests.scene.files import box_room, directions, write_channels, write_png16_grey
 
-OWN = Path(__file__).resolve().parents[3] / "scenes360"
-SCENES = [OWN / "room", OWN / "lounge", OWN / "train", OWN / "chart"]
-SCENES += [SHARED / name for name in ("hotel", "livingroom", "livingroom-video")]
 ROOM = box_room(256, 128)[0]
 HOLE = np.zeros(ROOM.shape, bool)
 HOLE[50:70, 100:140] = True
@@ -99,17 +96,6 @@ def test_what_stands_out_is_a_mark(
 )
 def test_what_does_not_is_none(samples: DepthSamples, code: DepthCode) -> None:
     assert find_marks(samples, code) == []
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("folder", SCENES, ids=lambda path: path.name)
-def test_scenes_have_none(folder: Path) -> None:
-    if not folder.is_dir():
-        pytest.skip("not in this checkout")
-    frames = Scene.open(folder).raw_frames
-    assert depth_doubts(frames) == []
-    assert frames.stored_depth is not None
-    assert frames.stored_depth.marks == DepthMarks()
 
 
 def test_given_values_replace_what_is_found() -> None:

@@ -32,8 +32,8 @@ def test_a_frame_alone_is_the_first_of_a_stream(name: str) -> None:
     require_equal(next(scene.preparation().frames([scene.raw_frame()])), first)
 
 
-def test_stages_know_the_colours_of_the_frames_before() -> None:
-    """Gloss is known by hue in the colours of the first frame; white balance may hide it."""
+def test_stages_know_the_colors_of_the_frames_before() -> None:
+    """Gloss is known by hue in the colors of the first frame; white balance may hide it."""
     rng = np.random.default_rng(3)
     color = rng.uniform(0.2, 1.0, (H, W, 1)).astype(np.float32) * np.ones(3, np.float32)
     brown = np.zeros((H, W), bool)

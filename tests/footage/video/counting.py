@@ -47,7 +47,7 @@ def color_track(frames: int = FRAMES, **options: object) -> Track:
 
 
 def told(found: Scene, indices: list[int] | None = None) -> list[tuple[int, int]]:
-    """Numbers of the frames of colour and of depth that each frame shows."""
+    """Numbers of the frames of color and of depth that each frame shows."""
     with found.stream(indices or found.frame_indices) as frames:
         return [
             (_index_of(frame.color[0, 0, 0]), round((float(frame.depth[0, 0]) * 1000 - 1000) / 10))

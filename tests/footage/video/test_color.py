@@ -1,4 +1,4 @@
-"""Colours of video files, against the formulas of the standards written out anew, in float64."""
+"""Colors of video files, against the formulas of the standards written out anew, in float64."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ TRANSFERS = {
 
 
 def picture(seed: int = 0) -> Float:
-    """(16, 32, 3) linear Rec.709 colours, constant in cells of 4 x 4."""
+    """(16, 32, 3) linear Rec.709 colors, constant in cells of 4 x 4."""
     cells = np.random.default_rng(seed).uniform(0.15, 0.85, (4, 8, 3))
     cells[0, 0], cells[0, 1] = 1.0, 0.0
     return np.repeat(np.repeat(cells, 4, axis=0), 4, axis=1)
@@ -115,7 +115,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("matrix", "transfer", "primaries", "bits", "full"), CASES)
-def test_colours_are_those_of_the_standard(
+def test_colors_are_those_of_the_standard(
     matrix: int, transfer: int, primaries: int, bits: int, full: bool
 ) -> None:
     linear = picture(bits + transfer)
@@ -171,7 +171,7 @@ def test_reference_white_is_one() -> None:
     [("yuv420p", 8), ("yuv422p", 8), ("nv12", 8), ("yuyv422", 8), ("yuva420p", 8),
      ("yuv420p10le", 10), ("p010le", 10), ("yuv422p10le", 10), ("yuv422p12le", 12)],
 )  # fmt: skip
-def test_every_layout_holds_the_same_colours(pixels: str, bits: int) -> None:
+def test_every_layout_holds_the_same_colors(pixels: str, bits: int) -> None:
     linear = picture(5)
     planes = ycc(coded(linear, 13, 1), 1, bits, False)
     tags = {"colorspace": 1, "color_trc": 13, "color_primaries": 1, "color_range": 1}
@@ -258,8 +258,8 @@ def test_untagged_streams(width: int, height: int, matrix: int) -> None:
 
 @pytest.mark.parametrize(
     ("tags", "message"),
-    [({"colorspace": 8}, "colour matrix 8"), ({"color_trc": 9}, "transfer characteristics 9"),
-     ({"color_primaries": 10}, "colour primaries 10")],
+    [({"colorspace": 8}, "color matrix 8"), ({"color_trc": 9}, "transfer characteristics 9"),
+     ({"color_primaries": 10}, "color primaries 10")],
 )  # fmt: skip
 def test_what_is_not_read_is_named(tags: dict[str, int], message: str) -> None:
     planes = [np.full(SIZE, 128, np.uint8)] * 3

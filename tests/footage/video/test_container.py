@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import pytest
 
 from iprt.footage.prepare.remarks import video_notices
 from iprt.footage.video.container import video_streams
-from iprt.footage.video.reader import StreamReader, open_streams
+from iprt.footage.video.reader import open_streams
 from tests.footage.video.counting import (
     B_FRAMES,
     FRAMES,
@@ -124,7 +123,7 @@ def test_depth_in_a_second_stream(tmp_path: Path) -> None:
     assert found.frame(5).depth[3, 4] == pytest.approx(1.05)
 
 
-def test_depth_stored_before_colour(tmp_path: Path) -> None:
+def test_depth_stored_before_color(tmp_path: Path) -> None:
     write_video(tmp_path / "v.mkv", grey16(depths()), color_track())
     assert told(scene(tmp_path, 'color = "v.mkv"\ndepth_scale = 0.001'), [4]) == [(4, 4)]
 
@@ -146,7 +145,7 @@ def test_sixteen_bits_of_depth_are_exact(tmp_path: Path) -> None:
 @pytest.mark.parametrize("encoding", ["linear", "inverse"])
 @pytest.mark.parametrize("full", [False, True], ids=["limited", "full"])
 @pytest.mark.parametrize("pixels", ["yuv420p", "yuv420p10le"])
-def test_depth_below_colour(pixels: str, full: bool, encoding: str, tmp_path: Path) -> None:
+def test_depth_below_color(pixels: str, full: bool, encoding: str, tmp_path: Path) -> None:
     """Stored by the formula that the manifest names, read back to what was stored."""
     bits = 10 if "10" in pixels else 8
     black, white = (0, 2**bits - 1) if full else (16 << (bits - 8), 235 << (bits - 8))
@@ -218,13 +217,13 @@ def test_frames_and_rate_of_the_manifest(tmp_path: Path) -> None:
 
 
 def test_streams_of_a_file_share_its_clock(tmp_path: Path) -> None:
-    """Depth that starts three frames later belongs to later frames of colour."""
+    """Depth that starts three frames later belongs to later frames of color."""
     write_video(tmp_path / "v.mkv", color_track(), grey16(depths(10), times=list(range(3, 13))))
     found = scene(tmp_path, 'color = "v.mkv"\ndepth_scale = 0.001\nframes = [0, 12]')
     assert told(found) == [(i, max(i - 3, 0)) for i in range(13)]
 
 
-def test_a_sequence_of_colour_with_a_file_of_depth(tmp_path: Path) -> None:
+def test_a_sequence_of_color_with_a_file_of_depth(tmp_path: Path) -> None:
     from PIL import Image
 
     write_video(tmp_path / "d.mkv", grey16(depths(5), rate=10))
@@ -236,12 +235,3 @@ def test_a_sequence_of_colour_with_a_file_of_depth(tmp_path: Path) -> None:
     )
     assert found.source.fps == 10.0, "of the only stream that has one"
     assert told(found) == [(i, i) for i in range(5)]
-
-
-def test_a_reader_keeps_few_frames(encoded: dict[str, Path]) -> None:
-    (info,) = video_streams(encoded["H.264 with B-frames in Matroska"])
-    with open_streams() as streams:
-        reader: StreamReader = streams(info)
-        for index in itertools.chain(range(FRAMES), range(FRAMES)):
-            reader.at(info.start + Fraction(index, 30))
-            assert len(reader._window) <= 2

@@ -15,7 +15,7 @@ from tests.footage.video.encoding import Track, grey16, plain, write_video
 
 @pytest.fixture
 def clip(tmp_path: Path) -> Path:
-    """Colour, and depth for every other frame; and the same as colour alone."""
+    """Color, and depth for every other frame; and the same as color alone."""
     colors = Track("libx264", "yuv420p", [plain(60 + 9 * i, 64, 32) for i in range(6)], rate=24)
     codes = [np.full((32, 64), 1000 + 10 * i) for i in range(3)]
     write_video(tmp_path / "Clip.MKV", colors, grey16(codes, rate=12))

@@ -14,7 +14,6 @@ from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.stages import Preparation
-from iprt.footage.video import sequence
 from iprt.scene.scene import Scene
 from tests.files.writing import XMP, gpano, write_png, write_tiff
 from tests.footage.video.encoding import Track, grey16, plain, write_video
@@ -61,7 +60,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 def require_placed(raw: RawFrame, depth: NDArray[np.float32]) -> None:
-    """Colour and depth lie where the crop is; all else is black and has no surface."""
+    """Color and depth lie where the crop is; all else is black and has no surface."""
     color = np.zeros_like(raw.color)
     cropped(color)[:] = cropped(sight())
     there = np.zeros(depth.shape, np.float32)
@@ -334,19 +333,19 @@ def test_videos_of_two_eyes(folder: Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.parametrize("codec", ["ffv1", "libx264"])
-def test_a_lower_half_in_colours_is_no_depth(
+def test_a_lower_half_in_colors_is_no_depth(
     codec: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ramp = np.tile(np.linspace(60, 200, 64, dtype=np.uint8), (32, 1))
-    coloured = [ramp, *flat(0, 110, 160, 64, 32)[1:]]
+    colored = [ramp, *flat(0, 110, 160, 64, 32)[1:]]
     grey = [ramp, *plain(0, 64, 32)[1:]]
     above = flat(90, 90, 180, 64, 32)
     words = ["--color", "c.mkv", "--depth-range", "1", "9"]
-    write_video(Path("c.mkv"), Track(codec, "yuv420p", [stacked(above, coloured)] * 3))
+    write_video(Path("c.mkv"), Track(codec, "yuv420p", [stacked(above, colored)] * 3))
     error = refused(capsys, *words)
-    assert "lower half of its pictures is in colours, and no depth" in error
+    assert "lower half of its pictures is in colors, and no depth" in error
     assert "--eye left" in error
-    assert "false colours" in error
+    assert "false colors" in error
     write_video(Path("c.mkv"), Track(codec, "yuv420p", [stacked(above, grey)] * 3))
     assert cli.main(["scene", "new", "own", *words]) == 0
 
@@ -362,27 +361,6 @@ def test_a_frame_of_another_size_is_named(folder: Path) -> None:
     assert frames.read(0).color.shape == (HEIGHT, WIDTH, 3)
     with pytest.raises(FormatError, match="192 x 104 pixels, but the first frame has 192 x 108"):
         frames.read(1)
-
-
-def test_a_header_is_read_once_for_all_frames(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for number in range(4):
-        write_rgb(Path(f"c.{number}.exr"), sight())
-    read: list[Path] = []
-    real = sequence.read_header
-    monkeypatch.setattr(
-        sequence, "read_header", lambda *given: read.append(given[0]) or real(*given)
-    )
-    Path("scene.toml").write_text(
-        'format = 1\nname = "s"\n[video]\ncolor = "c.%d.exr"\ndepth = "depth.exr"\n'
-        "frames = [0, 3]\n"
-    )
-    frames = Scene.open(Path(".")).raw_frames
-    with frames.reading() as reader:
-        for index in frames.source.indices:
-            reader.read(index)
-    assert len(read) == 1
 
 
 def test_integers_below_a_range_of_any_depth_of_bits(folder: Path) -> None:

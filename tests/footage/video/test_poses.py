@@ -86,7 +86,7 @@ MIRRORED[:3, 0] *= -1.0
     ("bad", "message"),
     [
         ("1 2 3", "line 2: expected 16 numbers, found 3"),
-        (GOOD + " 1", "line 2: expected 16 numbers, found more"),
+        (GOOD + " 1", "line 2: expected 16 numbers, found 17"),
         (GOOD.replace("0 0 0 1", "0 0 1 1"), "line 2: the last four must be 0 0 0 1"),
         (GOOD.replace("1", "x", 1), "line 2: 'x' is not a number"),
         (GOOD.replace("1", "nan", 1), "line 2: nan: at most 1e+06"),

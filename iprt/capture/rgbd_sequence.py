@@ -28,9 +28,9 @@ from iprt.files.images import read_color, read_depth, read_header
 from iprt.files.orientation import as_stored
 
 NEARLY_WHITE = 0.95
-"""Fraction of the range of 8 or 16 bits from which colours may be clipped."""
+"""Fraction of the range of 8 or 16 bits from which colors may be clipped."""
 SAME_ASPECT = 0.03
-"""Relative difference in aspect ratio above which colour and depth show different views."""
+"""Relative difference in aspect ratio above which color and depth show different views."""
 FARTHEST_STEP = 65535
 """Code of missing 16-bit depth, in 7-Scenes and from saturated sensors."""
 
@@ -43,8 +43,8 @@ Mask = NDArray[np.bool_]
 class Shot:
     """The files of one frame, and its rigid transform (4, 4) from the camera to the poses' world.
 
-    The camera's axes are OpenCV's: +X right, +Y down, +Z ahead. `camera` belongs to the colour
-    picture. `depth_camera` is None if depth is registered to colour.
+    The camera's axes are OpenCV's: +X right, +Y down, +Z ahead. `camera` belongs to the color
+    picture. `depth_camera` is None if depth is registered to color.
     """
 
     color: Path
@@ -55,7 +55,7 @@ class Shot:
 
 
 @dataclass(frozen=True)
-class Picture:
+class RgbdFrame:
     """The decoded contents of a frame, in the pixels of its depth.
 
     Attributes
@@ -65,7 +65,7 @@ class Picture:
     depth : (H, W) float32
         Metres along the camera's +Z, 0 where there is none.
     clipped : (H, W) bool
-        The surface may be brighter than its colour.
+        The surface may be brighter than its color.
     camera : Pinhole
     """
 
@@ -129,15 +129,12 @@ class RgbdSequence:
         scale = table.depth_scale
         stored = np.stack([frame.pose for frame in found.frames])
         convention = poses or found.convention
-        sequence = cls(
-            shots,
-            "y",
-            scale or found.step_m,
-            scale or 1.0,
-            found,
-            Settled(convention, f"{WORDS[convention]} (--poses)"),
-        )
-        settled = sequence.settled if poses else sequence._checked(folder, stored)
+        settled = Settled(convention, f"{WORDS[convention]} (--poses)")
+        sequence = cls(shots, "y", scale or found.step_m, scale or 1.0, found, settled)
+        if poses is None:
+            numbers = sample(len(shots))
+            glances = [sequence.read(number).glance() for number in numbers]
+            settled = settle(str(folder), glances, stored[numbers], convention)
         turned = world_from_camera(stored, settled.convention)
         return replace(
             sequence,
@@ -145,12 +142,6 @@ class RgbdSequence:
             up=table.up or up_axis(stored, settled.convention, found.up),
             settled=settled,
         )
-
-    def _checked(self, folder: Path, stored: Matrix) -> Settled:
-        """Return the convention in which frames agree about depth."""
-        numbers = sample(len(self.shots))
-        glances = [self.read(number).glance() for number in numbers]
-        return settle(str(folder), glances, stored[numbers], self.found.convention)
 
     @cached_property
     def world_from_poses(self) -> Matrix:
@@ -168,8 +159,8 @@ class RgbdSequence:
         pose[:3, 3] -= center
         return pose
 
-    def read(self, index: int) -> Picture:
-        """Read colour and depth of one frame, in the pixels of depth.
+    def read(self, index: int) -> RgbdFrame:
+        """Read color and depth of one frame, in the pixels of depth.
 
         Raises
         ------
@@ -191,8 +182,8 @@ class RgbdSequence:
             depth_camera = camera.resized(columns, rows)
         else:
             raise FormatError(
-                f"{shot.depth}: {columns}x{rows} pixels, but its colour has {width}x{height}: "
-                "another view; register depth to colour"
+                f"{shot.depth}: {columns}x{rows} pixels, but its color has {width}x{height}: "
+                "another view; register depth to color"
             )
         clipped = (color.max(axis=-1) >= NEARLY_WHITE) & header.has_end
         if depth_camera != camera:
@@ -202,7 +193,7 @@ class RgbdSequence:
             there &= depth < FARTHEST_STEP
         color = np.maximum(np.nan_to_num(color, posinf=0.0, neginf=0.0), 0.0)
         metres = np.where(there, depth, 0.0) * (self.step_m if bits else self.unit_m)
-        return Picture(color, metres.astype(np.float32), clipped, depth_camera)
+        return RgbdFrame(color, metres.astype(np.float32), clipped, depth_camera)
 
 
 def _layout(folder: Path, table: CameraTable) -> Found:
@@ -242,7 +233,7 @@ def _shots(folder: Path, table: CameraTable, found: Found) -> tuple[Shot, ...]:
 def _seen_by(
     depth_camera: Pinhole, camera: Pinhole, color: Float, clipped: Mask
 ) -> tuple[Float, Mask]:
-    """Resample colours and clipping flags for another camera at the same place.
+    """Resample colors and clipping flags for another camera at the same place.
 
     Pixels outside the first camera's picture are NaN. Larger pictures are first averaged over
     blocks of about the size of the other's pixels.

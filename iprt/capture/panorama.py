@@ -1,4 +1,4 @@
-"""Creation of a 360° scene from a sequence."""
+"""Creation of a panorama, and of a 360° scene, from a sequence."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.capture.exposure import Exposures, match_exposures
-from iprt.capture.fill import fill, gaps
+from iprt.capture.frame_gains import Exposures, match_exposures
+from iprt.capture.gaps import fill, gaps
 from iprt.capture.gathering import Gathering
-from iprt.capture.sequence import RgbdSequence
+from iprt.capture.rgbd_sequence import RgbdSequence
 from iprt.capture.splat import splat
 from iprt.errors import FormatError
 from iprt.footage.video.depth_code import DepthCode
@@ -22,7 +22,7 @@ from iprt.output.picture import write_exr
 from iprt.scene.new_scene import new_scene
 
 MEASURED, BETWEEN, UNSEEN = 1.0, 0.5, 0.0
-"""Values of the layer `seen`: a sample was there; between samples; never seen, the colour is made
+"""Values of the layer `seen`: a sample was there; between samples; never seen, the color is made
 up, and there is no depth."""
 
 
@@ -41,7 +41,7 @@ class Captured:
     center : (3,) float64
         The panorama's centre in the world of the poses, rotated to +Y up.
     samples, removed, left_out : int
-        Numbers of samples kept, of samples removed as seen through, and of frames whose colours do
+        Numbers of samples kept, of samples removed as seen through, and of frames whose colors do
         not match the others.
     matched : bool
         False if most frames did not match, so that all are used unchanged.
@@ -119,14 +119,13 @@ def capture_panorama(
         raise FormatError(
             f"{sequence.shots[0].depth}: no surface, neither here nor in later frames"
         )
-    view = splat(samples, width)
-    measured = view.depth > 0.0
+    color, depth = splat(samples, width)
+    measured = depth > 0.0
     between = gaps(measured)
-    color = np.where(measured[..., None], view.color, fill(view.color, measured))
-    filled = fill(view.depth[..., None], measured)[..., 0]
+    filled = fill(depth[..., None], measured)[..., 0]
     return Captured(
-        color,
-        np.where(measured, view.depth, np.where(between, filled, np.float32(0.0))),
+        np.where(measured[..., None], color, fill(color, measured)),
+        np.where(measured, depth, np.where(between, filled, np.float32(0.0))),
         np.select([measured, between], [MEASURED, BETWEEN], UNSEEN).astype(np.float32),
         center,
         len(samples),

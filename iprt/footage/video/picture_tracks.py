@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Generic, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from iprt.errors import FormatError
-from iprt.files.images import Header, read_color, read_depth, read_header
+from iprt.files.images import Header, read_depth, read_header
 from iprt.files.kinds import FRAME_PATTERN, file_kind
 from iprt.files.safe_reading import is_file, require_inside
 from iprt.footage.video.depth_code import DepthCode, DepthSamples, unit_problem
 from iprt.footage.video.reader import Streams
 
-Picture = NDArray[np.float32]
 Item = TypeVar("Item")
 LOSSY = ("jpeg", "webp", "avif")
 """Kinds of pictures with lossy compression."""
@@ -43,6 +39,8 @@ class PictureTrack(Generic[Item]):
         Folder that must contain all files, after resolving links.
     read : callable
         Reads a picture from a path.
+    layer : str or None
+        Layer of EXR files; see `read_header`.
     """
 
     def __init__(
@@ -53,9 +51,10 @@ class PictureTrack(Generic[Item]):
         indices: range,
         within: Path,
         read: Callable[[Path], Item],
+        layer: str | None = None,
     ) -> None:
         self.key, self._root, self._pattern = key, root, pattern
-        self._within, self._read = within, read
+        self._within, self._read, self._layer = within, read, layer
         self._indices = indices if FRAME_PATTERN.search(pattern) else indices[:1]
 
     def file(self, index: int) -> Path:
@@ -83,47 +82,17 @@ class PictureTrack(Generic[Item]):
 
     def header(self) -> Header:
         """Read the header of the first picture."""
-        return read_header(self.file(self._indices[0]))
+        return read_header(self.file(self._indices[0]), self._layer)
 
     def reader(self, _: Streams) -> Callable[[int], Item]:
         """Return a function that reads the picture of a frame."""
-        if FRAME_PATTERN.search(self._pattern):
-            return lambda index: self._read(self.file(index))
-        kept = cache(self._read)  # a single picture for all frames
-        return lambda index: kept(self.file(index))
-
-
-class ColorPictures(PictureTrack[Picture]):
-    """Track of linear radiance pictures.
-
-    Parameters
-    ----------
-    layer : str or None
-        Layer of EXR files; see `read_color`.
-    """
-
-    def __init__(
-        self, pattern: str, root: Path, indices: range, within: Path, layer: str | None
-    ) -> None:
-        read = partial(read_color, layer=layer)
-        super().__init__("color", pattern, root, indices, within, read)
-        self._layer = layer
-
-    def header(self) -> Header:
-        """Read the header of the first picture."""
-        return read_header(self.file(self._indices[0]), self._layer)
+        # A single picture for all frames is read once.
+        read = self._read if FRAME_PATTERN.search(self._pattern) else cache(self._read)
+        return lambda index: read(self.file(index))
 
 
 class DepthPictures(PictureTrack[DepthSamples]):
-    """Track of depth pictures, as stored.
-
-    Parameters
-    ----------
-    layer : str or None
-        Layer of EXR files; see `read_depth`.
-    code : DepthCode
-        Meaning of stored values; required for integers.
-    """
+    """Track of depth pictures, as stored; `code` is required for integers."""
 
     def __init__(
         self,
@@ -134,8 +103,8 @@ class DepthPictures(PictureTrack[DepthSamples]):
         layer: str | None,
         code: DepthCode,
     ) -> None:
-        super().__init__("depth", pattern, root, indices, within, self._samples)
-        self._layer, self._code = layer, code
+        super().__init__("depth", pattern, root, indices, within, self._samples, layer)
+        self._code = code
 
     def problems(self) -> list[str]:
         """Return lines on files outside the allowed folder, or depth without a unit."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iprt.capture.depth_normals import fit_planes
 from iprt.capture.pinhole import Pinhole
-from iprt.capture.planes import fit_planes
 
 RAYS = Pinhole(60.0, 60.0, 39.5, 29.5, 80, 60).rays()
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from iprt.capture.exposure import Exposures, match_exposures
+from iprt.capture.frame_gains import Exposures, match_exposures
 from iprt.capture.overlap import Glance
 from iprt.capture.pinhole import Pinhole
 from tests.capture.sequences import WALLS, Array, Camera, Trace, looking_around, noisy, room

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
-from iprt.capture.sequence import RgbdSequence
+from iprt.capture.rgbd_sequence import RgbdSequence
 from iprt.errors import IprtError
-from tests.capture.sequences import Z_UP, Camera, looking_around, room, write_tum
+from tests.capture.layouts import written
+from tests.capture.sequences import Camera, looking_around, room, write_tum
 from tests.files.writing import exif
 from tests.scene.files import write_png16_grey
 
@@ -67,49 +66,26 @@ def test_any_axis_may_point_up(tum: Path, up: str) -> None:
     np.testing.assert_allclose(np.linalg.det(turn), 1.0)
 
 
-def test_numbered_pictures_are_the_same_frames(tum: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "numbered"
-    shutil.copytree(tum, folder)
-    rows = []
-    for pose in POSES:
-        matrix = np.eye(4)
-        matrix[:3] = Z_UP @ pose[:3]
-        rows.append(" ".join(f"{value:.9f}" for value in matrix.ravel()))
-    (folder / "poses.txt").write_text("\n".join(rows))
-    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
-        (folder / name).unlink()
-    with (folder / "camera.toml").open("a") as file:
-        file.write('color = "rgb/%04d.png"\ndepth = "depth/%04d.png"\nposes = "poses.txt"\n')
-    ours, theirs = RgbdSequence.open(folder), RgbdSequence.open(tum)
-    for index in range(len(POSES)):
-        np.testing.assert_array_equal(ours.read(index).depth, theirs.read(index).depth)
-        np.testing.assert_allclose(ours.shots[index].pose, theirs.shots[index].pose, atol=1e-5)
-
-
-def damaged(name: str, text: str) -> Callable[[Path], object]:
-    return lambda folder: (folder / name).write_text(text)
-
-
 FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "no camera": (lambda f: (f / "camera.toml").unlink(), "camera.toml: no such file; write one"),
-    "no key": (damaged("camera.toml", "fx = 20.0\nfy = 20.0\ncx = 1.0\n"), "cy"),
-    "unknown key": (damaged("camera.toml", "fx=9\nfy=9\ncx=1\ncy=1\nfz=9\n"), "fz"),
-    "no number": (damaged("camera.toml", "fx=nan\nfy=9\ncx=1\ncy=1\n"), "fx"),
+    "no key": (written("camera.toml", "fx = 20.0\nfy = 20.0\ncx = 1.0\n"), "cy"),
+    "unknown key": (written("camera.toml", "fx=9\nfy=9\ncx=1\ncy=1\nfz=9\n"), "fz"),
+    "no number": (written("camera.toml", "fx=nan\nfy=9\ncx=1\ncy=1\n"), "fx"),
     "half numbered": (
-        damaged("camera.toml", 'fx=9\nfy=9\ncx=1\ncy=1\ncolor="rgb/%04d.png"\n'),
+        written("camera.toml", 'fx=9\nfy=9\ncx=1\ncy=1\ncolor="rgb/%04d.png"\n'),
         "give color, depth and poses, or none",
     ),
     "no list": (lambda f: (f / "depth.txt").unlink(), "depth.txt"),
-    "no time": (damaged("rgb.txt", "now rgb/0000.png\n"), "rgb.txt: line 1: expected a time"),
-    "nothing listed": (damaged("rgb.txt", "# none\n"), "rgb.txt: lists nothing"),
-    "outside": (damaged("rgb.txt", "1000.0 ../x.png\n"), "line 1: '../x.png' leaves the folder"),
-    "other times": (damaged("groundtruth.txt", "5 0 0 0 0 0 0 1\n"), "has a depth and a pose"),
-    "no rotation": (damaged("groundtruth.txt", "1000 0 0 0 0 0 0 2\n"), "a unit quaternion"),
+    "no time": (written("rgb.txt", "now rgb/0000.png\n"), "rgb.txt: line 1: expected a time"),
+    "nothing listed": (written("rgb.txt", "# none\n"), "rgb.txt: lists nothing"),
+    "outside": (written("rgb.txt", "1000.0 ../x.png\n"), "line 1: '../x.png' leaves the folder"),
+    "other times": (written("groundtruth.txt", "5 0 0 0 0 0 0 1\n"), "has a depth and a pose"),
+    "no rotation": (written("groundtruth.txt", "1000 0 0 0 0 0 0 2\n"), "a unit quaternion"),
     "no picture": (lambda f: (f / "rgb/0001.png").unlink(), "0001.png"),
     "damaged": (lambda f: (f / "depth/0001.png").write_bytes(b"x"), "0001.png"),
     "other size": (
         lambda f: write_png16_grey(f / "depth/0001.png", np.ones((12, 12), np.uint16)),
-        "12x12 pixels, but its colour has 24x18: another view; register depth to colour",
+        "12x12 pixels, but its color has 24x18: another view; register depth to color",
     ),
 }
 
@@ -124,7 +100,7 @@ def test_faults_are_one_line(tum: Path, fault: Callable[[Path], object], message
 
 
 def test_depth_that_is_no_number_is_no_depth(tum: Path) -> None:
-    """NaN, infinite and negative depth, and colours that are not finite."""
+    """NaN, infinite and negative depth, and colors that are not finite."""
     from iprt.output.picture import write_exr
     from tests.scene.files import write_channels
 
@@ -144,12 +120,3 @@ def test_depth_that_is_no_number_is_no_depth(tum: Path) -> None:
     missing[0, :3] = missing[1, 0] = True
     np.testing.assert_array_equal(picture.depth == 0.0, missing)
     assert (picture.depth[~missing] == 2.0).all()
-
-
-def test_quaternions_turn_as_scipys(tum: Path) -> None:
-    turn = Rotation.from_euler("xyz", [0.3, -0.7, 2.0])
-    words = " ".join(f"{value:.9f}" for value in [1.0, 2.0, 3.0, *turn.as_quat()])
-    (tum / "groundtruth.txt").write_text(f"1000.0 {words}\n")
-    (pose,) = (shot.pose for shot in RgbdSequence.open(tum).shots[:1])
-    np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=1e-6)
-    np.testing.assert_array_equal(pose[:3, 3], [1.0, 2.0, 3.0])

@@ -52,7 +52,7 @@ def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
     height, width = depth.shape
     count = np.zeros(depth.shape, np.float32)
     first = np.zeros((*depth.shape, 3), np.float32)
-    second = np.zeros((*depth.shape, 6), np.float32)
+    second = np.zeros((*depth.shape, 3, 3), np.float32)
     for dy in offsets:
         for dx in offsets:
             at = np.s_[reach + dy : reach + dy + height, reach + dx : reach + dx + width]
@@ -61,25 +61,18 @@ def fit_planes(depth: Float, rays: Float) -> tuple[Float, Float]:
             # Coordinates relative to the pixel's own point keep the precision of sums of squares.
             d = (padded[at] - point) * same[..., None]
             first += d
-            second[..., :3] += d * d
-            second[..., 3:] += d * d[..., [1, 2, 0]]
+            second += d[..., None] * d[..., None, :]
     count = np.maximum(count, 1.0)
     mean = first / count[..., None]
-    xx, yy, zz = np.moveaxis(second[..., :3] / count[..., None] - mean * mean, -1, 0)
-    xy, yz, zx = np.moveaxis(
-        second[..., 3:] / count[..., None] - mean * mean[..., [1, 2, 0]], -1, 0
-    )
-    determinants = np.stack([yy * zz - yz * yz, xx * zz - zx * zx, xx * yy - xy * xy])
-    ways = np.stack(
-        [
-            np.stack([determinants[0], zx * yz - xy * zz, xy * yz - zx * yy], axis=-1),
-            np.stack([zx * yz - xy * zz, determinants[1], xy * zx - yz * xx], axis=-1),
-            np.stack([xy * yz - zx * yy, xy * zx - yz * xx, determinants[2]], axis=-1),
-        ]
-    )
-    best = np.argmax(determinants, axis=0)
-    normal = np.take_along_axis(ways, best[None, ..., None], axis=0)[0]
-    condition = np.max(determinants, axis=0) / np.maximum((xx + yy + zz) ** 2, 1e-30)
+    spread = second / count[..., None, None] - mean[..., None] * mean[..., None, :]
+    # Row i of the cofactors solves the least squares for coordinate i, and its diagonal element is
+    # the determinant.
+    cofactors = np.cross(np.roll(spread, -1, axis=-2), np.roll(spread, -2, axis=-2))
+    determinants = np.diagonal(cofactors, axis1=-2, axis2=-1)
+    best = np.argmax(determinants, axis=-1)[..., None, None]
+    normal = np.take_along_axis(cofactors, best, axis=-2)[..., 0, :]
+    trace = np.trace(spread, axis1=-2, axis2=-1)
+    condition = determinants.max(axis=-1) / np.maximum(trace**2, 1e-30)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = normal / np.maximum(length, 1e-30)
     towards = (normal * rays).sum(axis=-1)

@@ -32,7 +32,7 @@ class VideoTable(Table):
 
     `frames` and `fps` default to the video file's, or to one frame and 30 per second.
 
-    `white` is the linear radiance at which the camera's colour clips, `inf` for never. The default
+    `white` is the linear radiance at which the camera's color clips, `inf` for never. The default
     is 1 for integers, and `inf` for floats and HDR video.
 
     `eye` selects one half of stereo pictures. `fit` determines how pictures that are not twice as

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from iprt.footage.albedo_segments import lifted
 from iprt.footage.cell_planes import NEAREST, CellPlane
 from iprt.footage.cells import Cells, Float, cell_means
-from iprt.footage.form_factors import Receivers, irradiance_of_lights, irradiance_of_rest
+from iprt.footage.form_factors import irradiance_of_lights, irradiance_of_rest
 from iprt.footage.found_gloss.coat_reflection import RAYS, Patch, RoomCells, reflected
 from iprt.footage.found_gloss.evidence import Later, PlanePicture
 from iprt.footage.frame import Frame
@@ -36,23 +36,9 @@ MIN_SEEN = 0.25
 """Least share of a plane's cells that another frame must show."""
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A frame's view of a plane, by the n cells of the first frame.
-
-    Attributes
-    ----------
-    color : (n, 3) float64
-        Mean radiance.
-    seen : (n,) bool
-        Where the frame shows the plane.
-    gain : float
-        Median brightness relative to the first frame, mostly due to exposure.
-    """
-
-    color: Float
-    seen: NDArray[np.bool_]
-    gain: float
+Shown = tuple[Float, NDArray[np.bool_], float]
+"""View of a plane in another frame, by the n cells of the first frame: mean radiance (n, 3); where
+(n,) it is seen; median brightness relative to the first frame, mostly due to exposure."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +94,11 @@ class Moment:
         dim = cell_means(color * ~light[..., None], coarse.rows).reshape(-1, 3)
         lights = (color * light[..., None]).reshape(-1, 3, 1)
         at, nearest = _sparse(plane.cells, cells.rows, cells.rows // rows)
-        receivers = Receivers(self._moved(lifted(cells, at)), self._turned(cells.normal[at]))
+        receivers = self._moved(lifted(cells, at)), self._turned(cells.normal[at])
         direct, taken = irradiance_of_lights(
-            receivers, middle, self.around.cells, lights, LIGHT_STEPS
+            *receivers, middle, self.around.cells, lights, LIGHT_STEPS
         )
-        rest = irradiance_of_rest(receivers, coarse, dim, share, taken, REST_STEPS)
+        rest = irradiance_of_rest(*receivers, coarse, dim, share, taken, REST_STEPS)
         return np.stack([direct[..., 0], rest])[:, nearest] / np.pi
 
     def shown(self, frame: Frame, first: RoomCells, plane: CellPlane, tolerance: float) -> Shown:
@@ -120,7 +106,7 @@ class Moment:
         color, seen = self._looked_up(frame, first.cells, plane, tolerance)
         before = first.color[plane.cells].mean(axis=-1)
         ratio = (color.mean(axis=-1) / np.maximum(before, 1e-12))[seen]
-        return Shown(color, seen, max(float(np.median(ratio)), 1e-6) if seen.any() else 1.0)
+        return color, seen, max(float(np.median(ratio)), 1e-6) if seen.any() else 1.0
 
     def _looked_up(
         self, frame: Frame, cells: Cells, plane: CellPlane, tolerance: float
@@ -167,7 +153,7 @@ class Followed:
     def follow(self, moment: Moment, frame: Frame, tolerance: float) -> None:
         """Add another frame, if it shows enough of the plane."""
         shown = moment.shown(frame, self._first.around, self.plane, tolerance)
-        if shown.seen.mean() >= MIN_SEEN:
+        if shown[1].mean() >= MIN_SEEN:
             self._moments.append(moment)
             self._shown.append(shown)
 
@@ -178,8 +164,8 @@ class Followed:
         if shaded:
             shading = [moment.shading(cells, self.plane) for moment in self._moments]
         later = [
-            Later(shown.color / shown.gain, light / shown.gain, shown.seen)
-            for shown, light in zip(self._shown, shading[1:], strict=True)
+            Later(color / gain, light / gain, seen)
+            for (color, seen, gain), light in zip(self._shown, shading[1:], strict=True)
         ]
         color = self._first.around.color
         return PlanePicture(cells, self.plane.cells, color, shading[0], later)
@@ -187,7 +173,7 @@ class Followed:
     def reflected(self, alpha: float, seed: int, rays: int = RAYS) -> Float:
         """Return (1 + frames, KINDS, n, 3) reflection; see `coat_reflection.reflected`."""
         cells = self._first.around.cells
-        gains = [1.0, *(shown.gain for shown in self._shown)]
+        gains = [1.0, *(gain for _, _, gain in self._shown)]
         return np.stack(
             [
                 reflected(moment.around, moment.patch(cells, self.plane), alpha, seed, rays) / gain

@@ -50,7 +50,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Exposures:
-    """Corrections that bring frames to the colours of the first matching frame.
+    """Corrections that bring frames to the colors of the first matching frame.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Exposures:
         return cls(np.ones((frames, 3)), np.zeros((2, 3)), trusted=trusted)
 
     def matched(self, index: int, color: Float, camera: Pinhole) -> Float:
-        """Return a frame's colours (H, W, 3) in the exposure of the first."""
+        """Return a frame's colors (H, W, 3) in the exposure of the first."""
         vignette = np.exp(-_radial(camera) @ self.vignette)
         return np.asarray(color * (self.gain[index] * vignette), np.float32)
 
@@ -106,15 +106,14 @@ def match_exposures(glances: list[Glance], poses: Matrix) -> Exposures:
 class _Comparisons:
     """Cells seen by two frames.
 
-    Each has the two frames, the logarithm of the second's radiance over the first's, the difference
-    of the vignette's terms, and the weight.
+    Each has the two frames, the logarithm of the second's radiance over the first's, and the
+    difference of the vignette's terms.
     """
 
     first: Indices
     second: Indices
     change: Matrix
     radial: Matrix
-    share: Matrix
 
     @classmethod
     def of(cls, glances: list[Glance], poses: Matrix) -> _Comparisons:
@@ -124,12 +123,11 @@ class _Comparisons:
         dark = max(DARK * float(np.median(lit)), 1e-12) if len(lit) else 1.0
         radial = [_radial(glance.camera).astype(np.float32) for glance in glances]
         empty = np.zeros(0, np.intp)
-        parts = [(empty, empty, np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))]
+        parts = [(empty, empty, np.zeros((0, 3)), np.zeros((0, 2)))]
         for i, j in _pairs(poses):
             turn = np.linalg.inv(poses[j]) @ poses[i]
             both = overlap(glances[i], glances[j], turn)
-            chosen = np.flatnonzero(both.agree)
-            chosen = random.permutation(chosen)[:CELLS]
+            chosen = random.permutation(np.flatnonzero(both.agree))[:CELLS]
             cell, column, row = both.cell[chosen], both.column[chosen], both.row[chosen]
             seen = glances[i].color.reshape(-1, 3)[cell]
             there = sampled(np.concatenate([glances[j].color, radial[j]], -1), column, row)
@@ -138,9 +136,8 @@ class _Comparisons:
             seen, there, cell = seen[known], there[known], cell[known]
             change = np.log(np.maximum(there[:, :3], dark) / np.maximum(seen, dark))
             terms = there[:, 3:] - radial[i].reshape(-1, 2)[cell]
-            number = np.full(len(cell), 1, np.intp)
-            share = np.full(len(cell), 1.0 / ALIKE)
-            parts.append((i * number, j * number, change, terms, share))
+            first, second = (np.full(len(cell), frame, np.intp) for frame in (i, j))
+            parts.append((first, second, change, terms))
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def solve(self, count: int) -> tuple[Matrix, Matrix, Matrix]:
@@ -162,7 +159,7 @@ class _Comparisons:
         known = known + sparse.diags(vignette)
         weight, width = np.full(len(row), 1.0 / WIDEST**2), WIDEST
         for _ in range(STEPS):
-            weighted = design.multiply((self.share * weight)[:, None]).T.tocsr()
+            weighted = design.multiply((weight / ALIKE)[:, None]).T.tocsr()
             found = spsolve((weighted @ design + known).tocsc(), weighted @ self.change)
             residual = design @ found - self.change
             error = np.sqrt((residual * residual).mean(axis=1))
@@ -172,7 +169,7 @@ class _Comparisons:
         return found[:count], found[count:], error
 
     def unmatched(self, error: Matrix, without: set[int]) -> set[int]:
-        """Return frames whose colours differ from the others', removing the worst one first."""
+        """Return frames whose colors differ from the others', removing the worst one first."""
         left_out: set[int] = set()
         while True:
             gone = list(left_out | without)
