@@ -101,27 +101,28 @@ import numpy as np
 
 class Dim:
     def __init__(self, device, layout):
-        self._device, self._layout = device, layout
+        self._layout = layout
         share = device.upload("dim share", np.array([0.5], np.float32))
         self._kernel = device.kernel("view/dim.cl", "dim").fixed(layout.arguments(), share=share)
 
     def run(self, picture):
-        with self._device.profile.section("dim"):
-            self._kernel(self._layout.size, picture=picture)
+        self._kernel(self._layout.size, picture=picture)
 ''',
 }
 CALL = {
     "iprt/renderer.py": [
         ("class Renderer:", "from iprt.view.dim import Dim\n\n\nclass Renderer:"),
         (
-            "        self.signals = Signals()\n        self._objects",
-            "        self.signals = Signals()\n        self.dim = Dim(device, self.layout)\n"
-            "        self._objects",
+            "        self._objects: Objects | None = None",
+            "        self.dim = Dim(device, self.layout)\n        self._objects: Objects | None = None",
         ),
         (
-            "        self._composite()\n",
-            "        self._composite()\n        self.dim.run(self.composite.picture)\n",
+            '        return [*passes, Pass("composite",',
+            "        def dim(_):\n            self.dim.run(self.composite.picture)\n\n"
+            '        last = Pass("dim", Clock.FRAME, dim, ("picture",), ("picture",))\n'
+            '        return [*passes, Pass("composite",',
         ),
+        ('shown, ("picture",))]', 'shown, ("picture",)), last]'),
     ],
 }
 

@@ -27,7 +27,8 @@ __kernel void find_spans(
     int height)
 {
     int y = get_global_id(0);
-    if (y >= height || entry >= layers) // work groups may extend beyond both
+    // Work groups may extend beyond the rows, beyond one in the second dimension, and beyond the layers.
+    if (y >= height || get_global_id(1) > 0 || entry >= layers)
         return;
     const int row = layer * height + y;
     int first = width, end = 0;

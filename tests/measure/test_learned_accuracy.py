@@ -9,7 +9,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.measure.learned_accuracy import TABLE_BYTES, VOXEL_BYTES, learn_frame, voxel_means
 from iprt.settings.trace import LearningSettings
 from tests.oracles.worlds import World
-from tests.world.real.test_learning import samples
+from tests.world.real.test_radiance_models import samples
 from tests.worlds import bright_walls, room_frame
 
 
