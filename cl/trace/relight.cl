@@ -98,6 +98,6 @@ __kernel void relight(
     const float4 apart = fabs(result - 1.0f);
     const float most = fmax(apart.x, fmax(apart.y, apart.z));
     if (most > FAINT)
-        touched[p] = fmax(touched[p], most > STRONG ? STRONG_FRAMES : FAINT_FRAMES);
+        touched[p] = fmax(touched[p], most > STRONG ? STRONG_FRAMES : TOUCHED_FRAMES);
 #endif
 }

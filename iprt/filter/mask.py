@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.device.kernel_source import constant
+from iprt.device.kernel_source import constant, float_constant
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import Guide, span_arguments
 from iprt.settings.features import TOUCHED_FRAMES
@@ -20,7 +20,7 @@ LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 """Level of a pixel with nothing to trace."""
 
-STRONG_FRAMES = 2.0 * TOUCHED_FRAMES - 1.0
+STRONG_FRAMES = float_constant("lib/gbuffer/guide.h", "STRONG_FRAMES")
 """Frames, including the traced one, for which a strong influence of an object is remembered, if
 weakly affected pixels are distinguished."""
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.device.kernel_source import constant
 from iprt.footage.cells import binned
 from iprt.footage.push_pull import push_pull
 from iprt.geometry.equirect import texel_polar_angles
 
-OUTSIDE_ROWS = 128
+OUTSIDE_ROWS = constant("lib/world/real/panorama.h", "OUTSIDE_ROWS")
 """Rows of the environment; directions that no window shows need no more."""
 
 WIDE_LEVELS = 4

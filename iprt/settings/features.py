@@ -7,18 +7,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from iprt.bvh.scene import STACK
+from iprt.device.kernel_source import float_constant
 from iprt.device.program import Define
 from iprt.footage.properties import Footage
-from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.geometry.material import DIFFUSE_KINDS, SPECULAR_KINDS, Material
 from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 
-CELL = 8
-"""Side in texels of the cells in which highlights are compared with the panorama."""
-
-TOUCHED_FRAMES = 11.0
+TOUCHED_FRAMES = float_constant("lib/gbuffer/guide.h", "TOUCHED_FRAMES")
 """Number of frames, the traced one included, for which a pixel counts as touched by an object's
 light or shadow (`Mask.touched`)."""
 
@@ -222,7 +219,6 @@ class Features:
     def real_defines(self) -> dict[str, Define]:
         """Return `-D` defines of kernels whose rays meet real surfaces."""
         return {
-            "OUTSIDE_ROWS": OUTSIDE_ROWS,
             "BACKGROUND": self.background,
             **(BVH_DEFINES if self.bvh else {}),
         }
@@ -232,16 +228,11 @@ class Features:
         return self.real_defines() | {
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "IMPOSTOR": self.impostor,
-            "TOUCHED_FRAMES": TOUCHED_FRAMES,
         }
-
-    def highlight_defines(self) -> dict[str, Define]:
-        """Return `-D` defines of kernels that estimate the highlights of real surfaces."""
-        return self.real_defines() | {"CELL": CELL}
 
     def gloss_defines(self) -> dict[str, Define]:
         """Return `-D` defines of kernels whose rays also meet glossy real surfaces."""
-        return self.trace_defines() | {"GLOSS": self.gloss, "CELL": CELL}
+        return self.trace_defines() | {"GLOSS": self.gloss}
 
     def describe(self) -> dict[str, bool]:
         """Return all features by name, with True for the ones that are built."""

@@ -7,7 +7,7 @@ from typing import Any
 import pyopencl.array as cla
 
 from iprt.device.program import Define
-from iprt.settings.features import TOUCHED_FRAMES, Features
+from iprt.settings.features import Features
 from iprt.trace.tracers import RayKernel
 from iprt.trace.voxel_world import VoxelWorld
 from iprt.world.world import World
@@ -17,7 +17,6 @@ def _defines(features: Features) -> dict[str, Define]:
     """Return the `-D` definitions of kernels that trace cones."""
     return {
         "OPENING_ENVIRONMENT": features.opening_environment,
-        "TOUCHED_FRAMES": TOUCHED_FRAMES,
     }
 
 

@@ -9,9 +9,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.mask import STRONG_FRAMES
 from iprt.gbuffer.guide import Guide
-from iprt.settings.features import TOUCHED_FRAMES
 from iprt.world.real.irradiance import BLACK, IrradianceCache, IrradianceCacheArgs
 from iprt.world.world import World
 
@@ -54,8 +52,6 @@ class Relight:
             DELTA=delta,
             NOISE=noise is not None,
             HALF_PLANES=device.half_planes,
-            FAINT_FRAMES=TOUCHED_FRAMES,
-            STRONG_FRAMES=STRONG_FRAMES,
         )
         pixels = guide.layout.width * guide.layout.height
         # A broadcast view takes no host memory, as a memory plan needs it.

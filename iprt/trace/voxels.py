@@ -10,7 +10,6 @@ from pyopencl import cltypes
 
 from iprt.device.block import Block, Float4, Float4s, Floats, Int4s, Int32, when
 from iprt.device.compute import ComputeDevice
-from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.world.real.panorama import Panorama
 
@@ -257,9 +256,7 @@ class PrefilteredPanorama:
         self.texels = device.zeros(name, (first, 3))
         self._levels = device.upload(f"{name} levels", self.levels)
         self._openings = openings
-        self._reduce = device.kernel(
-            "trace/reduce_panorama.cl", "reduce_panorama", {"OUTSIDE_ROWS": OUTSIDE_ROWS}
-        )
+        self._reduce = device.kernel("trace/reduce_panorama.cl", "reduce_panorama")
 
     def load(self, panorama: Panorama) -> None:
         """Prefilter the frame that the panorama holds."""

@@ -22,6 +22,7 @@ from iprt.device.block import (
 )
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.device.kernel_source import constant
 from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import CameraArgs
@@ -31,8 +32,8 @@ from iprt.world.real.displayed_colors import ShownArgs
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
 
-UNEVEN = -2
-"""Value in `other_pixel`, as in `cl/lib/world/real/uneven.h`."""
+UNEVEN = constant("lib/world/real/uneven.h", "UNEVEN")
+"""Value in `other_pixel` where the four texels around show several planes."""
 
 REAL_LAYER_READS = ("surfaces", "radiance", "highlights", "color map", "camera motion")
 """Data that `RealLayer.show` reads, besides the view."""

@@ -17,6 +17,11 @@
 #define LEVEL_WAITING 3
 #define LEVEL_NONE 255
 
+// Frames, the traced one included, for which the influence of an object on a pixel is remembered, and for
+// which a strong one is where weakly affected pixels are distinguished.
+#define TOUCHED_FRAMES 11.0f
+#define STRONG_FRAMES 21.0f
+
 // Return the spacing in pixels of the rays at a tracing level (IPRT Eq. 4 and Figure 5).
 static inline int level_spacing(int level) { return level == LEVEL_WAITING ? 2 : 1 << level; }
 

@@ -1,7 +1,7 @@
 // Leading parameters of the kernels that trace listed pixels, and the pixel of a work item.
 #pragma once
 
-#include "gbuffer/planes.h"
+#include "gbuffer/guide.h"
 #include "maths/list.h"
 #include "maths/rng.h"
 #include "maths/tracing.h"

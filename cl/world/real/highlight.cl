@@ -16,7 +16,7 @@
 //                                                               part, within [0, color]; radiated:
 //                                                               the radiance for rays
 //
-// -D CELL: texels along a cell's side. The gain corrects for unknown properties of the surfaces, see
+// The gain corrects for unknown properties of the surfaces, see
 // iprt/world/real/highlight_gain.py.
 //
 // The reflection at x towards the centre is the integral of f_s(wo, wi) L(x, wi) cos over the specular

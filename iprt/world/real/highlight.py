@@ -11,11 +11,14 @@ import numpy as np
 from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.device.kernel_source import constant
 from iprt.geometry.material import material_table
-from iprt.settings.features import CELL, Features
+from iprt.settings.features import Features
 from iprt.world.real.highlight_gain import highlight_gain
 from iprt.world.real.panorama import Panorama
 
+CELL = constant("lib/world/real/gloss.h", "CELL")
+"""Side in texels of the cells in which highlights are compared with the panorama."""
 CELL_RAYS = 32
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
@@ -68,7 +71,7 @@ class Highlight:
         self._device = device
         self._panorama = panorama
         self._settings = features.settings
-        defines = features.highlight_defines()
+        defines = features.real_defines()
         texels = panorama.width * panorama.height
 
         def kernel(name: str, items: int = 0) -> Kernel:

@@ -1,4 +1,4 @@
-// Gain of computed highlights (iprt/world/real/highlight_gain.py), in cells of -D CELL x CELL texels.
+// Gain of computed highlights (iprt/world/real/highlight_gain.py), in cells of CELL x CELL texels.
 #pragma once
 
 #include "maths/equirect.h"
@@ -6,7 +6,7 @@
 #include "world/real/panorama.h"
 #include <iprt.world.real.highlight>
 
-#ifdef CELL
+#define CELL 8 // side of the cells in which highlights are compared with the panorama, texels
 
 // Return the gain at `at`, in texels of the panorama; (0, 0) is its upper left corner.
 static inline float3 gain_at(__global const float4 *restrict gain, int columns, int rows, float2 at)
@@ -22,5 +22,3 @@ static inline float3 seen_share(const Gloss gloss, const Material material, int 
     const float2 texel = equirect_uv(p) * (float2)((float)width, (float)height);
     return material.kind == KIND_CONDUCTOR ? (float3)(1.0f) : gain_at(gloss.gain, gloss.columns, gloss.rows, texel);
 }
-
-#endif

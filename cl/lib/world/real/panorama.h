@@ -5,6 +5,8 @@
 
 #include "maths/tracing.h"
 
+#define OUTSIDE_ROWS 128 // rows of the distant environment behind windows, of twice as many columns
+
 // Four texels around a direction, and their bilinear coordinates.
 typedef struct {
     int a, b, below_a, below_b;
