@@ -113,8 +113,8 @@ CALL = {
     "iprt/renderer.py": [
         ("class Renderer:", "from iprt.view.dim import Dim\n\n\nclass Renderer:"),
         (
-            "        self._objects: Objects | None = None",
-            "        self.dim = Dim(device, self.layout)\n        self._objects: Objects | None = None",
+            "        self.composite = Composite(",
+            "        self.dim = Dim(device, self.layout)\n        self.composite = Composite(",
         ),
         (
             '        return [*passes, Pass("composite",',

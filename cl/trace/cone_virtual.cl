@@ -18,7 +18,7 @@
 #include "trace/prefiltered.h"
 #include "trace/traced.h"
 #include "maths/sampling.h"
-#include "maths/work.h"
+#include "maths/work_counters.h"
 #include "world/brdf.h"
 
 #define FAR_HIT 1e6f

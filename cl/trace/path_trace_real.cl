@@ -76,8 +76,7 @@ TRACING_KERNEL void path_trace_real(
     }
     samples[at.pixel] = first + paths;
     const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)paths;
-    store_planes(signal, at.size, at.pixel, scale * hidden);
-    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * sent);
+    store_signal(signal, at, scale, hidden, sent);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

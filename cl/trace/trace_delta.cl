@@ -78,12 +78,8 @@ TRACING_KERNEL void trace_delta(
         bounce += s.diffuse * path.arriving;
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
-    const int pixel = at.pixel, size = at.size;
-    samples[pixel] += pixels.rays;
+    samples[at.pixel] += pixels.rays;
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache.
     const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)pixels.rays;
-    blocked *= scale;
-    bounce *= scale;
-    store_planes(signal, size, pixel, blocked);
-    store_planes(signal + 3 * size, size, pixel, bounce);
+    store_signal(signal, at, scale, blocked, bounce);
 }

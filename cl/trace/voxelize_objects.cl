@@ -10,7 +10,7 @@
 //          surface      per voxel: sum of the albedos at hits, and number of hits
 //          facing       per voxel: sum of the outward normals at hits
 #include "world/objects/objects.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 
 // Rays along each side of a column.
 #define SUB 2

@@ -23,7 +23,7 @@
 // tracing"). For deforming meshes, the previous position is the displaced point moved by the object's
 // motion.
 #include "world/objects/objects_bvh.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include "gbuffer/view.h"
 
 // Largest relative change of distance of a surface borrowed by the adjacent pixel.

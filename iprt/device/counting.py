@@ -1,6 +1,6 @@
 """A device that counts the work of kernels: rays, march steps and active work items.
 
-Kernels that take `const Work work` (`cl/lib/maths/work.h`) are built a second time with counters.
+Kernels that take `const Work work` (`cl/lib/maths/work_counters.h`) are built a second time with counters.
 Counting takes time, so `iprt profile` counts in frames that it does not time. Pictures are the
 same.
 """
@@ -24,7 +24,7 @@ from iprt.device.program import Define
 from iprt.files.resources import CL
 
 COUNTERS = 9
-"""Number of counters of a launch; see `cl/lib/maths/work.h`."""
+"""Number of counters of a launch; see `cl/lib/maths/work_counters.h`."""
 
 
 @dataclass(frozen=True)

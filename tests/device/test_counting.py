@@ -24,7 +24,7 @@ from tests.worlds import bright_walls, room_frame
 
 TRACE = ("other", "trace")
 ADD = """
-#include "maths/work.h"
+#include "maths/work_counters.h"
 __kernel void add(const int count, const uint steps, const Work work)
 {
     if (get_global_id(0) >= count)
@@ -175,7 +175,7 @@ def test_counting_and_checking_go_together(device: ComputeDevice) -> None:
 
 
 OVERRUN = """
-#include "maths/work.h"
+#include "maths/work_counters.h"
 __kernel void overrun(__global float *out, const Work work)
 {
     COUNT_ITEM;

@@ -16,7 +16,7 @@ from iprt.files.resources import CL
 TEXT = """
 /* a comment
    of two lines */
-#include "maths/list.h"
+#include "maths/listed_items.h"
 #ifdef TWICE
 #define FACTOR 2
 #else

@@ -190,7 +190,7 @@ def test_only_what_deforms_needs_memory_for_it(
         fresh = Renderer(PlanDevice(), frame, second, VIEW, settings)
         assert fresh._objects is not None
         np.testing.assert_array_equal(
-            own_accounts.read(renderer.world.bounds), fresh._objects.bounds
+            own_accounts.read(renderer.world.objects.device_bounds), fresh._objects.bounds
         )
         if bends:
             with pytest.raises(SceneError, match="object near: cannot move, its triangles, vert"):

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "maths/maths.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 
 #define REAL_PLANES 6
 #define REFLECTED_PLANES 3

@@ -4,7 +4,7 @@
 
 #include "gbuffer/camera.h"
 #include "gbuffer/guide.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 
 typedef struct {
     float nx, ny, nz;   // normal and position in the axes of the previous picture

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "maths/equirect.h"
-#include "maths/work.h"
+#include "maths/work_counters.h"
 #include <iprt.world.real.pyramid>
 
 // A ray o + t d seen from the capture centre. Its points are b (m + u d), where m is the unit direction of

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "gbuffer/guide.h"
-#include "maths/list.h"
+#include "maths/listed_items.h"
 #include "maths/rng.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include <iprt.trace.tracers>
 
 // Return the index of a listed pixel into padded planes.
@@ -38,4 +38,12 @@ static inline TracedPixel traced_pixel(const Pixels pixels, int item, uint strea
     at.id = (int)pixels.guide[6 * at.size + at.pixel];
     at.seed = hash_combine(hash_combine((uint)listed, stream), (uint)pixels.frame_seed);
     return at;
+}
+
+// Store two sums of radiance or irradiance, times `scale`, as the six planes of a signal.
+static inline void store_signal(__global float *restrict signal, const TracedPixel at, float3 scale,
+                                float3 first, float3 second)
+{
+    store_planes(signal, at.size, at.pixel, scale * first);
+    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * second);
 }

@@ -7,7 +7,7 @@
 #pragma once
 
 #include "maths/equirect.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include "world/boxes.h"
 #include <iprt.trace.voxels>
 

@@ -14,7 +14,7 @@
 #include "world/objects/objects.h"
 #include "world/real/real.h"
 #include <iprt.world.world>
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include "gbuffer/view.h"
 
 static inline float3 sky_radiance(const RealLayer real, float3 d)

@@ -97,6 +97,5 @@ TRACING_KERNEL void trace_cached(
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache of E_R.
     const float others = traced > 0 ? (float)hits / traced : 0.0f;
     const float3 scale = inverse_irradiance(cache, at.p, at.n) * (others / pixels.rays);
-    store_planes(signal, at.size, at.pixel, scale * blocked);
-    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * bounce);
+    store_signal(signal, at, scale, blocked, bounce);
 }

@@ -7,7 +7,7 @@
 #include "maths/equirect.h"
 #include "maths/maths.h"
 #include "maths/sampling.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include <iprt.methods.dvct.delta_world>
 
 #define AREA_LIGHT_ROWS 4

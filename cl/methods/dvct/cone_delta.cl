@@ -18,7 +18,7 @@
 #include "area_lights.h"
 #include "trace/traced.h"
 #include "trace/voxels.h"
-#include "maths/work.h"
+#include "maths/work_counters.h"
 #include "world/real/irradiance.h"
 
 // Width of a cone relative to the light, at a random point of which it is aimed in each frame. Cones as wide as
@@ -103,8 +103,7 @@ TRACING_KERNEL void cone_delta(
     }
     samples[at.pixel] = first + 1;
     const float3 scale = inverse_irradiance(cache, at.p, at.n);
-    store_planes(signal, at.size, at.pixel, scale * hidden);
-    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * sent);
+    store_signal(signal, at, scale, hidden, sent);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

@@ -11,7 +11,7 @@
 //      touched           1 plane: TOUCHED_FRAMES where the cone hit an object
 #include "trace/prefiltered.h"
 #include "trace/traced.h"
-#include "maths/work.h"
+#include "maths/work_counters.h"
 #include "world/real/gloss.h"
 
 TRACING_KERNEL void cone_gloss(

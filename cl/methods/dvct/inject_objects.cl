@@ -6,7 +6,7 @@
 //      surface, facing   trace/voxelize_objects.cl
 // out  light             the finest level
 #include "area_lights.h"
-#include "trace/voxels.h"
+#include "trace/object_voxels.h"
 
 __kernel void inject_objects(
     const Voxels objects,
@@ -19,21 +19,14 @@ __kernel void inject_objects(
     const int i = get_global_id(0);
     if (i >= size.x * size.y * size.z)
         return;
-    const float4 met = surface[i];
-    if (!(met.w > 0.0f)) {
-        light[i] = (float4)(0.0f);
-        return;
-    }
-    const float3 n = safe_normalize(facing[i].xyz, (float3)(0.0f, 1.0f, 0.0f));
-    const float3 p = voxel_middle(size, objects.box, i);
+    const ObjectVoxel voxel = object_voxel(objects, surface, facing, i);
     float3 arriving = (float3)(0.0f);
-    for (int number = 0; number < lights.count; number++) {
+    for (int number = 0; number < (voxel.filled ? lights.count : 0); number++) {
         const AreaLight from = area_light(lights.rows, number);
-        const float3 sent = light_irradiance(from, p, n);
+        const float3 sent = light_irradiance(from, voxel.p, voxel.n);
         if (sent.x + sent.y + sent.z > 0.0f)
-            arriving += light_passing(lights, number, from, p, VOXEL_SLACK * objects.box.w).y * sent;
+            arriving +=
+                light_passing(lights, number, from, voxel.p, VOXEL_SLACK * objects.box.w).y * sent;
     }
-    const float3 opacity = objects.opacity[i].xyz;
-    const float weight = (opacity.x + opacity.y + opacity.z) * (1.0f / 3.0f);
-    light[i] = (float4)(weight / met.w * met.xyz * arriving, weight);
+    light[i] = reflected_light(voxel, arriving, 1);
 }

@@ -16,7 +16,7 @@
 #include "trace/prefiltered.h"
 #include "trace/traced.h"
 #include "maths/sampling.h"
-#include "maths/work.h"
+#include "maths/work_counters.h"
 #include "world/real/irradiance.h"
 
 TRACING_KERNEL void cone_real(
@@ -58,8 +58,7 @@ TRACING_KERNEL void cone_real(
     }
     samples[at.pixel] = first + pixels.rays;
     const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)pixels.rays;
-    store_planes(signal, at.size, at.pixel, scale * hidden);
-    store_planes(signal + 3 * at.size, at.size, at.pixel, scale * sent);
+    store_signal(signal, at, scale, hidden, sent);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

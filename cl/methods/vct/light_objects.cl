@@ -5,6 +5,7 @@
 //      surroundings      lib/trace/prefiltered.h
 //      surface, facing   trace/voxelize_objects.cl
 // out  light             the finest level
+#include "trace/object_voxels.h"
 #include "trace/prefiltered.h"
 #include "maths/sampling.h"
 
@@ -22,27 +23,20 @@ TRACING_KERNEL void light_objects(
     const int i = get_global_id(0);
     if (i >= size.x * size.y * size.z)
         return;
-    const float4 met = surface[i];
-    if (!(met.w > 0.0f)) {
-        light[i] = (float4)(0.0f);
-        return;
-    }
-    const float3 n = safe_normalize(facing[i].xyz, (float3)(0.0f, 1.0f, 0.0f));
-    const float3 p = voxel_middle(size, objects.box, i);
+    const ObjectVoxel voxel = object_voxel(objects, surface, facing, i);
+    const float3 n = voxel.n;
     float3 arriving = (float3)(0.0f);
-    for (int cone_number = 0; cone_number < LIGHT_CONES; cone_number++) {
+    for (int cone_number = 0; cone_number < (voxel.filled ? LIGHT_CONES : 0); cone_number++) {
         Cone cone;
         cone.d = frame_to_world(build_frame(n), sample_cosine(sobol_2d(cone_number, hash_u32(i))));
         cone.rise = dot(cone.d, n);
         cone.lift = CONE_CLEARANCE * objects.box.w;
-        cone.o = p + cone.lift * n;
+        cone.o = voxel.p + cone.lift * n;
         cone.slope = cone_slope(IPRT_PI / (LIGHT_CONES * cone.rise));
         const float passed = trace_cone(objects, cone, 0.0f, 0.0f, 0).passed;
         cone.lift = CONE_FAR;
         const ConeLight real = trace_cone(scene, cone, scene.box.w, 0.0f, 1);
         arriving += passed * all_arriving(around, cone, real);
     }
-    const float3 opacity = objects.opacity[i].xyz;
-    const float weight = (opacity.x + opacity.y + opacity.z) * (1.0f / 3.0f);
-    light[i] = (float4)(weight / (met.w * LIGHT_CONES) * met.xyz * arriving, weight);
+    light[i] = reflected_light(voxel, arriving, LIGHT_CONES);
 }

@@ -26,7 +26,7 @@
 //
 // A conductor only reflects. Its radiance in other directions is unknown. Rays that meet one find the
 // captured radiance, a reflection of another side but closer than black.
-#include "maths/list.h"
+#include "maths/listed_items.h"
 #include "world/brdf.h"
 #include "world/real/gloss.h"
 #include "world/world.h"

@@ -20,7 +20,7 @@
 #include "world/direction.h"
 #include "world/real/irradiance.h"
 #include "gbuffer/planes.h"
-#include "maths/list.h"
+#include "maths/listed_items.h"
 #include "maths/sampling.h"
 
 #define SMOOTH_RADIUS 3

@@ -114,7 +114,7 @@ def test_variable_rates_go_by_time(file: str, tmp_path: Path) -> None:
 def test_depth_in_a_second_stream(tmp_path: Path) -> None:
     write_video(tmp_path / "v.mkv", color_track(), grey16(depths()))
     found = scene(tmp_path, 'color = "v.mkv"\ndepth_scale = 0.001')
-    assert found.size == (64, 32)
+    assert found.source.size == (64, 32)
     assert found.frame_indices == range(FRAMES)
     assert found.source.fps == 30.0
     assert video_notices(found.source) == []
@@ -164,7 +164,7 @@ def test_depth_below_color(pixels: str, full: bool, encoding: str, tmp_path: Pat
     found = scene(
         tmp_path, f'color = "v.mkv"\ndepth_range = [{low}, {high}]\ndepth_encoding = "{encoding}"'
     )
-    assert found.size == (64, 32)
+    assert found.source.size == (64, 32)
     frame = found.raw_frame()
     inverse = encoding == "inverse"
     found_at, stored_at = (1 / frame.depth, 1 / depth) if inverse else (frame.depth, depth)

@@ -16,7 +16,7 @@
 //              object; then as int bits: reference of its root, first material.
 #pragma once
 
-#include "maths/work.h"
+#include "maths/work_counters.h"
 #include <iprt.world.objects.object_bvh>
 
 #ifdef OBJECTS_BVH

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "maths/grid.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include "world/objects/scatterer.h"
 #include "gbuffer/view.h"
 

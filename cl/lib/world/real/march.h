@@ -4,7 +4,7 @@
 //   MARCH_LAYER                           type of the layer, with a member `grid`
 //   MARCH_STATE                           type of the state carried from cell to cell
 //   MARCH_HIT                             type of the hit
-//   MARCH_WORK                            counter of its rays (lib/maths/work.h)
+//   MARCH_WORK                            counter of its rays (lib/maths/work_counters.h)
 //   MARCH_SKIP(state, near, far, range, cell)   nonzero if a ray that spans the radii [near, far]
 //                                         may skip a cell of the pyramid with depths in `range`;
 //                                         may update the state

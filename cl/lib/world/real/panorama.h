@@ -3,7 +3,7 @@
 
 #include <iprt.world.real.displayed_colors>
 
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 
 #define OUTSIDE_ROWS 128 // rows of the distant environment behind windows, of twice as many columns
 

@@ -10,7 +10,7 @@
 #pragma once
 
 #include "maths/grid.h"
-#include "maths/tracing.h"
+#include "maths/kernel_attributes.h"
 #include <iprt.world.real.panorama>
 #include "world/real/impostor.h"
 

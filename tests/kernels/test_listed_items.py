@@ -1,4 +1,4 @@
-"""cl/lib/maths/list.h: each place of a list is worked on once, by groups that are spread evenly."""
+"""cl/lib/maths/listed_items.h: each place of a list is worked on once, by groups that are spread evenly."""
 
 import numpy as np
 import pyopencl as cl
@@ -8,7 +8,7 @@ import pytest
 from iprt.device.program import Program, build
 
 SOURCE = """
-#include "maths/list.h"
+#include "maths/listed_items.h"
 
 __kernel void mark(const int count, __global int *visits, __global int *groups)
 {
