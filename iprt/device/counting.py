@@ -1,8 +1,8 @@
 """A device that counts the work of kernels: rays, march steps and active work items.
 
-Kernels that take `const Work work` (`cl/lib/maths/work_counters.h`) are built a second time with counters.
-Counting takes time, so `iprt profile` counts in frames that it does not time. Pictures are the
-same.
+Kernels that take `const Work work` (`cl/lib/maths/work_counters.h`) are built a second time with
+counters. Counting takes time, so `iprt profile` counts in frames that it does not time. Pictures
+are the same.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""cl/lib/maths/listed_items.h: each place of a list is worked on once, by groups that are spread evenly."""
+"""Each place of a list is worked on once, by groups that are spread evenly."""
 
 import numpy as np
 import pyopencl as cl
