@@ -163,7 +163,7 @@ effective number of frames with all their rays; variance: of the luminance of th
 guides the spatial filter (of real surfaces: the change by objects, as a fraction of E_R with
 `iprt`, over pi with `iprt2023`; of objects: the sum of diffuse and specular light); learned:
 radiance of real surfaces as learned by `oil`, 0 where unknown. All but the background is in the
-colours of the video's reference frame (see `iprt.footage.prepare.exposure`)."""
+colors of the video's reference frame (see `iprt.footage.prepare.exposure`)."""
 
 
 def read_aov(renderer: RenderedView, name: str) -> Image:

@@ -82,7 +82,7 @@ class Signals:
     Attributes
     ----------
     ratio : (H * W, 4) float32 or None
-        E_RV / E_R per colour channel of each pixel, row by row (IPRT, Eq. 2): the factor of a real
+        E_RV / E_R per color channel of each pixel, row by row (IPRT, Eq. 2): the factor of a real
         surface's radiance. Needed where `Needs.relit` is set.
     change : 3 planes or None
         Radiance that objects add to reflections of glossy real surfaces, of either sign. Needed

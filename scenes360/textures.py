@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from iprt.geometry.camera import View
 
 Image = NDArray[np.float32]
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
 
 def noise(
@@ -35,12 +35,12 @@ def noise(
     return total / weight
 
 
-def mix(a: Colour, b: Colour, t: NDArray[np.float64]) -> Image:
-    """Return colours between `a` (t = 0) and `b` (t = 1)."""
+def mix(a: Color, b: Color, t: NDArray[np.float64]) -> Image:
+    """Return colors between `a` (t = 0) and `b` (t = 1)."""
     return (np.asarray(a) + t[..., None] * (np.asarray(b) - np.asarray(a))).astype(np.float32)
 
 
-def wood(shape: tuple[int, int], dark: Colour, light: Colour, seed: int) -> Image:
+def wood(shape: tuple[int, int], dark: Color, light: Color, seed: int) -> Image:
     """Return wood with grain along the image's rows."""
     rows = shape[0]
     wave = noise(shape, (3, 1), seed, octaves=3)
@@ -50,7 +50,7 @@ def wood(shape: tuple[int, int], dark: Colour, light: Colour, seed: int) -> Imag
 
 
 def planks(
-    shape: tuple[int, int], across: int, lengths: float, dark: Colour, light: Colour, seed: int
+    shape: tuple[int, int], across: int, lengths: float, dark: Color, light: Color, seed: int
 ) -> Image:
     """Return floor boards: `across` rows, each cut into about `lengths` boards."""
     rows, columns = shape
@@ -72,7 +72,7 @@ def planks(
     return np.clip(image, 0.0, 0.95)
 
 
-def rug(shape: tuple[int, int], ground: Colour, accent: Colour, border: Colour, seed: int) -> Image:
+def rug(shape: tuple[int, int], ground: Color, accent: Color, border: Color, seed: int) -> Image:
     """Return a woven rug: rhombs on a ground, two border stripes, and uneven yarn."""
     v, u = np.meshgrid(np.linspace(-1, 1, shape[0]), np.linspace(-1, 1, shape[1]), indexing="ij")
     aspect = shape[1] / shape[0]
@@ -88,27 +88,27 @@ def rug(shape: tuple[int, int], ground: Colour, accent: Colour, border: Colour, 
     return (image * (0.7 + 0.6 * weave[..., None])).astype(np.float32)
 
 
-def fabric(shape: tuple[int, int], colour: Colour, seed: int) -> Image:
+def fabric(shape: tuple[int, int], color: Color, seed: int) -> Image:
     """Return a plain weave of slightly uneven yarn."""
     yarn = noise(shape, (shape[0] // 4, shape[1] // 16), seed, octaves=2) + noise(
         shape, (shape[0] // 16, shape[1] // 4), seed + 1, octaves=2
     )
-    return (np.asarray(colour) * (0.55 + 0.45 * yarn[..., None])).astype(np.float32)
+    return (np.asarray(color) * (0.55 + 0.45 * yarn[..., None])).astype(np.float32)
 
 
-def hills(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
-    """Return a picture of a low sun over layers of hills, one colour of the palette each."""
+def hills(shape: tuple[int, int], palette: list[Color], seed: int) -> Image:
+    """Return a picture of a low sun over layers of hills, one color of the palette each."""
     rows, columns = shape
     y, x = np.meshgrid(np.linspace(0, 1, rows), np.linspace(0, 1, columns), indexing="ij")
     image = mix(palette[0], palette[1], y)
     image[(x - 0.66) ** 2 * (columns / rows) ** 2 + (y - 0.3) ** 2 < 0.012] = palette[2]
-    for k, colour in enumerate(palette[3:]):
+    for k, color in enumerate(palette[3:]):
         ridge = noise((1, columns), (1, 3 + k), seed + k, octaves=3)[0]
-        image[y > 0.38 + 0.15 * k + 0.28 * (ridge[None] - 0.5)] = colour
+        image[y > 0.38 + 0.15 * k + 0.28 * (ridge[None] - 0.5)] = color
     return image
 
 
-def discs(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
+def discs(shape: tuple[int, int], palette: list[Color], seed: int) -> Image:
     """Return a picture of overlapping discs on a plain ground."""
     rows, columns = shape
     rng = np.random.default_rng(seed)
@@ -125,7 +125,7 @@ def discs(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
     return image
 
 
-def bands(shape: tuple[int, int], palette: list[Colour], seed: int) -> Image:
+def bands(shape: tuple[int, int], palette: list[Color], seed: int) -> Image:
     """Return a picture of horizontal bands with soft, wavy edges."""
     rows, columns = shape
     bend = noise(shape, (2, 3), seed, octaves=4) - 0.5
@@ -139,7 +139,7 @@ def sky(
     width: int,
     *,
     sun: tuple[float, float, float],
-    sun_radiance: Colour,
+    sun_radiance: Color,
     sun_radius_deg: float,
     seed: int,
 ) -> Image:
@@ -164,7 +164,7 @@ def sky(
     leaves = noise(height.shape, (64, 128), seed + 1, octaves=4)[..., None]
     for k, level in enumerate(crest):
         ridge = level + 0.10 * (noise((1, width), (1, 5 + 4 * k), seed + 2 + k, octaves=5)[0] - 0.5)
-        colour = np.array([0.22, 0.42, 0.11]) * (0.4 + 1.2 * leaves)
-        hill = colour + (haze - colour) * (0.75 - 0.22 * k)
+        color = np.array([0.22, 0.42, 0.11]) * (0.4 + 1.2 * leaves)
+        hill = color + (haze - color) * (0.75 - 0.22 * k)
         image = np.where((height < ridge[None])[..., None], hill, image)
     return image.astype(np.float32)

@@ -1,8 +1,8 @@
-"""Clips of the scenes as files: colour as 10-bit HEVC that keeps radiance, depth without loss.
+"""Clips of the scenes as files: color as 10-bit HEVC that keeps radiance, depth without loss.
 
-Colour is stored as in BT.2100: the PQ curve of SMPTE ST 2084 over luminance, where radiance 1
+Color is stored as in BT.2100: the PQ curve of SMPTE ST 2084 over luminance, where radiance 1
 stands for the reference white of 203 cd/m² (ITU-R BT.2408). So lamps and windows are not clipped,
-up to a radiance of 49. Primaries and matrix are Rec.709's, like the scenes' colours.
+up to a radiance of 49. Primaries and matrix are Rec.709's, like the scenes' colors.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def cut_mesh(suffix: str) -> Change:
 
 SCALED = 'depth = "depth.png"\ndepth_scale = 0.001'
 BAD_SCENES: dict[str, tuple[Change, str]] = {
-    "colour missing": (lambda f: (f / "color.exr").unlink(), "video.color: there is no file"),
+    "color missing": (lambda f: (f / "color.exr").unlink(), "video.color: there is no file"),
     "depth missing": (lambda f: (f / "depth.exr").unlink(), "video.depth: there is no file"),
     "mesh missing": (lambda f: (f / "cube.obj").unlink(), "objects.cube.mesh: there is no file"),
     "EXR cut off": (cut("color.exr"), "color.exr: cut off or damaged"),
@@ -111,8 +111,8 @@ BAD_SCENES: dict[str, tuple[Change, str]] = {
     "depth all NaN": (depth_is(np.nan), "depth.exr: no depth"),
     "depth all zero": (depth_is(0.0), "depth.exr: no depth"),
     "depth all negative": (depth_is(-2.0), "depth.exr: no depth"),
-    "colour all NaN": (color_is(np.nan), "color.exr: color is NaN or infinite"),
-    "colour all infinite": (color_is(np.inf), "color.exr: color is NaN or infinite"),
+    "color all NaN": (color_is(np.nan), "color.exr: color is NaN or infinite"),
+    "color all infinite": (color_is(np.inf), "color.exr: color is NaN or infinite"),
     "mesh without faces": (holds("cube.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "no triangles"),
     "mesh of NaN": (holds("cube.obj", CUBE.replace(" 1 ", " nan ")), "cube.obj"),
     "mesh of unknown kind": (replaced("cube.obj", "m.fbx", holds("m.fbx", "x")), "m.fbx: not a"),
@@ -199,7 +199,7 @@ def test_a_manifest_with_a_byte_order_mark_and_windows_line_ends_is_read_and_kep
     assert cli.main(["scene", "check", str(scene)]) == 0
 
 
-def test_partly_bad_colour_is_a_warning(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_partly_bad_color_is_a_warning(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     color = np.full((32, 64, 3), 0.5, np.float32)
     color[:8] = np.nan
     write_rgb(scene / "color.exr", color)

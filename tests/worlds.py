@@ -24,7 +24,7 @@ Radiance = Callable[[Float, Float], Float]
 
 
 def bright_walls(points: Float, normals: Float) -> Float:
-    """Return another colour for each wall, with gentle waves."""
+    """Return another color for each wall, with gentle waves."""
     axis = np.abs(normals).argmax(-1)
     side = np.take_along_axis(normals, axis[..., None], -1)[..., 0] > 0.0
     left_right = [[0.9, 0.2, 0.2], [0.2, 0.8, 0.3]]
@@ -77,7 +77,7 @@ def sphere_frame(radius: float, width: int, height: int, radiance: float) -> Fra
 
 
 def landscape_frame(width: int, height: int) -> Frame:
-    """A plain, 1.5 m below the capture centre, under an open sky of many colours."""
+    """A plain, 1.5 m below the capture centre, under an open sky of many colors."""
     d = View(width, height, projection="equirect").directions()
     down = d[..., 1] < 0.0
     depth = np.where(down, -1.5 / np.where(down, d[..., 1], -1.0), np.inf)

@@ -1,7 +1,7 @@
 // Relighting ratio of real surfaces, E_RV / E_R (IPRT Eq. 2; Algorithm 1, UpdateGbuffer): the factor of the
 // captured radiance where objects cast shadows and light.
 //
-//   in   guide (7 planes, guide.h), colour (3 planes: L_cam), signal (6 planes): E_R rgb, E_RV rgb,
+//   in   guide (7 planes, guide.h), color (3 planes: L_cam), signal (6 planes): E_R rgb, E_RV rgb,
 //        or, with -DDELTA, blocked / E_R rgb, bounce / E_R rgb, and the cache that holds E_R
 //        (irradiance.h): L = L_cam (1 + (bounce - blocked) / E_R); with -DNOISE also the variance of the
 //        filtered signal (residual.h)
@@ -12,14 +12,14 @@
 //
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the excess is due to
 // light that the panorama lacks (a clipped window) or to a highlight. Objects are assumed to block the same
-// share of it as of the known light, without colour, and never to add to it. Otherwise such spots would
+// share of it as of the known light, without color, and never to add to it. Otherwise such spots would
 // brighten themselves by way of objects near them.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/residual.h"
 #include "world/real/irradiance.h"
 
-// Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured colour
+// Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured color
 // is too dark to be reliable.
 #define MAX_RATIO 4.0f
 
@@ -45,7 +45,7 @@ __kernel void relight(
     const int layer[MOST_ENTRIES],
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes
-    __global const float *restrict colour, // 3 planes
+    __global const float *restrict color, // 3 planes
     __global float4 *restrict ratio,       // out: float4 per pixel
     const IrradianceCache cache,
     __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
@@ -56,7 +56,7 @@ __kernel void relight(
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    float3 seen = load_planes(colour, size, p);
+    float3 seen = load_planes(color, size, p);
     const float black = cache.black;
 #ifdef DELTA
 #ifdef NOISE

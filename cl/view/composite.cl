@@ -4,14 +4,14 @@
 // With gloss the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only diffuse radiance scales
 // with the irradiance, and specular radiance towards the camera changes separately.
 //
-// With a colour map, objects and their changes are in the colours of a reference frame, which the map
+// With a color map, objects and their changes are in the colors of a reference frame, which the map
 // converts to the frame's: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
 //
 // A pixel that blends texels of several planes is scaled by the ratio of each, weighted by its share.
 // Where a pixel shows two real surfaces, each has its own ratio, and objects may hide only one of them:
 // L = (1 - M) L_object + the sum over both surfaces of (1 - hidden share) times their part of L_cam.
 //
-//   in   colour (3 planes, radiance of the real layer),
+//   in   color (3 planes, radiance of the real layer),
 //        other (float4 per pixel, share of a second surface in the radiance), other_pixel (a pixel
 //        that shows it; -1 or the pixel itself: none) and corner of real_layer.cl
 //        and each of the following that is present, else 0
@@ -30,7 +30,7 @@
 #include "world/real/uneven.h"
 
 __kernel void composite(
-    __global const float *restrict colour,   // 3 planes
+    __global const float *restrict color,   // 3 planes
     __global const float4 *restrict other,   // float4 per pixel
     __global const int *restrict other_pixel,
     __global const int4 *restrict corner,
@@ -51,7 +51,7 @@ __kernel void composite(
     if (x >= width || y >= height)
         return;
     int size = plane_size(width, height), p = plane_index(x, y, width), i = y * width + x;
-    float4 background = (float4)(colour[p], colour[size + p], colour[2 * size + p], 0.0f);
+    float4 background = (float4)(color[p], color[size + p], color[2 * size + p], 0.0f);
     const float a = coverage ? coverage[p] : 0.0f;
     float3 left = (float3)(1.0f - a); // weight of the real layer's radiance
     const int second = other_pixel[i];

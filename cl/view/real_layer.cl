@@ -4,7 +4,7 @@
 //   resample_panorama  all planes, from the panorama; resample_glossy: the same with glossy real surfaces
 //   sharpen_edges      depth edges at the resolution of the view (world/real/edges.h), and shares of
 //                      uneven pixels; sharpen_glossy: the same with glossy real surfaces
-//   diffuse_part       diffuse radiance of real surfaces, in the colours that rays find
+//   diffuse_part       diffuse radiance of real surfaces, in the colors that rays find
 //
 // in   view       [16]       lib/gbuffer/view.h
 //      previous   [16]       view of the previous picture
@@ -163,7 +163,7 @@ typedef struct {
     Window window;
 } Edge;
 
-// Sharpen a pixel; window.red, green and blue are the colours of its window.
+// Sharpen a pixel; window.red, green and blue are the colors of its window.
 static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
@@ -251,18 +251,18 @@ __kernel void sharpen_glossy(
                plane_size(layer.width, layer.height), gloss, roughness, highlight);
 }
 
-// Writes the bits of `colour` without map and highlight; >= 0.
+// Writes the bits of `color` without map and highlight; >= 0.
 __kernel void diffuse_part(
-    __global const float *restrict colour,    // 3 planes, radiance of the real layer
+    __global const float *restrict color,    // 3 planes, radiance of the real layer
     __global const float4 *restrict maps,     // lib/world/real/color_map.h; 0: none
-    __global const float *restrict highlight, // 3 planes, in the colours that rays find; 0: none
+    __global const float *restrict highlight, // 3 planes, in the colors that rays find; 0: none
     __global float *restrict diffuse,         // out: 3 planes
     int width,
     int height)
 {
     PIXEL_ITEM(width, height);
     const int size = plane_size(width, height), p = plane_index(x, y, width);
-    float3 left = load_planes(colour, size, p);
+    float3 left = load_planes(color, size, p);
     if (maps)
         left = map_color(maps, TO_REFERENCE, left);
     if (highlight)

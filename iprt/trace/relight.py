@@ -20,7 +20,7 @@ class Relight:
     Attributes
     ----------
     ratio : (H * W, 4) float32
-        Factor per colour channel of the real layer's radiance, in [0, 4]; row by row, without
+        Factor per color channel of the real layer's radiance, in [0, 4]; row by row, without
         border. Exactly 1 where E_R and E_RV are equal, where E_R is black or not finite, and where
         no surface is lit.
     """
@@ -64,7 +64,7 @@ class Relight:
     def run(
         self,
         signal: cla.Array,
-        colour: cla.Array,
+        color: cla.Array,
         world: World,
         cache: IrradianceCache | None,
         touched: cla.Array,
@@ -75,7 +75,7 @@ class Relight:
         ----------
         signal : 6 planes
             `RealTracer.signal`, filtered.
-        colour : 3 planes
+        color : 3 planes
             Radiance of the real layer, L_cam.
         world : World
             The mean radiance of its panorama sets the threshold of black.
@@ -93,5 +93,5 @@ class Relight:
             touched=touched,
             guide=self._guide.current,
             signal=signal,
-            colour=colour,
+            color=color,
         )

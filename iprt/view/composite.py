@@ -26,7 +26,7 @@ class Composite:
 
     def run(
         self,
-        colour: cla.Array,
+        color: cla.Array,
         *,
         other: cla.Array,
         other_pixel: cla.Array,
@@ -45,7 +45,7 @@ class Composite:
 
         Parameters
         ----------
-        colour : 3 planes, radiance of the real layer
+        color : 3 planes, radiance of the real layer
         other, other_pixel, corner : (H * W, 4), (H * W,) int32, (H * W, 4) int32
             As in `RealLayer`.
         ratio : (H * W, 4), `Relight.ratio`
@@ -58,12 +58,12 @@ class Composite:
         albedo, diffuse : 3 planes each, multiplied
         specular : 3 planes, radiance
         color_map : (6, 4)
-            `ColorMap.rows`: all but `colour` is in the reference's colours.
+            `ColorMap.rows`: all but `color` is in the reference's colors.
         """
         based = ratio is not None and (change is not None or color_map is not None)
         self._kernel(
             self._layout.size,
-            colour=colour,
+            color=color,
             other=other,
             other_pixel=other_pixel,
             corner=corner,

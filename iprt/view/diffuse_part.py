@@ -9,7 +9,7 @@ from iprt.gbuffer.layout import PlaneLayout
 
 
 class DiffusePart:
-    """Pass that removes highlights, and maps to the colours for rays.
+    """Pass that removes highlights, and maps to the colors for rays.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class DiffusePart:
     gloss : bool
         There are highlights.
     color_map : bool
-        Frames may have a colour map.
+        Frames may have a color map.
     """
 
     def __init__(
@@ -35,20 +35,20 @@ class DiffusePart:
             )
 
     def run(
-        self, colour: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None
+        self, color: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None
     ) -> cla.Array:
-        """Return the diffuse part (3 planes): `colour` itself without highlights and map.
+        """Return the diffuse part (3 planes): `color` itself without highlights and map.
 
         Parameters
         ----------
-        colour : 3 planes
+        color : 3 planes
             Radiance of the frame.
         highlight : 3 planes or None
-            Its specular part, in the colours for rays; with gloss.
+            Its specular part, in the colors for rays; with gloss.
         color_map : (6, 4) or None
             `ColorMap.rows`.
         """
         if self._planes is None or (highlight is None and color_map is None):
-            return colour
-        self._kernel(self._layout.size, colour=colour, maps=color_map, highlight=highlight)
+            return color
+        self._kernel(self._layout.size, color=color, maps=color_map, highlight=highlight)
         return self._planes

@@ -73,8 +73,8 @@ class RealLayer:
     normal, depth, id, motion : 3, 1, 1, 2 planes
         See `cl/view/real_layer.cl`.
     diffuse : 3 planes
-        Diffuse part of `color`, in the colours for rays: `color` itself, but mapped where the frame
-        has a colour map, and without the highlight where real surfaces are glossy.
+        Diffuse part of `color`, in the colors for rays: `color` itself, but mapped where the frame
+        has a color map, and without the highlight where real surfaces are glossy.
     other : (H * W, 4) float32, or None
         If requested: at depth edges, share of a second surface in the radiance and in the area;
         where the four texels around show several planes, their shares in the radiance.

@@ -50,7 +50,7 @@ def comparisons() -> Mapping[str, Label]:
 
 MATERIALS: Mapping[MaterialKind, Label] = {
     "diffuse": Label("Matte", "Scatters light evenly, like plaster or paper."),
-    "conductor": Label("Metal", "Reflects only, tinted by its colour. Roughness 0 is a mirror."),
+    "conductor": Label("Metal", "Reflects only, tinted by its color. Roughness 0 is a mirror."),
     "plastic": Label(
         "Plastic", "A clear coat over a matte base, like plastic, paint or glazed pottery."
     ),
@@ -76,14 +76,14 @@ PARTS: Mapping[str, Label] = {
         "need be. 0: always at full quality.",
     ),
     "exposure": Label("Exposure", "Stops brighter or darker than the scene's own exposure."),
-    "curve": Label("Tone curve", "Mapping of radiance to screen colours."),
+    "curve": Label("Tone curve", "Mapping of radiance to screen colors."),
     "buffer": Label("Show", "The picture, or one of the buffers that it is made from."),
     "against": Label("Compare with", "A second picture of the same view."),
     "split": Label("Divide at", "The picture is on the left, the compared one on the right."),
     "error": Label("Error map", "The difference of both pictures."),
     "material": Label("Material", "Applies to the whole object."),
-    "albedo": Label("Colour", "Diffuse albedo in red, green and blue."),
-    "reflectance": Label("Colour", "Specular reflectance in red, green and blue."),
+    "albedo": Label("Color", "Diffuse albedo in red, green and blue."),
+    "reflectance": Label("Color", "Specular reflectance in red, green and blue."),
     "alpha": Label("Roughness", "0 is polished, 1 is dull (GGX alpha)."),
     "ior": Label("Index of refraction", "How strongly the coat reflects. Plastic has about 1.5."),
     "texture": Label(

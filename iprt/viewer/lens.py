@@ -1,4 +1,4 @@
-"""Display of a picture: exposure, tone curve, false colours of buffers, comparisons."""
+"""Display of a picture: exposure, tone curve, false colors of buffers, comparisons."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Buffer(Label):
     Attributes
     ----------
     appearance : str
-        Kind of its false colours.
+        Kind of its false colors.
     unit : str
         Unit of its values; empty if there is none.
     """
@@ -37,7 +37,7 @@ class Buffer(Label):
 ERROR_LEVELS = 64
 """Difference, out of 255, shown as white in an error map."""
 MOTION_PX = 16.0
-"""Motion in pixels with full colour."""
+"""Motion in pixels with full color."""
 
 
 BUFFERS: Mapping[str, Buffer] = {
@@ -48,7 +48,7 @@ BUFFERS: Mapping[str, Buffer] = {
     "depth": Buffer(
         "Depth", "Distance from the camera in metres. Near is bright.", "distance", "m"
     ),
-    "albedo": Buffer("Albedo", "Base colour of the objects, without light.", "share"),
+    "albedo": Buffer("Albedo", "Base color of the objects, without light.", "share"),
     "coverage": Buffer("Coverage", "Fraction of each pixel that objects cover.", "share"),
     "motion": Buffer(
         "Motion", "Motion of each point since the last frame. Grey: none.", "motion", "px"
@@ -97,7 +97,7 @@ BUFFERS: Mapping[str, Buffer] = {
 CUBEHELIX: Bytes = np.rint(255.0 * matplotlib.colormaps["cubehelix"](np.arange(256))[:, :3]).astype(
     np.uint8
 )
-"""(256, 3) colours from black to white with evenly increasing brightness."""
+"""(256, 3) colors from black to white with evenly increasing brightness."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def error_map(ours: Bytes, other: Bytes) -> Bytes:
     return _ramp(difference / ERROR_LEVELS)
 
 
-# False colours -----------------------------------------------------------------------------------
+# False colors -----------------------------------------------------------------------------------
 
 
 def _three(values: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -174,7 +174,7 @@ def _three(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _ramp(share: NDArray[Any]) -> Bytes:
-    """Map values in [0, 1] to colours; other values and NaN are clamped."""
+    """Map values in [0, 1] to colors; other values and NaN are clamped."""
     index = np.nan_to_num(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8)
     colors: Bytes = CUBEHELIX[index]
     return colors

@@ -1,7 +1,7 @@
 """Compute `scenes360/chart`: `python -m scenes360.chart.make` from the repository's root.
 
 An orientation chart: a box room whose walls show their names and a grid of directions, every 10
-degrees of azimuth and elevation. Colour and depth are analytic; a lamp in the ceiling casts the
+degrees of azimuth and elevation. Color and depth are analytic; a lamp in the ceiling casts the
 objects' shadows.
 """
 
@@ -25,7 +25,7 @@ BOX_LOW, BOX_HIGH = np.array([-2.5, -1.5, -3.0]), np.array([3.0, 1.8, 2.5])
 DEPTH_SCALE = 1e-4
 LAMP_CENTRE, LAMP_HALF, LAMP_RADIANCE = (0.4, -0.9), 0.45, 14.0
 SUPERSAMPLING = 4
-WALLS = (  # axis, side, name, colour, right and up as the capture centre sees them
+WALLS = (  # axis, side, name, color, right and up as the capture centre sees them
     (2, 0, "FRONT -Z", (0.42, 0.16, 0.14), (1, 0, 0), (0, 1, 0)),
     (0, 1, "RIGHT +X", (0.16, 0.36, 0.18), (0, 0, 1), (0, 1, 0)),
     (2, 1, "BACK +Z", (0.16, 0.22, 0.44), (-1, 0, 0), (0, 1, 0)),
@@ -69,7 +69,7 @@ def panorama() -> NDArray[np.float32]:
 
 
 def radiance(directions: Float) -> Float:
-    """Return the colour (..., 3) of the chart along unit directions (..., 3)."""
+    """Return the color (..., 3) of the chart along unit directions (..., 3)."""
     points = directions * box_depth(directions)[..., None]
     color = np.zeros(directions.shape)
     for axis, side, name, base, right, up in WALLS:

@@ -167,11 +167,11 @@ plane = {{ point = [0, {height:g}, 0], normal = [0, 1, 0], tolerance = 0.006 }}
 def object_toml(name: str, placed: Standing) -> str:
     """Return the TOML table of an object."""
     material = placed.material
-    colour = ", ".join(f"{c:g}" for c in material.albedo)
+    color = ", ".join(f"{c:g}" for c in material.albedo)
     looks = {
-        "diffuse": f"albedo = [{colour}]",
-        "conductor": f"reflectance = [{colour}], alpha = {material.alpha:g}",
-        "plastic": f"albedo = [{colour}], alpha = {material.alpha:g}, ior = {material.ior:g}",
+        "diffuse": f"albedo = [{color}]",
+        "conductor": f"reflectance = [{color}], alpha = {material.alpha:g}",
+        "plastic": f"albedo = [{color}], alpha = {material.alpha:g}, ior = {material.ior:g}",
     }[material.kind]
     return f"""[[objects]]
 name = "{name}"

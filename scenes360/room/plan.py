@@ -1,4 +1,4 @@
-"""Positions in the room, in metres, and shared colours.
+"""Positions in the room, in metres, and shared colors.
 
 The sun comes through the window in the left wall and is not visible from the capture centre.
 """

@@ -1,6 +1,6 @@
 """Render `scenes360/train`: `python -m scenes360.train.make` from the repository's root.
 
-Writes the clip's colour and depth, the inserted objects' meshes, the truth of some frames and the
+Writes the clip's color and depth, the inserted objects' meshes, the truth of some frames and the
 scene.toml. Needs the `reference` extra.
 """
 
@@ -96,7 +96,7 @@ def main() -> None:
 
 
 def render_frame(folder: Path, index: int, spp: int) -> None:
-    """Write colour and depth of a frame of the panorama, unless they exist."""
+    """Write color and depth of a frame of the panorama, unless they exist."""
     color, depth = frame_files(folder, index)
     if depth.exists():
         return
@@ -107,7 +107,7 @@ def render_frame(folder: Path, index: int, spp: int) -> None:
 
 
 def frame_files(folder: Path, index: int) -> tuple[Path, Path]:
-    """Return the colour and depth file of a frame."""
+    """Return the color and depth file of a frame."""
     return folder / f"color.{index:04d}.exr", folder / f"depth.{index:04d}.exr"
 
 

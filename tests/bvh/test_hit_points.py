@@ -1,4 +1,4 @@
-"""The points, normals and colours where rays meet triangles, and rays that go on from there."""
+"""The points, normals and colors where rays meet triangles, and rays that go on from there."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ SETTINGS = Settings.model_validate(
 
 
 def screen_color(points: Float, normals: Float) -> Float:
-    """The screen is black. All else has the walls' colour."""
+    """The screen is black. All else has the walls' color."""
     on_screen = (np.abs(points - SCREEN.centre) < np.array(SCREEN.half) + 1e-3).all(-1)
     return np.where(on_screen[..., None], 0.0, bright_walls(points, normals))
 
@@ -70,7 +70,7 @@ def last_of(
 def test_a_mirror_shows_what_a_screen_hides(
     device: ComputeDevice, empty: Frame, screened: Frame
 ) -> None:
-    """Mirrored rays that pass behind the screen find the wall there, and its true colour."""
+    """Mirrored rays that pass behind the screen find the wall there, and its true color."""
     with_, without = (last_of(device, [empty, screened], static_camera=on) for on in (True, False))
     d = VIEW.directions()
     t, _, normal, _ = BALL.interval(np.zeros_like(d), d)

@@ -18,7 +18,7 @@ from tests.frame.shown import CASES, shown, shown_elsewhere
 pytestmark = pytest.mark.gl
 
 LEVELS, SHARE = 2.0 / 255.0, 0.999
-"""So far may displayed colours of this share of the pixels be apart."""
+"""So far may displayed colors of this share of the pixels be apart."""
 MEAN_LEVELS = 0.1 / 255.0
 """And of all pixels on average: few rays meet something else."""
 

@@ -33,11 +33,11 @@ DRIFTING = Footage.of(FRAME, drifts=True)
 OBJECTS = still_life()
 SETTINGS = Settings.model_validate(FEW)
 CAMERA = np.array([[0.7, 0.05, 0.0], [0.02, 0.6, 0.03], [0.0, 0.1, 0.5]])
-"""From colours of the reference to a frame that was exposed and balanced otherwise."""
+"""From colors of the reference to a frame that was exposed and balanced otherwise."""
 
 
 def shown(frame: Frame, camera: NDArray[np.float64]) -> Frame:
-    """The frame in other colours, whose map is known."""
+    """The frame in other colors, whose map is known."""
     color = (frame.color @ camera.T).astype(np.float32)
     return replace(frame, color=color, color_map=np.linalg.inv(camera))
 
@@ -91,7 +91,7 @@ def test_a_mapped_frame_shows_the_reference_mapped_back(device: ComputeDevice, k
     for index, camera in ((2, CAMERA), (3, np.eye(3))):
         expected = steady[index] @ camera.T
         # Overshoot of cubic convolution is limited by channel, edges are found by differences of
-        # colours, and uneven pixels weigh texels by their colours: all depend on a map that mixes
+        # colors, and uneven pixels weigh texels by their colors: all depend on a map that mixes
         # channels.
         assert rms(drifting[index] - expected) < 4e-3 * float(expected.mean())
         # Rounding decides what few rays meet.

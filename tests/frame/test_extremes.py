@@ -55,7 +55,7 @@ SMALL = VIEW.resized(32, 24)
 
 
 def of_everything(color: NDArray[np.floating]) -> Frame:
-    """The room in other colours (128, 256, 3), with a window in the wall and a glossy floor."""
+    """The room in other colors (128, 256, 3), with a window in the wall and a glossy floor."""
     frame = room_frame(ROOM, 256, 128, bright_walls)
     opening = np.zeros(frame.depth.shape, bool)
     opening[40:60, 150:180] = True

@@ -80,7 +80,7 @@ def test_frames_are_what_a_renderer_makes_of_the_video(scene: Scene, device: Com
 
 @pytest.mark.thorough
 def test_exposure_and_white_balance_may_drift(tmp_path: Path, device: ComputeDevice) -> None:
-    """Each frame equals the steady video's in its own colours; the setting turns that off."""
+    """Each frame equals the steady video's in its own colors; the setting turns that off."""
     steady = Scene.open(write_clip(tmp_path / "steady", 4))
     drifting = Scene.open(write_clip(tmp_path / "drifting", 4))
     gains = [np.array(gain) for gain in ((1.0, 1.0, 1.0), (1.5, 1.2, 1.0), (2, 2, 1.5), (1, 1, 1))]

@@ -86,7 +86,7 @@ def test_rays_see_the_light_that_was_clipped(device: ComputeDevice, kind: dict[s
     assert not np.array_equal(truth[0], without[0])
 
 
-def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
+def test_the_picture_shows_the_color(device: ComputeDevice) -> None:
     """Objects multiply it by the light's ratio."""
     frame = clipped(lit())
     with Renderer(device, frame, [BALL], AROUND, SETTINGS) as renderer:
@@ -97,7 +97,7 @@ def test_the_picture_shows_the_colour(device: ComputeDevice) -> None:
     np.testing.assert_allclose(shown.color[real], expected[real], rtol=1e-5)
 
 
-def test_light_that_goes_out_is_a_cut_though_the_colour_stays(device: ComputeDevice) -> None:
+def test_light_that_goes_out_is_a_cut_though_the_color_stays(device: ComputeDevice) -> None:
     """Histories end, and E_R starts again."""
     before = clipped(room_frame(World(), 64, 32, bright_walls))
     seen = replace(before, color=before.picture, clipped=None)

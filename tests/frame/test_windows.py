@@ -40,7 +40,7 @@ def in_window(points: Float) -> NDArray[np.bool_]:
 
 
 def sky(d: Float) -> Float:
-    """Radiance from far away: bands of colour."""
+    """Radiance from far away: bands of color."""
     return np.asarray(1.0 + 0.8 * np.sin(d * [40.0, 50.0, 9.0] + [0.0, 1.0, 2.0]))
 
 

@@ -177,7 +177,7 @@ def test_every_frame_does_all_that_a_new_direction_asks_for(device: ComputeDevic
     rows = {row.name: row for row in result.passes}
     assert rows["rasterize view"].host_ms > 0.0
     once_a_frame = {"unpack", "trace real", "trace virtual", "relight", "composite"}
-    # Colours are resampled, sharpened at edges, and split into highlights and the rest.
+    # Colors are resampled, sharpened at edges, and split into highlights and the rest.
     launches = {"resample": 3.0, **dict.fromkeys(once_a_frame, 1.0)}
     assert {name: rows[name].launches for name in launches} == launches
     assert all(rows[name].device_ms > 0.0 for name in launches)

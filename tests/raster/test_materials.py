@@ -85,12 +85,12 @@ def test_materials_of_several_instances() -> None:
         material = opened.render(View(80, 40), shade=True).front.material
         assert len(opened.materials) == 5
         np.testing.assert_array_equal(opened.material_object, [0, 0, 1, 2, 2])
-    colours = {1: (0.2, 0.4, 0.6), 2: (0.5, 0, 0), 4: (0.5, 0, 0), 5: (0.2, 0.4, 0.6)}
+    colors = {1: (0.2, 0.4, 0.6), 2: (0.5, 0, 0), 4: (0.5, 0, 0), 5: (0.2, 0.4, 0.6)}
     numbers = material[..., 3].astype(int)
-    assert set(np.unique(numbers)) == {0, *colours}
-    for number, colour in colours.items():
+    assert set(np.unique(numbers)) == {0, *colors}
+    for number, color in colors.items():
         np.testing.assert_allclose(
-            material[numbers == number][:, :3], [colour] * (numbers == number).sum(), atol=1e-6
+            material[numbers == number][:, :3], [color] * (numbers == number).sum(), atol=1e-6
         )
 
 

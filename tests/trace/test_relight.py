@@ -28,9 +28,9 @@ def run(
     touched: np.ndarray | None = None,
     variance: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(4, H, W) ratio, where the camera saw the radiance `seen`, one colour.
+    """(4, H, W) ratio, where the camera saw the radiance `seen`, one color.
 
-    With an `irradiance`, one colour, the signal is relative to it, and may have a `variance`,
+    With an `irradiance`, one color, the signal is relative to it, and may have a `variance`,
     (H, W). `touched` is written to.
     """
     layout = gbuffer.layout
@@ -38,8 +38,8 @@ def run(
     delta = irradiance is not None
     noise = None if variance is None else upload(device, layout, variance[None])
     relight = Relight(device, guide, span_arguments([guide]), noise, delta=delta, name="test")
-    colour = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
-    planes, seen_planes = (upload(device, layout, image) for image in (signal, colour))
+    color = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
+    planes, seen_planes = (upload(device, layout, image) for image in (signal, color))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)
     before = np.zeros((layout.height, layout.width)) if touched is None else touched
     remembered = upload(device, layout, before[None])

@@ -26,7 +26,7 @@ def test_equation(
 ) -> None:
     rng = np.random.default_rng(0)
     layout = PlaneLayout(width, height)
-    colour, albedo, light, shine, ratio = rng.random((5, 3, height, width))
+    color, albedo, light, shine, ratio = rng.random((5, 3, height, width))
     coverage = rng.choice([0.0, 0.3, 1.0], (height, width))
     planes = {
         "coverage": coverage[None] if diffuse or specular else None,
@@ -46,15 +46,15 @@ def test_equation(
     if relit:
         arrays["ratio"] = device.upload("ratio", pixels(ratio))
     composite = Composite(device, layout)
-    composite.run(upload(device, layout, colour), **arrays)
+    composite.run(upload(device, layout, color), **arrays)
     picture = np.moveaxis(device.read(composite.picture), -1, 0)
     if not (diffuse or specular):
         coverage, hidden = 0.0 * coverage, 0.0 * hidden
     ratio = ratio if relit else np.ones_like(ratio)
     beyond = ratio.reshape(3, -1)[:, second]
     expected = coverage * (diffuse * albedo * light + specular * shine)
-    expected = expected + (1.0 - hidden[0]) * (1.0 - share) * colour * ratio
-    expected = expected + (1.0 - hidden[1]) * share * colour * beyond
+    expected = expected + (1.0 - hidden[0]) * (1.0 - share) * color * ratio
+    expected = expected + (1.0 - hidden[1]) * share * color * beyond
     np.testing.assert_allclose(picture[:3], expected, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
 
@@ -65,17 +65,17 @@ def test_untouched_pixels_keep_their_bits(
 ) -> None:
     rng = np.random.default_rng(1)
     layout = PlaneLayout(31, 17)
-    colour = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
-    colour.ravel()[:3] = 0.0, 1e-30, 65504.0
+    color = rng.gamma(0.3, 2.0, (3, 17, 31)).astype(np.float32)
+    color.ravel()[:3] = 0.0, 1e-30, 65504.0
     unlit = np.full((3, 17, 31), np.nan)
-    base = np.einsum("ij,jyx->iyx", COLOR_MAP, colour) if color_map else 0.3 * colour
+    base = np.einsum("ij,jyx->iyx", COLOR_MAP, color) if color_map else 0.3 * color
     composite = Composite(device, layout)
     composite.run(
-        upload(device, layout, colour),
+        upload(device, layout, color),
         ratio=device.upload("ratio", pixels(np.ones((3, 17, 31)))),
         **edges(device, layout, rng.random((3, 17, 31)), rng.choice([-1, UNEVEN], (17, 31))),
         base=upload(device, layout, base) if color_map or gloss else None,
-        change=upload(device, layout, np.zeros_like(colour)) if gloss else None,
+        change=upload(device, layout, np.zeros_like(color)) if gloss else None,
         coverage=upload(device, layout, np.zeros((1, 17, 31))),
         albedo=upload(device, layout, unlit),
         diffuse=upload(device, layout, unlit),
@@ -83,7 +83,7 @@ def test_untouched_pixels_keep_their_bits(
         color_map=mapped_rows(device).rows if color_map else None,
     )
     picture = device.read(composite.picture)
-    assert np.array_equal(picture[..., :3], np.moveaxis(colour, 0, -1))
+    assert np.array_equal(picture[..., :3], np.moveaxis(color, 0, -1))
     assert not picture[..., 3].any()
 
 
@@ -117,7 +117,7 @@ def pixels(ratio: np.ndarray) -> np.ndarray:
 
 
 COLOR_MAP = np.array([[1.4, 0.2, 0.0], [0.1, 2.0, 0.1], [0.0, 0.3, 1.1]])
-"""A frame's colours to the reference's."""
+"""A frame's colors to the reference's."""
 
 
 def mapped_rows(device: ComputeDevice) -> ColorMap:
@@ -133,12 +133,12 @@ def test_reflections_change_apart_and_all_is_mapped_back(
 ) -> None:
     rng = np.random.default_rng(4)
     layout = PlaneLayout(width, height)
-    colour, base, albedo, light, shine, ratio = rng.random((6, 3, height, width))
-    change = rng.normal(size=colour.shape) if gloss else np.zeros(colour.shape)
+    color, base, albedo, light, shine, ratio = rng.random((6, 3, height, width))
+    change = rng.normal(size=color.shape) if gloss else np.zeros(color.shape)
     coverage = rng.choice([0.0, 0.3, 1.0], (height, width))
     composite = Composite(device, layout)
     composite.run(
-        upload(device, layout, colour),
+        upload(device, layout, color),
         ratio=device.upload("ratio", pixels(ratio)),
         **edges(device, layout),
         base=upload(device, layout, base),
@@ -155,7 +155,7 @@ def test_reflections_change_apart_and_all_is_mapped_back(
     def back(values: np.ndarray) -> np.ndarray:
         return np.einsum("ij,jyx->iyx", inverse, values)
 
-    real = np.maximum(colour + back(base * (ratio - 1.0) + change), 0.0)
+    real = np.maximum(color + back(base * (ratio - 1.0) + change), 0.0)
     expected = coverage * np.maximum(back(albedo * light + shine), 0.0) + (1.0 - coverage) * real
     np.testing.assert_allclose(picture[:3], expected, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(picture[3], coverage, rtol=1e-6)
@@ -163,21 +163,21 @@ def test_reflections_change_apart_and_all_is_mapped_back(
 
 @pytest.mark.parametrize("gloss", [False, True])
 def test_diffuse_part(device: ComputeDevice, gloss: bool) -> None:
-    """Colours are mapped first; reflections, which may be infinite, are removed."""
+    """Colors are mapped first; reflections, which may be infinite, are removed."""
     rng = np.random.default_rng(6)
     layout = PlaneLayout(31, 17)
-    colour, shine = rng.random((2, 3, 17, 31))
+    color, shine = rng.random((2, 3, 17, 31))
     shine[:, 3] = np.inf
     part = DiffusePart(device, layout, name="test", gloss=gloss, color_map=True)
-    planes = upload(device, layout, colour)
+    planes = upload(device, layout, color)
     highlight = upload(device, layout, shine) if gloss else None
     rows = mapped_rows(device).rows
     found = layout.interior(device.read(part.run(planes, highlight, rows)))
-    expected = np.einsum("ij,jyx->iyx", COLOR_MAP, colour) - (shine if gloss else 0.0)
+    expected = np.einsum("ij,jyx->iyx", COLOR_MAP, color) - (shine if gloss else 0.0)
     np.testing.assert_allclose(found, np.maximum(expected, 0.0), rtol=1e-5, atol=1e-6)
     plain = part.run(planes, highlight, None)
     if gloss:
-        expected = np.maximum(colour.astype(np.float32) - shine.astype(np.float32), 0.0)
+        expected = np.maximum(color.astype(np.float32) - shine.astype(np.float32), 0.0)
         np.testing.assert_array_equal(layout.interior(device.read(plain)), expected)
     else:
         assert plain is planes

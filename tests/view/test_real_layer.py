@@ -44,7 +44,7 @@ def resampled(
 
 
 def noisy_frame(world: World = ROOM) -> Frame:
-    """The room in random colours."""
+    """The room in random colors."""
     color = np.random.default_rng(2).uniform(0.0, 4.0, (HEIGHT, WIDTH, 3))
     return replace(world.frame(WIDTH, HEIGHT), color=color.astype(np.float32))
 

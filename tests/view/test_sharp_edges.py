@@ -45,7 +45,7 @@ def shown(device: ComputeDevice, panorama: Panorama, view: View, *, sharp: bool 
 
 
 def color_of(d: Float) -> Float:
-    """Return the colours (..., 3) in directions from the capture centre; each thing has one."""
+    """Return the colors (..., 3) in directions from the capture centre; each thing has one."""
     return COLORS[ROOM.first_hit(np.zeros(3), d)[2]]
 
 
@@ -74,7 +74,7 @@ def textured() -> Frame:
 
 
 def ragged() -> Frame:
-    """Rough surfaces and open sky, with gaps of all lengths, in random mixtures of two colours."""
+    """Rough surfaces and open sky, with gaps of all lengths, in random mixtures of two colors."""
     rng = np.random.default_rng(6)
     scraps, rough = gaussian_filter(rng.normal(size=(2, HEIGHT, WIDTH)), (0, 1, 1), mode="wrap")
     depth = np.where(scraps > 0.1, np.inf, 3.0 * np.exp(0.3 * rough))

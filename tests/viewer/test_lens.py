@@ -1,4 +1,4 @@
-"""Exposure, false colours and comparisons, without a device."""
+"""Exposure, false colors and comparisons, without a device."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def test_the_plain_video_is_what_renderers_resample(scene: Scene, device: Comput
             expected = renderer.render().color
         found = resampled(frame, view)
         assert found.shape == expected.shape
-        # Where colours change from texel to texel, the two filters differ.
+        # Where colors change from texel to texel, the two filters differ.
         assert np.median(np.abs(found - expected)) < 0.02 * np.median(expected)
 
 

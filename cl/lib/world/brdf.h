@@ -9,7 +9,7 @@
 // Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
 // JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub, "Sampling Visible GGX
 // Normals with Spherical Caps", HPG 2023. Plastic: a GGX dielectric coat on a Lambertian base with linear
-// colour, as Mitsuba 3 defines `roughplastic` and `plastic`.
+// color, as Mitsuba 3 defines `roughplastic` and `plastic`.
 #pragma once
 
 #include "maths/equirect.h"

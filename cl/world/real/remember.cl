@@ -6,7 +6,7 @@
 //          kept_plane                [H*W*3]  g of the tangent plane (lib/world/real/real.h)
 //          kept_color                [H*W*3]  radiance
 //          kept_around               [H*W]    its magnitude: the slow mean of kept_depth; negative:
-//                                             the colour may be mixed with a nearer surface's
+//                                             the color may be mixed with a nearer surface's
 // out      kept_marks                [H*W]    SURFACE_OPENING, SURFACE_HIDDEN, SURFACE_AIMED
 //          hidden_light              [H*W]    luminance of the background, where it is hidden by a
 //                                             darker surface; else 0
@@ -23,7 +23,7 @@
 #define FOLLOW 0.015625f
 // Least cosine between normals of possibly the same surface.
 #define SAME_NORMAL 0.7f
-// Distance in texels over which cameras and codecs mix colours.
+// Distance in texels over which cameras and codecs mix colors.
 #define RIM 2
 // Least relative noise of depth between frames, however thin surfaces are.
 #define LEAST_MARGIN 0.02f

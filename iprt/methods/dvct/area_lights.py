@@ -125,7 +125,7 @@ def area_lights(
     (N, 3, 4) float32
         N <= count. Position in the axes of the capture centre and squared radius, in metres;
         normal, and the share of the flux that comes through windows; radiance times area along the
-        normal, per colour.
+        normal, per color.
     """
     rows, columns = distance.shape
     directions = View(columns, rows, projection="equirect").directions().astype(np.float64)

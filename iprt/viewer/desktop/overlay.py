@@ -109,7 +109,7 @@ def caption(ui: DesktopState, rectangle: Rectangle) -> None:
 
 
 def _lines(lines: Sequence[tuple[str, Color]]) -> None:
-    """Draw lines of text, each in its colour."""
+    """Draw lines of text, each in its color."""
     for text, color in lines:
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
         imgui.text_unformatted(text)

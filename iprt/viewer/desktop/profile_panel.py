@@ -70,12 +70,12 @@ def _table(pass_times: PassTimes) -> None:
 
 
 def _color(number: int) -> imgui.ImVec4:
-    """Return the colour of a pass by its index in a frame."""
+    """Return the color of a pass by its index in a frame."""
     return implot.get_colormap_color(number)
 
 
 def _swatch(number: int) -> None:
-    """Draw a square of the pass's colour before its name."""
+    """Draw a square of the pass's color before its name."""
     corner, side = imgui.get_cursor_screen_pos(), imgui.get_font_size()
     color = _color(number)
     low = imgui.ImVec2(corner.x, corner.y + 0.2 * side)

@@ -65,7 +65,7 @@ def act_on_keys(ui: DesktopState, presses: Sequence[KeyPress]) -> None:
 
 
 def _escape(ui: DesktopState) -> None:
-    """Close an open list or colour picker, or else another open part."""
+    """Close an open list or color picker, or else another open part."""
     flags = imgui.PopupFlags_.any_popup_id | imgui.PopupFlags_.any_popup_level
     if imgui.is_popup_open("", flags):
         imgui.internal.close_popups_except_modals()

@@ -1,4 +1,4 @@
-"""The style of the window: colours and fonts."""
+"""The style of the window: colors and fonts."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ LINE: Color = (0.21, 0.215, 0.23, 1.0)
 
 
 def packed(color: Color, alpha: float = 1.0) -> int:
-    """Convert a colour for draw lists."""
+    """Convert a color for draw lists."""
     return int(imgui.get_color_u32((*color[:3], color[3] * alpha)))
 
 
 def apply_style(scale: float) -> None:
-    """Set the colours, sizes and fonts of a new imgui context."""
+    """Set the colors, sizes and fonts of a new imgui context."""
     style = imgui.get_style()
     imgui.style_colors_dark()
     for names, color in _COLORS.items():

@@ -11,7 +11,7 @@ from iprt.geometry.camera import View
 Matrix = NDArray[np.float64]
 
 BESIDE = (0.05, 0.05, 0.06)
-"""Colour outside the last picture."""
+"""Color outside the last picture."""
 
 _VERTEX = """
 #version 330

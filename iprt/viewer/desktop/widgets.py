@@ -251,7 +251,7 @@ def _number(name: str, now: float, field: Field) -> float:
 def _linear_color(
     name: str, color: tuple[float, float, float]
 ) -> tuple[float, float, float] | None:
-    """Draw a colour picker for linear Rec.709 in [0, 1]; return a newly chosen colour, or None."""
+    """Draw a color picker for linear Rec.709 in [0, 1]; return a newly chosen color, or None."""
     shown = [float(value) for value in srgb_encode(np.clip(color, 0.0, 1.0))]
     changed, picked = imgui.color_edit3(name, shown, imgui.ColorEditFlags_.float)
     if not changed:

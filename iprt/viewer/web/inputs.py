@@ -23,7 +23,7 @@ HELD_S = 0.4
 STEPS = 200
 """Number of steps of a non-integer slider."""
 QUIET = (60, 66, 74)
-"""Colour (RGB) of buttons."""
+"""Color (RGB) of buttons."""
 ICONS = {
     "undo": "arrow-back-up",
     "redo": "arrow-forward-up",

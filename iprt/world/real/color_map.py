@@ -1,4 +1,4 @@
-"""Maps between a video frame's colours and the colours for rays, on the device."""
+"""Maps between a video frame's colors and the colors for rays, on the device."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ColorMap:
     Attributes
     ----------
     rows : (6, 4) float32 or None
-        Rows of the map to the reference's colours, and of its inverse; None: no map.
+        Rows of the map to the reference's colors, and of its inverse; None: no map.
     """
 
     def __init__(self, device: ComputeDevice) -> None:

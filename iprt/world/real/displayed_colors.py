@@ -1,4 +1,4 @@
-"""Displayed colours where lights were clipped, on the device."""
+"""Displayed colors where lights were clipped, on the device."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ShownArgs(Block):
     clipped : uint32 or None
         `ClippedTexels.words()`; None: no texel is clipped.
     clipped_color : (N + 1, 3) float32 or None
-        Displayed colours of the clipped texels.
+        Displayed colors of the clipped texels.
     """
 
     color: Floats
@@ -31,9 +31,9 @@ class ShownArgs(Block):
 
 
 class ShownTexels:
-    """Texels whose displayed colour differs from the radiance for rays.
+    """Texels whose displayed color differs from the radiance for rays.
 
-    They take a quarter of a byte per texel of the panorama, and a colour for each of them
+    They take a quarter of a byte per texel of the panorama, and a color for each of them
     (`cl/lib/world/real/panorama.h`).
 
     Parameters
@@ -56,7 +56,7 @@ class ShownTexels:
         self._words = self._colors = None
         if clipped is None:
             return
-        # Kernels load a vector of four, past the last colour too.
+        # Kernels load a vector of four, past the last color too.
         colors = np.concatenate([clipped.color, np.zeros((1, 3), np.float32)])
         self._words = self._device.share("panorama.clipped", clipped.words(self._count))
         self._colors = self._device.share("panorama.clipped color", colors)

@@ -104,7 +104,7 @@ class Panorama:
     radiance : (H, W, 3) float32
         `Frame.radiance`: `color` itself, or a separate buffer where frames may have a map.
     clipped : ShownTexels
-        Texels of `color` with a different displayed colour.
+        Texels of `color` with a different displayed color.
     surfaces : Surfaces
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
         Distant environment behind windows, if requested.
@@ -252,7 +252,7 @@ class Panorama:
 
     @property
     def color(self) -> cla.Array:
-        """`Picture.texels` of the frame's colour."""
+        """`Picture.texels` of the frame's color."""
         return self._color.texels
 
     @property

@@ -110,14 +110,14 @@ def test_the_nearest_surface_wins(device: ComputeDevice, up: float) -> None:
     hiding = wanted[both] > 1.1 * last[both]
     assert hiding.sum() > 5
     assert same[hiding].mean() > 0.9
-    # Its colour is its own: here, how far it is from the camera.
+    # Its color is its own: here, how far it is from the camera.
     seen = np.linalg.norm(np.array(centre) + d[both] / wanted[both][:, None], axis=1)
     off = np.abs(texels[both, 0] / seen - 1.0)
     assert np.quantile(off[hiding], 0.7) < 0.05
 
 
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), CENTRE, (-1.4, 1.0, 2.2)])
-def test_a_room_has_its_distances_and_colours(
+def test_a_room_has_its_distances_and_colors(
     device: ComputeDevice, centre: tuple[float, float, float]
 ) -> None:
     """A convex room is visible from everywhere."""

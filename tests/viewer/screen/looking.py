@@ -17,5 +17,5 @@ def widget(user: User, label: str) -> NDArray[np.uint8]:
 
 
 def texts(pixels: NDArray[np.uint8], color: Color = TEXT) -> int:
-    """Pixels in the colour of text."""
+    """Pixels in the color of text."""
     return int((np.abs(pixels - 255.0 * np.array(color[:3])).max(axis=2) < 24.0).sum())

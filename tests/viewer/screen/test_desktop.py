@@ -241,7 +241,7 @@ def test_keys_that_are_held_down(user: User) -> None:
 
 
 def test_escape_closes_what_is_open_first(user: User) -> None:
-    """The colour picker of an object, and the object is let go of only then."""
+    """The color picker of an object, and the object is let go of only then."""
     user.press("Scene")
     user.click(*user.cube())
     assert user.ui.selected == "cube"

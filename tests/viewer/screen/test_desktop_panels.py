@@ -195,7 +195,7 @@ def test_news_of_an_added_mesh_are_told(user: User) -> None:
 
     def written() -> bool:
         # Again, as the engine may just have reported something else.
-        news = ("box.glb: its vertex colours are not shown",)
+        news = ("box.glb: its vertex colors are not shown",)
         shared.report(replace(shared.status, notes=news))
         user.wait(6)
         return texts(user.picture()) > before + 100

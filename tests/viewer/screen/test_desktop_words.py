@@ -63,19 +63,19 @@ def test_a_truth_that_is_not_there_cannot_be_chosen(user: User) -> None:
     user.until(lambda: user.ui.viewport.truth_problem is not None)
 
 
-def test_colours_are_srgb_and_say_so(user: User) -> None:
+def test_colors_are_srgb_and_say_so(user: User) -> None:
     """What is seen and typed is sRGB; what the scene gets is linear."""
     user.press("Scene")
     user.click(*user.cube())
     user.scroll_to("##color")
-    assert user.reads("Colour (sRGB)")
+    assert user.reads("Color (sRGB)")
     linear = np.array(user.engine.objects[0].materials[0].albedo)
     shown = np.where(linear > 0.0031308, 1.055 * linear ** (1.0 / 2.4) - 0.055, 12.92 * linear)
     _, top, right, bottom = user.places["##color"]
     user.places["swatch"] = right - 14.0, top + 6.0, right - 6.0, bottom - 6.0
     user.away()
     assert np.abs(widget(user, "swatch") - 255.0 * shown).max() < 3.0
-    for label, share in (("Colour (sRGB)", 0.5), ("##color", 0.97)):
+    for label, share in (("Color (sRGB)", 0.5), ("##color", 0.97)):
         user.hover(label, share)
         user.until(lambda: user.reads("sRGB", "stores linear values: 0.5, 0.3, 0.2."))
         user.away()

@@ -77,13 +77,13 @@ def test_controls_stay_where_they_are(place: Place, monkeypatch: pytest.MonkeyPa
 
     status = place.engine.status
     problem = "scene.toml: objects[0].mesh: a very long line of what is wrong. " * 8
-    many = replace(status, problems=(problem,) * 3, notes=("vertex colours are not read",))
+    many = replace(status, problems=(problem,) * 3, notes=("vertex colors are not read",))
     monkeypatch.setattr(type(place.engine), "status", property(lambda _: many))
     wait_for(visitor, "document.querySelectorAll('.problem').length === 3")
     assert places(visitor) == before
     notes = visitor.page.locator(".note")
     notes.scroll_into_view_if_needed()
-    assert notes.inner_text() == "vertex colours are not read"
+    assert notes.inner_text() == "vertex colors are not read"
     monkeypatch.undo()
     wait_for(visitor, "!document.querySelector('.problem')")
 
@@ -236,15 +236,15 @@ def test_playing(place: Place) -> None:
 
 
 def test_materials_and_buffers_are_explained(place: Place) -> None:
-    """Where the mouse rests on them; colours say in which numbers they are."""
+    """Where the mouse rests on them; colors say in which numbers they are."""
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     choose(visitor, "Selected", "cube")
     until(lambda: browser.selected == "cube", "it is not selected")
-    color = visitor.input("Colour (sRGB)")
+    color = visitor.input("Color (sRGB)")
     until(lambda: color.is_visible(), "of which kind?")
     until(lambda: color.input_value() == "rgb(188, 149, 124)", color.input_value)
-    assert "scene.toml stores linear values" in hint(visitor, "Colour (sRGB)")
+    assert "scene.toml stores linear values" in hint(visitor, "Color (sRGB)")
     color.fill("rgb(188, 149, 54)")
     color.press("Enter")
     blue = (54 / 255 + 0.055) / 1.055

@@ -160,7 +160,7 @@ class User:
         self.move(left + share * (right - left) - corner[0], 0.5 * (top + bottom) - corner[1])
 
     def reds(self) -> int:
-        """Pixels of the picture in the colour of problems."""
+        """Pixels of the picture in the color of problems."""
         difference = np.abs(self.picture().astype(int) - 255.0 * np.array(BAD[:3])).max(axis=2)
         return int((difference < 12).sum())
 

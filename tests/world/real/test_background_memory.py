@@ -63,7 +63,7 @@ def noisy(frame: Frame, seed: int, sigma: float) -> Frame:
 
 
 def random_film(seed: int, count: int) -> list[Frame]:
-    """Any depth, normal, colour, window and sky at any texel; surfaces stay for a while."""
+    """Any depth, normal, color, window and sky at any texel; surfaces stay for a while."""
     rng = np.random.default_rng(seed)
     height, width = 24, 48
     frames, depth = [], rng.uniform(0.5, 5.0, (height, width))
@@ -154,7 +154,7 @@ def test_what_nears_slowly_does_not_draw_the_wall_along(device: ComputeDevice) -
     assert np.abs(memory.depth - first.depth)[inside].max() < 0.05 * first.depth.max() + 1e-3
 
 
-def test_mixed_colours_at_rims_are_not_remembered(device: ComputeDevice) -> None:
+def test_mixed_colors_at_rims_are_not_remembered(device: ComputeDevice) -> None:
     """Frames blurred by a texel, as lenses and codecs do; the ball comes, and goes."""
 
     def blurred(frame: Frame) -> Frame:

@@ -30,7 +30,7 @@ SMOOTH = Material("plastic", alpha=0.0, ior=1.5)
 
 @dataclass(frozen=True)
 class Split:
-    """(H, W, 3) colours, highlight and what is radiated; (rows, columns, 3) gain."""
+    """(H, W, 3) colors, highlight and what is radiated; (rows, columns, 3) gain."""
 
     color: NDArray[np.float32]
     highlight: NDArray[np.float32]

@@ -1,7 +1,7 @@
-// Linear maps between the colours of a video frame and of its reference frame.
+// Linear maps between the colors of a video frame and of its reference frame.
 #pragma once
 
-// First rows, xyz each, of the map to the reference's colours, and of its inverse.
+// First rows, xyz each, of the map to the reference's colors, and of its inverse.
 #define TO_REFERENCE 0
 #define TO_FRAME 3
 

@@ -1,10 +1,10 @@
-// Depth edges of the panorama at subtexel precision, where texels mix the colours of two surfaces.
+// Depth edges of the panorama at subtexel precision, where texels mix the colors of two surfaces.
 //
 // In a window of 4x4 texels around a point, the gap nearest to the point separates two sides, the first and
 // the second, in either order. Texels at gaps are mixed. The others of each side are pure, and their means
-// are the two colours. A side too thin for pure texels has the colour of its texel that differs most from
+// are the two colors. A side too thin for pure texels has the color of its texel that differs most from
 // the other side. The coverage of a mixed texel, its share of the first side, is the least-squares solution
-// between the colours. The edge is the 1/2 isoline of bilinearly blended levels, a function of coverage.
+// between the colors. The edge is the 1/2 isoline of bilinearly blended levels, a function of coverage.
 //
 // Element k of a vector of 16, and bit k of a mask, stand for the texel in row k / 4 and column k % 4.
 #pragma once
@@ -13,9 +13,9 @@
 #include "world/real/reconstruct.h"
 
 #define FARTHEST_GAP 2.25f // squared distance limit of gaps, in texels
-#define PRIOR 0.01f        // least weight of the expected coverage, over the square of the brightest colour
+#define PRIOR 0.01f        // least weight of the expected coverage, over the square of the brightest color
 #define MIXTURE 0.01f      // squared residual, over the squared contrast, at which a texel is half a mixture
-#define ALIKE 1e-5f        // the same over the square of the brightest colour
+#define ALIKE 1e-5f        // the same over the square of the brightest color
 #define WHOLE 0.97f        // coverage from which a texel shows one side only
 #define RADIUS 0.83f       // of a pixel's filter, in pixels
 #define FADED 1e-3f        // least weight of a column or row
@@ -179,7 +179,7 @@ static inline ALWAYS_INLINE float16 channel(Shown shown, int16 t, int c)
                      channel_of_row(shown, t.s89ab, c), channel_of_row(shown, t.scdef, c));
 }
 
-// Fill the window with the picture's colours.
+// Fill the window with the picture's colors.
 static inline ALWAYS_INLINE void see(Window *w, Shown shown)
 {
     w->red = channel(shown, w->texels, 0);
@@ -196,7 +196,7 @@ static inline ALWAYS_INLINE float16 fading(const Window *w)
     return across.xyzwxyzwxyzwxyzw * down.xxxxyyyyzzzzwwww;
 }
 
-// Return the weighted mean colour of the window.
+// Return the weighted mean color of the window.
 static inline ALWAYS_INLINE float3 mean_color(const Window *w, float16 weight)
 {
     return (float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue))
@@ -215,7 +215,7 @@ static inline ALWAYS_INLINE float16 squared_distance(const Window *w, float3 col
     return red * red + green * green + blue * blue;
 }
 
-// Return a mask of the texel in `mask` whose colour is farthest from `from`.
+// Return a mask of the texel in `mask` whose color is farthest from `from`.
 static inline ALWAYS_INLINE int farthest_color(const Window *w, int mask, float3 from)
 {
     const float16 near = 1.0f / (squared_distance(w, from) + FLT_MIN);
@@ -233,7 +233,7 @@ static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int2 sides, int mi
     return pure;
 }
 
-// Return the weighted mean squared distance of colours from `mean`.
+// Return the weighted mean squared distance of colors from `mean`.
 static inline ALWAYS_INLINE float color_variance(const Window *w, float16 weight, float3 mean)
 {
     return sum_of(weight * squared_distance(w, mean)) / sum_of(weight);
@@ -245,9 +245,9 @@ static inline ALWAYS_INLINE float expected_coverage(int first, int k)
     return 0.5f + STEEP * (popcount(first >> (k - 5) & 0x777) / 9.0f - 0.5f);
 }
 
-// Return the coverage of the window's texels by the first side: least squares between two colours, which
+// Return the coverage of the window's texels by the first side: least squares between two colors, which
 // count more the less they vary. A texel's coverage is at least 1/2 on its own side. `mixtures` gets how
-// well mixtures of both colours explain the texels at the point, 1 to 0.
+// well mixtures of both colors explain the texels at the point, 1 to 0.
 static inline ALWAYS_INLINE float16 find_coverage(
     const Window *w, int first, int2 pure, int mixed, float *mixtures)
 {
@@ -317,7 +317,7 @@ static inline ALWAYS_INLINE float16 squared_way(const Window *w)
     return x * x + y * y;
 }
 
-// Return the colour of a side at the point by cubic convolution, with the other side's texels extrapolated
+// Return the color of a side at the point by cubic convolution, with the other side's texels extrapolated
 // from this side's, weighted by nearness.
 static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
 {

@@ -93,7 +93,7 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
     return weights > 0.0f ? factor / weights * sum : brightest;
 }
 
-// Return 1 / (E_R / pi) at a point, per colour; 0 where it is black.
+// Return 1 / (E_R / pi) at a point, per color; 0 where it is black.
 static inline float3 inverse_irradiance(const IrradianceCache cache, float3 p, float3 n)
 {
     const float3 irradiance = cached_irradiance(cache, p, n);

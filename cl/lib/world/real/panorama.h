@@ -1,4 +1,4 @@
-// Radiance lookups in the panorama, and its displayed colours where lights were clipped.
+// Radiance lookups in the panorama, and its displayed colors where lights were clipped.
 #pragma once
 
 #include <iprt.world.real.displayed_colors>

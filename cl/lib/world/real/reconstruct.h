@@ -113,7 +113,7 @@ static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
     return clamp(sum, (1.0f - OVERSHOOT) * low, (1.0f + OVERSHOOT) * high);
 }
 
-// Return a picture's colour in a pixel: cubic convolution at its centre, or the mean of `points` x `points`
+// Return a picture's color in a pixel: cubic convolution at its centre, or the mean of `points` x `points`
 // bilinear lookups all over it.
 static inline ALWAYS_INLINE float3 shown_in_pixel(
     Shown shown, int width, int height, Footprint inside, int points)

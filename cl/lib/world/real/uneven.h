@@ -1,4 +1,4 @@
-// Uneven pixels: their colour blends texels of several planes without a sharp edge. They lie at creases, on
+// Uneven pixels: their color blends texels of several planes without a sharp edge. They lie at creases, on
 // rough depth and around objects of a few texels. Relit by their central texel alone, they would show its
 // outline.
 //
