@@ -56,7 +56,7 @@ WINDOWS = {
 caches have it after the first time."""
 REGISTERS, WARP = 65536, 32
 """Registers of a multiprocessor, and threads of a warp."""
-PREPARING = frozenset(("upload", "surface", "pyramid", "background"))
+PREPARING = frozenset(("picture", "surfaces", "pyramid", "background"))
 """Passes that prepare a frame of a video for rays, whatever the scene's materials are."""
 
 

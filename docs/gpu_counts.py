@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 VIDEO, FRAME = "video", "frame"
 """Kinds of frame: preparing a frame of a video, and a frame of a head that turns."""
 
-BANDED = frozenset(("upload", "surface"))
+BANDED = frozenset(("picture", "surfaces"))
 """Passes that go through a panorama in bands: `iprt.world.real.surfaces`."""
 FILL = "fill"
 """Name for clearing a buffer in tables of kernels."""

@@ -97,7 +97,7 @@ def test_a_frame_is_counted(device: ComputeDevice) -> None:
     assert set(counts) == {VIDEO, FRAME}
     composite = counts[FRAME]["composite", "composite"]
     assert (composite.launches, composite.items) == (1, 16 * 16)
-    see = counts[FRAME]["trace view", "see_objects"]
+    see = counts[FRAME]["draw objects", "see_objects"]
     assert see.rays == see.active == see.items > 0
     assert see.steps >= see.rays
     assert "COUNT_WORK" not in see.program

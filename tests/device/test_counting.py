@@ -142,7 +142,7 @@ def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
     assert refined.objects == Rays()
     assert work["irradiance", "list_cells"].active == listed
     assert work["irradiance", "smooth_cells"].active == refined.active
-    seen, shown = (work["trace view", kernel] for kernel in ("see_objects", "show_objects"))
+    seen, shown = (work["draw objects", kernel] for kernel in ("see_objects", "show_objects"))
     assert seen.active == seen.objects.count > 0
     assert shown.objects.count == COVERAGE_SAMPLES**2 * shown.active
 

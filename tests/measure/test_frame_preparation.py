@@ -52,7 +52,7 @@ def test_frames_that_differ_come_in(
         assert not np.array_equal(frame.depth, following.depth)
     assert np.array_equal(loaded[0].color, loaded[HELD].color)
     assert min(found.first_ms, found.ms, found.preparing_ms, found.loading_ms) > 0.0
-    assert {"upload", "surface", "pyramid"} <= {one.name for one in found.passes}
+    assert {"picture", "surfaces", "pyramid"} <= {one.name for one in found.passes}
     assert all(one.device_ms < found.ms * 5 for one in found.passes)
 
 
