@@ -135,7 +135,7 @@ class RealLayer:
 
     @property
     def edges(self) -> dict[str, cla.Array]:
-        """Arguments for comparing objects at depth edges: see `cl/world/objects/unpack.cl`."""
+        """Arguments for comparing objects at depth edges: see `cl/view/unpack.cl`."""
         assert self.other is not None
         return {
             "real_normal": self.normal,
