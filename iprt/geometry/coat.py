@@ -104,24 +104,44 @@ def _mean_over_normals(
 ) -> Array:
     """Average function(o, m, o·m) over the GGX normals m visible from o, for each cosine of o.
 
-    Normals are sampled by spherical caps (Dupuy and Benyoub, HPG 2023). The azimuth of o does not
-    matter, and the integrand is even in the cap's azimuth.
+    The azimuth of o does not matter, and the integrand is even in the azimuth of the normals.
     """
     nodes, weights = _unit_quadrature(count)
-    phi = (np.pi * nodes)[None, :]
+    v, u = (axis.ravel() for axis in np.meshgrid(1 - nodes, nodes / 2, indexing="ij"))
     means = np.empty(len(cosine))
     for i, mu in enumerate(np.clip(cosine, 1e-6, 1)):
         o = np.array([np.sqrt(1 - mu**2), 0, mu])
-        stretched = o * (alpha, alpha, 1)
-        stretched /= np.linalg.norm(stretched)
-        height = (nodes * (1 + stretched[2]))[:, None]
-        radius = np.sqrt(np.maximum(1 - (height - stretched[2]) ** 2, 0))
-        m = np.stack(
-            np.broadcast_arrays(
-                alpha * (radius * np.cos(phi) + stretched[0]), alpha * radius * np.sin(phi), height
-            ),
-            axis=-1,
-        )
-        m /= np.linalg.norm(m, axis=-1, keepdims=True)
+        m = visible_normals(o[None], alpha, u, v).reshape(count, count, 3)
         means[i] = weights @ function(o, m, m @ o) @ weights
     return means
+
+
+def visible_normals(out: Array, alpha: float, u: Array, v: Array) -> Array:
+    """Return the GGX normals that are visible from directions, for numbers u and v in [0, 1).
+
+    They are sampled by spherical caps (Dupuy and Benyoub, "Sampling Visible GGX Normals with
+    Spherical Caps", HPG 2023).
+
+    Parameters
+    ----------
+    out : (n, 3) float64
+        Unit directions in the frame of the surface, whose normal is +z.
+    alpha : float
+        GGX roughness.
+    u, v : (n,) float64
+        Azimuth of the cap's point, in turns, and its height from the top.
+
+    Returns
+    -------
+    (n, 3) float64
+        Unit normals.
+    """
+    stretch = np.array([alpha, alpha, 1.0])
+    seen = out * stretch
+    seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
+    height = (1.0 - v) * (1.0 + seen[:, 2]) - seen[:, 2]
+    radius = np.sqrt(np.clip(1.0 - height * height, 0.0, 1.0))
+    azimuth = 2.0 * np.pi * u
+    cap = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1)
+    facet = (cap + seen) * stretch
+    return np.asarray(facet / np.linalg.norm(facet, axis=-1, keepdims=True))

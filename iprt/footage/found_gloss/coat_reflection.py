@@ -15,7 +15,7 @@ from iprt.footage.cell_planes import CellPlane
 from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
-from iprt.geometry.coat import fresnel_dielectric
+from iprt.geometry.coat import fresnel_dielectric, visible_normals
 from iprt.geometry.equirect import cell_towards
 
 IOR = 1.5
@@ -139,7 +139,7 @@ def reflected(around: RoomCells, patch: Patch, alpha: float, seed: int, rays: in
     total = np.zeros((KINDS, len(out), 3))
     for ray in range(rays):
         u, v = rng.random((2, len(out)))
-        facet = _visible_normal(out, alpha, u, (ray + v) / rays)
+        facet = visible_normals(out, alpha, u, (ray + v) / rays)
         cosine = np.einsum("ij,ij->i", out, facet)
         into = 2.0 * cosine[:, None] * facet - out
         leaves = into[:, 2] > LOWEST
@@ -217,16 +217,3 @@ def _masking(cosine: Float, alpha: float) -> Float:
     """Return Smith's Λ of GGX."""
     tan2 = 1.0 / np.maximum(cosine, 1e-4) ** 2 - 1.0
     return np.asarray(0.5 * (np.sqrt(1.0 + alpha**2 * np.maximum(tan2, 0.0)) - 1.0))
-
-
-def _visible_normal(out: Float, alpha: float, u: Float, v: Float) -> Float:
-    """Sample GGX normals (n, 3) visible from local directions (n, 3), by spherical caps."""
-    stretch = np.array([alpha, alpha, 1.0])
-    seen = out * stretch
-    seen /= np.sqrt(np.einsum("ij,ij->i", seen, seen))[:, None]
-    height = (1.0 - v) * (1.0 + seen[:, 2]) - seen[:, 2]
-    radius = np.sqrt(np.clip(1.0 - height * height, 0.0, 1.0))
-    azimuth = 2.0 * np.pi * u
-    cap = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1)
-    facet = (cap + seen) * stretch
-    return np.asarray(facet / np.sqrt(np.einsum("ij,ij->i", facet, facet))[:, None])
