@@ -59,9 +59,10 @@ def passes() -> str:
     scene = Scene.open(SCENE)
     view = next(iter(scene.views.values())).view
     renderer = Renderer(PlanDevice(), scene.frame(), scene.instances, view)
+    world = renderer.real_world
     rows = [
         f"| {one.name} | {one.clock} | {', '.join(one.reads)} | {', '.join(one.writes)} |"
-        for schedule in (renderer.real_world.schedule, renderer.schedule)
+        for schedule in (world.schedule, world.shown, renderer.schedule)
         for one in schedule.passes
     ]
     return "\n".join(["| pass | clock | reads | writes |", "|---|---|---|---|", *rows])

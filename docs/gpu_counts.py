@@ -172,6 +172,7 @@ def playing(
     with Renderer(*given, footage=footage) as renderer, watch(VIDEO) as found[VIDEO]:
         for _ in range(count):
             renderer.load(replace(frame))
+            renderer.real_world.prepare()
     reel = Turn(frame, scene.instances, view, settings)
     with reel.renderer(device) as renderer:
         for index in range(size.warm_up):

@@ -1,7 +1,7 @@
 """Renderer: the work on each clock, and its order. Read this file first.
 
-`RealWorld` lists the passes of a video frame, `Renderer` those of a view frame. `Schedule` runs the
-passes that are due. `Features` tells which ones a scene needs.
+`RealWorld` lists the passes of a video frame, and `Renderer` the passes of a view frame. `Schedule`
+runs the passes that are due. `Features` tells which ones a scene needs.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ class Renderer:
             self._drawing = Drawing(device, self.visible, objects, panorama, view, features)
             self.world = World(self.real_world, objects)
         self._placed = self.instances, frame.pose  # state that the objects follow
-        self.schedule = Schedule(self._passes(), device.profile, self.real_world.schedule)
+        self.schedule = Schedule(self._passes(), device.profile, self.real_world.shown)
         self.schedule.tick(Clock.OBJECTS)
 
     def close(self) -> None:
@@ -203,7 +203,7 @@ class Renderer:
     # The frame ------------------------------------------------------------------------------
 
     def _passes(self) -> list[Pass[FrameContext]]:
-        """Return the passes of a view frame; `RealWorld` lists those of a video frame."""
+        """Return the passes of a view frame; `RealWorld` has the list of a video frame."""
         passes = [Pass("resample", Clock.VIEW, self._resample, REAL_LAYER_READS, ("real layer",))]
         objects, method = self._objects, self.method
         if objects is not None and method is not None:
@@ -218,6 +218,7 @@ class Renderer:
 
     def step(self) -> None:
         """Render one view frame; temporal passes continue from the previous ones."""
+        self.real_world.prepare()
         self._move_objects()
         now = self._look()
         context = self._begin(now)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -106,7 +108,8 @@ def test_data_are_written_before_they_are_read() -> None:
     read_anywhere: set[str] = set()
     for name, film in FILMS.items():
         renderer = planned(film)
-        passes = [*renderer.real_world.schedule.passes, *renderer.schedule.passes]
+        world = renderer.real_world
+        passes = [*world.schedule.passes, *world.shown.passes, *renderer.schedule.passes]
         writes = set(chain.from_iterable(one.writes for one in passes))
         done: set[str] = set()
         for one in passes:
@@ -116,6 +119,20 @@ def test_data_are_written_before_they_are_read() -> None:
         written_anywhere |= writes
         read_anywhere |= set(chain.from_iterable(one.reads for one in passes))
     assert read_anywhere - set(Clock) <= written_anywhere
+
+
+def test_highlights_are_split_in_frames_that_a_view_shows() -> None:
+    """Not in frames that are only remembered, and once for all views."""
+    film = next(film for film in FILMS.values() if planned(film).real_world.highlight is not None)
+    world = planned(film).real_world
+    assert world.highlight is not None
+    with mock.patch.object(world.highlight, "run") as run:
+        for frame in film.video[::-1]:
+            world.load(replace(frame))
+        assert run.call_count == 0
+        world.prepare()
+        world.prepare()
+    assert run.call_count == 1
 
 
 @pytest.mark.parametrize("name", [n for n, film in FILMS.items() if film.settings.method != "oil"])

@@ -51,7 +51,7 @@ class DistanceImpostorTracing(SparseMethod):
         return replace(kernels, real=cached)
 
     def prepare(self, world: World) -> list[Pass[FrameContext]]:
-        """Build the impostor of each video frame, and anew where objects leave its centre."""
+        """Build the impostor of each video frame, and again where objects leave its centre."""
         world.impostor = self.impostor
 
         def build(_: FrameContext) -> None:

@@ -33,8 +33,9 @@ class RealWorld:
     Attributes
     ----------
     frame : Frame
-    schedule : Schedule
-        Passes of a frame of the video.
+    schedule, shown : Schedule
+        Passes of a frame of the video, and the further ones if a view shows it. Frames that are
+        only remembered do without.
     cut_version : int
         The version since which the video shows one scene under one light. Accumulated state
         from before is invalid.
@@ -65,11 +66,12 @@ class RealWorld:
         )
         self.highlight = Highlight(device, self.panorama, features) if features.gloss else None
         self.schedule = Schedule(self._passes(), device.profile)
+        self.shown = Schedule(self._shown_passes(), device.profile, self.schedule)
         self._load(frame)
 
     def _passes(self) -> list[Pass[Frame]]:
         """Return the passes of a frame of the video."""
-        panorama, lights, highlight = self.panorama, self.lights, self.highlight
+        panorama, lights = self.panorama, self.lights
         passes = panorama.passes()
         if self._color_map is not None:
             passes.append(Pass("color map", Clock.VIDEO, self._map_colors, (), ("color map",)))
@@ -92,11 +94,15 @@ class RealWorld:
         if self.irradiance is not None:
             placed = ("surfaces", "flux", "cuts")
             passes.append(Pass("irradiance", Clock.VIDEO, self._place_cells, placed, ("cells",)))
-        if highlight is not None:
-            shiny = ("surfaces", "pyramid", "radiance", "gloss")
-            split = ("highlights", "radiated")
-            passes.append(Pass("highlights", Clock.VIDEO, lambda _: highlight.run(), shiny, split))
         return passes
+
+    def _shown_passes(self) -> list[Pass[Frame]]:
+        """Return the passes of a frame that a view shows."""
+        highlight = self.highlight
+        if highlight is None:
+            return []
+        shiny, split = ("surfaces", "pyramid", "radiance", "gloss"), ("highlights", "radiated")
+        return [Pass("highlights", Clock.VIDEO, lambda _: highlight.run(), shiny, split)]
 
     @property
     def version(self) -> int:
@@ -131,6 +137,10 @@ class RealWorld:
         self.schedule.tick(Clock.VIDEO)
         self.schedule.walk(frame)
         self.frame = frame
+
+    def prepare(self) -> None:
+        """Run the passes of `shown`, before a view uses the frame."""
+        self.shown.walk(self.frame)
 
     def _map_colors(self, frame: Frame) -> None:
         assert self._color_map is not None
