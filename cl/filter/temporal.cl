@@ -164,7 +164,7 @@ __kernel void correct_real(
     __global const uchar *restrict level[1], // 1 plane: tracing density of this picture
     PLANES_OUT signal[1],        // in, out: the slow history
     PLANES_OUT length[1],
-    float antilag_sigma,           // differences of so many deviations are noise
+    float antilag_sigma,           // differences below this number of deviations are noise
     float clamp_sigma,             // half width of the box in deviations
     int trusted,                   // the fast history holds enough to compare with
     float fading,                  // least share of the new sample, 0: plain mean
@@ -188,7 +188,7 @@ __kernel void correct_reflected(
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
     PLANES_OUT signal[MOST_ENTRIES],             // in, out: the slow history
     PLANES_OUT length[MOST_ENTRIES],
-    float antilag_sigma,           // differences of so many deviations are noise
+    float antilag_sigma,           // differences below this number of deviations are noise
     float clamp_sigma,             // half width of the box in deviations
     int trusted,                   // the fast history holds enough to compare with
     float fading,                  // least share of the new sample, 0: plain mean

@@ -116,7 +116,7 @@ class SparseMethod(Method):
         return [*passes, Pass("relit reflections", Clock.FRAME, show, known, ("relit",))]
 
     def prepare(self, world: World) -> list[Pass[FrameContext]]:
-        """Return the passes that prepare what rays meet."""
+        """Return the passes that prepare the scene for rays."""
         return []
 
     def relight_around(self, world: World) -> tuple[Around, list[Pass[FrameContext]]]:

@@ -30,7 +30,7 @@ class DitSettings(MethodSettings):
     directions: Literal["cached", "all", "boxes"] = Field(
         default="cached",
         description="Directions of rays from real surfaces. cached: of the sampled directions, "
-        "only those that hit the boxes around objects are traced, up to `cache` rays; all: each is "
+        "the ones that hit the boxes around objects are traced, up to `cache` rays; all: each is "
         "traced; boxes: they are aimed at the boxes, as in em.",
     )
     cache: int = Field(
