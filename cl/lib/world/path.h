@@ -27,8 +27,8 @@ static inline float light_share(const World world, const Material material)
 }
 
 // Sample a direction in which a virtual surface at x scatters; u in [0, 1)^4.
-static inline Scatter scatter(const World world, const Material material, float3 albedo, float3 x,
-                              float3 n, float3 wo, float4 u)
+static inline ALWAYS_INLINE Scatter scatter(
+    const World world, const Material material, float3 albedo, float3 x, float3 n, float3 wo, float4 u)
 {
     Scatter s = no_scatter(n);
     s.light_share = light_share(world, material);
@@ -75,7 +75,8 @@ static inline int gloss_at(const World world, const RealHit hit)
 }
 
 // Return seen_share() of gloss.h for the panorama.
-static inline float3 seen_highlight(const World world, const Material material, float3 p)
+static inline ALWAYS_INLINE float3 seen_highlight(
+    const World world, const Material material, float3 p)
 {
     return seen_share(world.gloss, material, world.real.grid.width, world.real.grid.height, p);
 }

@@ -9,6 +9,7 @@
 // radiance of the point where the ray crosses them.
 #pragma once
 
+#include "maths/kernel_attributes.h"
 #include "world/real/lights.h"
 #include "world/real/panorama.h"
 #include "world/objects/objects.h"
@@ -35,7 +36,7 @@ static inline float3 relit_factor(const Relit relit, float3 d)
 }
 
 // Return the radiance without objects of a hit of a ray in direction d, by one lookup in one picture.
-static inline float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
+static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
 {
 #ifdef IMPOSTOR
     return impostor_radiance(real.impostor, hit.direction);
@@ -68,7 +69,7 @@ static inline float3 captured_radiance(const RealLayer real, const RealHit hit, 
 }
 
 // Return the same radiance, changed by objects.
-static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+static inline ALWAYS_INLINE float3 real_radiance(const World world, const RealHit hit, float3 d)
 {
     float3 radiance = captured_radiance(world.real, hit, d);
     // The change is unknown on surfaces that the view does not show.

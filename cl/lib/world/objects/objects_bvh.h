@@ -2,6 +2,7 @@
 #pragma once
 
 #include "world/objects/bvh.h"
+#include "maths/kernel_attributes.h"
 #include "maths/grid.h"
 #include "maths/maths.h"
 #include "world/objects/scatterer.h"
@@ -19,7 +20,8 @@
 
 typedef BvhHit ObjectHit;
 
-static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+static inline ALWAYS_INLINE int trace_objects(
+    const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
 {
     return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, hit);
 }
@@ -120,7 +122,8 @@ static inline ObjectSurface object_surface(const Objects world, const ObjectHit 
 // Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), so that a tessellated ball does not
 // shade itself. Other rays that the normal sends below the triangle meet it again from outside, so that
 // none gets into a solid.
-static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
+static inline ALWAYS_INLINE Scatterer object_point(
+    const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
     const ObjectSurface at = object_surface(world, hit, d);
     Scatterer point;
