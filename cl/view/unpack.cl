@@ -13,8 +13,8 @@
 // Depth edges of the real layer are sharper than the texels that objects were compared with. A pixel at an
 // edge therefore compares them with the surfaces on both sides, weighted by area.
 //
-// Runs over a rectangle and writes nothing outside. -D COVERAGE_TOLERANCE: see visibility.cl. Normals are
-// turned towards the viewer: interpolated ones may face away near silhouettes.
+// Runs over a rectangle and writes nothing outside. Normals are turned towards the viewer: interpolated ones
+// may face away near silhouettes.
 #include "world/brdf.h"
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"

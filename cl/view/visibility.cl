@@ -18,10 +18,8 @@
 //
 // Pixel centres are at integer + 0.5. Both kernels run over a rectangle and write nothing outside. Coverage
 // takes samples x samples rays a pixel. With fewer than 4 per side and no textures, only pixels beside
-// uncovered ones are sampled. -D COVERAGE_TOLERANCE: an object counts as in front up to this fraction of
-// the distance behind the real surface. Coverage is 1 - M of Eq. 2 of IPRT ("Interactive panoramic ray
-// tracing"). For deforming meshes, the previous position is the displaced point moved by the object's
-// motion.
+// uncovered ones are sampled. Coverage is 1 - M of Eq. 2 of IPRT ("Interactive panoramic ray tracing"). For
+// deforming meshes, the previous position is the displaced point moved by the object's motion.
 #include "world/objects/objects_bvh.h"
 #include "maths/kernel_attributes.h"
 #include "gbuffer/view.h"

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.device.kernel_source import float_constant
+
 SAMPLES = 4
 """Default number of coverage samples along each side of a pixel."""
 
-COVERAGE_TOLERANCE = 0.005
-"""Depth tolerance, as a fraction of the distance: an object up to this far behind the real surface
-still counts as in front, so that noise in measured depth does not erode its foot."""
+COVERAGE_TOLERANCE = float_constant("lib/gbuffer/view.h", "COVERAGE_TOLERANCE")
 
 NO_MOTION = -1e9
 """Both components of motion vectors where there is no surface."""

@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.raster.layers import COVERAGE_TOLERANCE, ObjectLayers
+from iprt.raster.layers import ObjectLayers
 from iprt.raster.region import Rect
 
 
@@ -64,7 +64,7 @@ class VisibleLayer(VisibleSurfaces):
         self._kernel = device.kernel(
             "view/unpack.cl",
             "unpack_objects",
-            {"VIEW_EQUIRECT": layout.equirect, "COVERAGE_TOLERANCE": COVERAGE_TOLERANCE},
+            {"VIEW_EQUIRECT": layout.equirect},
         ).fixed(layout.arguments(), self.planes(), edges, display=self.display, sides=self.sides)
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:

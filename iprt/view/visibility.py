@@ -13,7 +13,6 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance, motion_between
-from iprt.raster.layers import COVERAGE_TOLERANCE
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.settings.features import BVH_DEFINES
 from iprt.view.object_layer import VisibleLayer
@@ -58,9 +57,8 @@ class Visibility:
         materials = sum(len(instance.mesh.materials) for instance in instances)
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         bvh.follow_vertices()
-        defines = {"COVERAGE_TOLERANCE": COVERAGE_TOLERANCE, **BVH_DEFINES}
-        self._see = device.kernel("view/visibility.cl", "see_objects", defines)
-        self._show = device.kernel("view/visibility.cl", "show_objects", defines)
+        self._see = device.kernel("view/visibility.cl", "see_objects", BVH_DEFINES)
+        self._show = device.kernel("view/visibility.cl", "show_objects", BVH_DEFINES)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
         self._met = device.empty(MET, (view.height, view.width, 2), np.int32)

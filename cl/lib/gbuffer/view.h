@@ -5,6 +5,10 @@
 
 #include "maths/equirect.h"
 
+// An object up to this fraction of the distance behind the real surface still counts as in front, so that
+// noise in measured depth does not erode its foot.
+#define COVERAGE_TOLERANCE 0.005f
+
 static inline int is_equirect(__global const float *restrict view) { return view[14] != 0.0f; }
 
 // Scalar arithmetic: PoCL vectorizes kernels of scalars only.
