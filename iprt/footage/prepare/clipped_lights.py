@@ -8,7 +8,7 @@ recovered radiance, and the picture's own colors of these texels (`ClippedTexels
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,9 +115,9 @@ def recover_once(frame: Frame, clipped: Clipped, white: float) -> Gains:
         gains = recover(frame, clipped, white)
         return vars(gains) | {"shoulder": np.array(gains.shoulder)}
 
-    found = kept("gains", __name__, [frame, white], make)
-    *arrays, shoulder = (found[field.name] for field in fields(Gains))
-    return Gains(*arrays, shoulder=bool(shoulder))
+    found = dict(kept("gains", __name__, [frame, white], make))
+    shoulder = bool(found.pop("shoulder"))
+    return Gains(**found, shoulder=shoulder)
 
 
 def _recovered(
