@@ -11,7 +11,7 @@ from iprt.device.kept import kept
 
 Floats = NDArray[np.float32]
 
-WORTH_KEEPING = 20_000
+WORTH_KEEPING = 1000
 """Triangle count from which reading a tree is faster than building it."""
 
 

@@ -12,7 +12,8 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from iprt.device.caches import own_folder
 from iprt.errors import FormatError
 from iprt.files.atomic import replacing
+from iprt.files.resources import CL
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -33,6 +35,10 @@ MOST_BYTES = 2**30
 """Most bytes of all entries."""
 WORTH_KEEPING = 2**20
 """Texels of a panorama from which reading a result is faster than making it."""
+STARTED = time.time()
+"""Time at which this process began to import iprt, about."""
+LIBRARIES = ("numpy", "scipy", "trimesh")
+"""Packages that results depend on."""
 HEADER, ALIGNMENT = 4096, 64
 """Bytes of a file before its arrays, and what the places of these are multiples of."""
 
@@ -44,7 +50,14 @@ _PLAIN = (str, bytes, bool, int, float, np.generic)
 _DIGEST = hashlib.sha256().digest_size
 
 
-def kept(kind: str, code: str, inputs: Iterable[object], make: Callable[[], Arrays]) -> Arrays:
+def kept(
+    kind: str,
+    code: str,
+    inputs: Iterable[object],
+    make: Callable[[], Arrays],
+    *,
+    kernels: bool = False,
+) -> Arrays:
     """Return the result of `make` for these inputs, from the disk if possible.
 
     A damaged entry is made again. A folder that cannot be written is not an error.
@@ -60,6 +73,8 @@ def kept(kind: str, code: str, inputs: Iterable[object], make: Callable[[], Arra
         dataclasses of these.
     make : callable
         Returns arrays by name.
+    kernels : bool
+        The text of kernels decides it, too.
 
     Returns
     -------
@@ -71,7 +86,10 @@ def kept(kind: str, code: str, inputs: Iterable[object], make: Callable[[], Arra
     TypeError
         The content of an input is unknown.
     """
-    digest = hashlib.sha256(code_digest(code))
+    key = code_digest(code, kernels=kernels)
+    if key is None:
+        return make()
+    digest = hashlib.sha256(key)
     _feed(digest, list(inputs))
     file = own_folder() / "results" / f"{kind}-{digest.hexdigest()}"
     found = _read(file)
@@ -82,51 +100,57 @@ def kept(kind: str, code: str, inputs: Iterable[object], make: Callable[[], Arra
 
 
 @cache
-def code_digest(module: str) -> bytes:
-    """Return the hash of `code_texts`, and of the versions of NumPy and SciPy."""
-    digest = hashlib.sha256(f"{version('numpy')} {version('scipy')}".encode())
-    for name, text in sorted(code_texts(module).items()):
-        _feed(digest, (name, text))
+def code_digest(module: str, *, kernels: bool = False) -> bytes | None:
+    """Return the hash of the files of `code_files`, of `cl/`, and of the versions of `LIBRARIES`.
+
+    None if a file is newer than this process, which may run an older one.
+    """
+    files = code_files(module)
+    if kernels:
+        files |= {str(file): file for file in CL.rglob("*") if file.is_file()}
+    if any(file.stat().st_mtime > STARTED for file in files.values()):
+        return None
+    digest = hashlib.sha256(" ".join(map(version, LIBRARIES)).encode())
+    for _, file in sorted(files.items()):
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
     return digest.digest()
 
 
-def code_texts(module: str) -> dict[str, str]:
-    """Return the text of a module of iprt, and of all of iprt that it imports, by name.
+def code_files(module: str) -> dict[str, Path]:
+    """Return the files of a module of iprt, and of all of iprt that it imports, by module.
 
     The package's own file is left out: it only passes on names that its users ask for.
     """
-    texts: dict[str, str] = {}
-    left = [module]
+    files: dict[str, Path] = {}
+    left, seen = [module], {module, ""}
     while left:
         name = left.pop()
         file = _file(name)
-        if file is not None and name not in texts:
-            texts[name] = file.read_text("utf-8")
-            left += [*_imported(texts[name]), name.rpartition(".")[0]]
-    return texts
+        if file is not None:
+            files[name] = file
+            new = _imported(file).union([name.rpartition(".")[0]]) - seen
+            seen |= new
+            left.extend(new)
+    return files
 
 
-def folder_digest(*folders: Path) -> bytes:
-    """Return the hash of the names and contents of all files in folders."""
-    digest = hashlib.sha256()
-    for folder in folders:
-        for file in sorted(path for path in folder.rglob("*") if path.is_file()):
-            _feed(digest, (file.relative_to(folder).as_posix(), file.read_bytes()))
-    return digest.digest()
-
-
+@cache
 def _file(module: str) -> Path | None:
     """Return the file of a module below the package; None for any other name."""
-    place = _PACKAGE.joinpath(*module.split(".")[1:])
-    files = (place.with_suffix(".py"), place / "__init__.py")
-    return next((file for file in files if place != _PACKAGE and file.is_file()), None)
+    _, *below = module.split(".")
+    place = os.path.join(_PACKAGE, *below)
+    files = (f"{place}.py", os.path.join(place, "__init__.py"))
+    return next((Path(file) for file in files if below and os.path.isfile(file)), None)
 
 
-def _imported(text: str) -> Iterator[str]:
-    """Yield the modules that a module may import, anywhere in its text."""
-    for module, names in _IMPORT.findall(text):
-        yield module
-        yield from (f"{module}.{name}" for name in re.findall(r"\w+", names))
+@cache
+def _imported(file: Path) -> frozenset[str]:
+    """Return the modules that a module may import, anywhere in its text."""
+    found = set()
+    for module, names in _IMPORT.findall(file.read_text("utf-8")):
+        found.add(module)
+        found.update(f"{module}.{name}" for name in re.findall(r"\w+", names))
+    return frozenset(found)
 
 
 def _feed(digest: Any, value: object) -> None:

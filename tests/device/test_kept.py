@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import tracemalloc
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device import kept as module
-from iprt.device.kept import Arrays, code_digest, kept
+from iprt.device.kept import Arrays, kept
 
 CODE = "iprt.device.kept"
 
@@ -108,45 +109,82 @@ def test_inputs_whose_content_is_unknown_are_refused(folder: Path, made: Made) -
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A package `iprt`, in which `iprt.a` imports others in each way that Python has."""
-    package = tmp_path / "iprt"
-    (package / "sub").mkdir(parents=True)
+    package = tmp_path / "package" / "iprt"
     texts = {
-        "__init__": "",
-        "a": "from iprt.b import (\n    one,\n    two,\n)\nimport numpy\n",
-        "b": "def f():\n    from iprt import c\n",
-        "c": "import iprt.d as d\nfrom iprt.sub.e import x\n",
-        "d": "from iprt.a import f\n",
-        "sub/__init__": "",
-        "sub/e": "",
-        "apart": "from iprt.a import f\n",
+        "iprt/__init__.py": "",
+        "iprt/a.py": "from iprt.b import (\n    one,\n    two,\n)\nimport numpy\n",
+        "iprt/b.py": "def f():\n    from iprt import c\n",
+        "iprt/c.py": "import iprt.d as d\nfrom iprt.sub.e import x\n",
+        "iprt/d.py": "from iprt.a import f\n",
+        "iprt/sub/__init__.py": "",
+        "iprt/sub/e.py": "",
+        "iprt/apart.py": "from iprt.a import f\n",
+        "cl/f.cl": "",
+        "cl/lib/g.h": "",
     }
     for name, text in texts.items():
-        (package / f"{name}.py").write_text(text)
+        file = package.parent / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+        os.utime(file, (0, 0))
     monkeypatch.setattr(module, "_PACKAGE", package)
-    return package
+    monkeypatch.setattr(module, "CL", package.parent / "cl")
+    monkeypatch.setattr(module, "code_digest", module.code_digest.__wrapped__)
+    module._file.cache_clear()
+    yield package.parent
+    module._file.cache_clear()
 
 
+DECIDES = ("iprt/a.py", "iprt/b.py", "iprt/c.py", "iprt/d.py", "iprt/sub/__init__.py")
+
+
+@pytest.mark.parametrize("kernels", [False, True])
 @pytest.mark.parametrize(
     ("name", "decides"),
     [
-        *[(name, True) for name in ("a", "b", "c", "d", "sub/__init__", "sub/e")],
-        *[(name, False) for name in ("__init__", "apart")],
+        *[(name, True) for name in (*DECIDES, "iprt/sub/e.py")],
+        *[(name, False) for name in ("iprt/__init__.py", "iprt/apart.py")],
+        *[(name, None) for name in ("cl/f.cl", "cl/lib/g.h")],
     ],
 )
-def test_it_is_made_again_by_other_code(package: Path, name: str, decides: bool) -> None:
-    before = code_digest.__wrapped__("iprt.a")
-    file = package / f"{name}.py"
-    file.write_text(file.read_text() + "VALUE = 1\n")
-    assert (code_digest.__wrapped__("iprt.a") != before) == decides
+def test_it_is_made_again_by_other_code(
+    package: Path, folder: Path, made: Made, name: str, decides: bool | None, kernels: bool
+) -> None:
+    kept("kind", "iprt.a", [INPUT], made, kernels=kernels)
+    with (package / name).open("a") as stream:
+        stream.write("VALUE = 1\n")
+    os.utime(package / name, (0, 0))
+    for _ in range(2):
+        kept("kind", "iprt.a", [INPUT], made, kernels=kernels)
+    assert made.count == (2 if (kernels if decides is None else decides) else 1)
+
+
+def test_it_is_made_again_with_another_library(
+    package: Path, folder: Path, made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept("kind", "iprt.a", [INPUT], made)
+    monkeypatch.setattr(module, "version", lambda name: f"{name} 99")
+    kept("kind", "iprt.a", [INPUT], made)
+    assert made.count == 2
+
+
+def test_a_process_older_than_its_code_keeps_nothing(
+    package: Path, folder: Path, made: Made
+) -> None:
+    (package / "iprt/b.py").touch()
+    for _ in range(2):
+        kept("kind", "iprt.a", [INPUT], made)
+    assert made.count == 2
+    assert not folder.exists()
 
 
 def test_modules_that_pass_values_on_are_followed() -> None:
     """The code that prepares depth depends on the geometry of panoramas, two imports below."""
-    texts = module.code_texts("iprt.footage.prepare.stages")
-    assert {"iprt.footage.prepare.fill", "iprt.geometry.equirect", "iprt.footage"} < set(texts)
-    assert "iprt.renderer" not in texts
+    files = module.code_files("iprt.footage.prepare.stages")
+    assert {"iprt.footage.prepare.fill", "iprt.geometry.equirect", "iprt.footage"} < set(files)
+    assert "iprt.renderer" not in files
 
 
 @pytest.mark.parametrize("byte", [0, 31, 32, 60, 4100, -1])

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
-from iprt.device.kept import WORTH_KEEPING, Arrays, folder_digest, kept
+from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
-from iprt.files.resources import CL
 from iprt.footage.frame import Frame
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
@@ -116,7 +115,8 @@ class Highlight:
         assert highlight is not None
         glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
         if alone is not None and len(glossy) and gloss.size >= WORTH_KEEPING:
-            found = kept("highlights", __name__, self._inputs(alone), lambda: self._found(glossy))
+            inputs = self._inputs(alone)
+            found = kept("highlights", __name__, inputs, lambda: self._found(glossy), kernels=True)
             spread = np.zeros((gloss.size, 3), np.float32)
             spread[glossy] = found["highlight"]
             device.write(highlight, spread.reshape(highlight.shape))
@@ -149,7 +149,6 @@ class Highlight:
             settings.gloss.rays,
             settings.seed,
             self._defines,
-            folder_digest(CL / "lib", CL / "world"),
             device.identity,
         ]
 
