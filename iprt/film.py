@@ -130,6 +130,7 @@ class Film:
         several = len(set(chosen)) > 1
         drift = self.settings.drift and several
         with self.scene.stream(chosen, strict=self.strict, drift=drift) as frames:
+            _ = self.scene.objects  # are read while the first frame is prepared
             for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
                 renderer = self._showing(frame, index, several=several)
                 del frame

@@ -41,27 +41,29 @@ def resolved(text: str, name: str, macros: Mapping[str, str], folder: Path = CL)
     """
     blocks: dict[str, type[Block]] = {}
     included: set[str] = set()
+    lines: list[str] = []
 
-    def lines(text: str, name: str) -> Iterator[str]:
-        yield f'#line 1 "{name}"'
+    def add(text: str, name: str) -> None:
+        lines.append(f'#line 1 "{name}"')
         for number, line in enumerate(_without_comments(text).splitlines(), 1):
-            found = _INCLUDE.match(line)
+            found = _INCLUDE.match(line) if line.startswith("#include") else None
             if found is None:
-                yield "" if line == _ONCE else line
+                lines.append("" if line == _ONCE else line)
                 continue
             if found[2]:
-                yield from _structs(found[2], blocks)
+                lines.extend(_structs(found[2], blocks))
             else:
                 beside = Path(name).parent / found[1]
                 file = beside.as_posix() if (folder / beside).is_file() else f"lib/{found[1]}"
                 text = (folder / file).read_text()
                 if file not in included:
-                    yield from lines(text, file)
+                    add(text, file)
                 if _ONCE in text:
                     included.add(file)
-            yield f'#line {number + 1} "{name}"'
+            lines.append(f'#line {number + 1} "{name}"')
 
-    whole = "\n".join(lines(text, name)) + "\n"
+    add(text, name)
+    whole = "\n".join(lines) + "\n"
     return flat_kernels(whole, blocks, dict(_DEFINE.findall(text)) | dict(macros))
 
 
@@ -71,6 +73,7 @@ def _structs(module: str, known: dict[str, type[Block]]) -> Iterator[str]:
             yield from structs(block, known)
 
 
+@cache
 def _without_comments(text: str) -> str:
     """Remove comments, without changing line numbers."""
     text = _COMMENT.sub(lambda comment: " " + "\n" * comment[0].count("\n"), text)

@@ -169,6 +169,7 @@ def _planes(path: Path, parts: list[Part], layer: Layer) -> list[NDArray[np.gene
             )
     import OpenEXR
 
+    OpenEXR.set_global_thread_count(os.cpu_count() or 1)
     known = {int(code) for code in OpenEXR.Compression.__members__.values()}
     for other in parts:
         if other.compression not in known:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from iprt.footage.cells import Cells, Float
 
@@ -60,8 +59,8 @@ def segments(cells: Cells, color: Float, usable: NDArray[np.bool_]) -> NDArray[n
     like &= np.abs(step) < BESIDE * cells.depth[a]
     like &= np.abs(hue[a] - hue[b]).max(-1) < HUE
     like &= np.abs(bright[a] - bright[b]) < STEP * max(1.0, STEP_ROWS / rows)
-    links = coo_array((np.ones(like.sum()), (a[like], b[like])), shape=(size, size))
-    return np.asarray(connected_components(links, directed=False)[1], np.intp)
+    links = scipy.sparse.coo_array((np.ones(like.sum()), (a[like], b[like])), shape=(size, size))
+    return np.asarray(scipy.sparse.csgraph.connected_components(links, directed=False)[1], np.intp)
 
 
 def spread_cells(rows: int, count: int) -> NDArray[np.intp]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 Mask = NDArray[np.bool_]
 
@@ -26,7 +24,7 @@ def component_of(chosen: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp
     `texel` holds the flat indices where `chosen`.
     """
     height = chosen.shape[0]
-    label, count = ndimage.label(chosen, structure=np.ones((3, 3)))
+    label, count = scipy.ndimage.label(chosen, structure=np.ones((3, 3)))
     pairs = [
         (label[up : height - down, -1], label[down : height - up, 0])
         for up, down in ((1, 0), (0, 0), (0, 1))
@@ -38,6 +36,8 @@ def component_of(chosen: Mask, texel: NDArray[np.intp]) -> tuple[NDArray[np.intp
     a = np.concatenate([first for first, _ in pairs])
     b = np.concatenate([second for _, second in pairs])
     both = (a > 0) & (b > 0)
-    links = coo_array((np.ones(both.sum()), (a[both] - 1, b[both] - 1)), shape=(count, count))
-    merged, group = connected_components(links, directed=False)
+    links = scipy.sparse.coo_array(
+        (np.ones(both.sum()), (a[both] - 1, b[both] - 1)), shape=(count, count)
+    )
+    merged, group = scipy.sparse.csgraph.connected_components(links, directed=False)
     return group.astype(np.intp)[label.ravel()[texel] - 1], int(merged)

@@ -7,8 +7,8 @@ surfaces, and the positions of edges and textures, do.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from iprt.footage.cells import cell_means
 from iprt.footage.frame import LUMINANCE, Frame
@@ -80,7 +80,7 @@ def _details(color: NDArray[np.float32], rows: int) -> Float:
     """Return log-luminance (rows, 2 rows) minus its local mean."""
     light = cell_means(color, rows) @ LUMINANCE
     level = np.log(np.maximum(light, 1e-3 * light.mean() + 1e-30))
-    return np.asarray(level - uniform_filter(level, 3, mode=("nearest", "wrap")))
+    return np.asarray(level - scipy.ndimage.uniform_filter(level, 3, mode=("nearest", "wrap")))
 
 
 def _correlation(a: Float, b: Float, weights: Float) -> float:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
 
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import equirect_direction
@@ -163,5 +163,5 @@ def _candidates(direction: Float, inverse: Float, known: Mask, weight: Float) ->
 def _windows(plane: Float) -> Float:
     """Return sums (h - 2 REACH, w, ...) over windows that wrap around at the seam."""
     ones = np.ones(2 * REACH + 1)
-    down = convolve1d(plane, ones, axis=0)[REACH:-REACH]
-    return np.asarray(convolve1d(down, ones, axis=1, mode="wrap"))
+    down = scipy.ndimage.convolve1d(plane, ones, axis=0)[REACH:-REACH]
+    return np.asarray(scipy.ndimage.convolve1d(down, ones, axis=1, mode="wrap"))

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from iprt.geometry.mesh import cofactors
 
@@ -52,9 +52,8 @@ class Track:
             return self._spline(key, part, duration)
         before, after = self.values[key], self.values[key + 1]
         if self.rotation:
-            return np.asarray(
-                Slerp([0.0, 1.0], Rotation.from_quat([before, after]))(part).as_quat()
-            )
+            turns = scipy.spatial.transform.Rotation.from_quat([before, after])
+            return np.asarray(scipy.spatial.transform.Slerp([0.0, 1.0], turns)(part).as_quat())
         return np.asarray(before + part * (after - before))
 
     def _key(self, key: int) -> Float:
@@ -78,7 +77,7 @@ class Track:
 def transform(translation: Sequence[float] | Float, rotation: Float, scale: Float) -> Float:
     """Return the (4, 4) matrix that scales by (3,), rotates by (4,), then translates by (3,)."""
     matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_quat(rotation).as_matrix() * scale
+    matrix[:3, :3] = scipy.spatial.transform.Rotation.from_quat(rotation).as_matrix() * scale
     matrix[:3, 3] = translation
     return matrix
 

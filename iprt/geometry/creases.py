@@ -8,9 +8,8 @@ and boxes do not.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 Float = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -151,5 +150,9 @@ def _joined_corners(points: Ints, face: Float, flat: NDArray[np.bool_]) -> Ints:
         one, other = one[smooth], other[smooth]
         pairs += [(at_low[one], at_low[other]), (at_high[one], at_high[other])]
     rows, columns = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    graph = coo_array((np.ones(len(rows), np.bool_), (rows, columns)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1].astype(np.int64))
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(rows), np.bool_), (rows, columns)), shape=(count, count)
+    )
+    return np.asarray(
+        scipy.sparse.csgraph.connected_components(graph, directed=False)[1].astype(np.int64)
+    )

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
+import scipy
 from pydantic import AfterValidator, Field, PlainValidator, model_validator
-from scipy.spatial.transform import Rotation
 
 from iprt.files.toml_tables import Degrees, FieldOfView, Pitch, Point, Table
-from iprt.geometry.animation import NO_ROTATION, Float, Track
+from iprt.geometry.animation import Float, Track
 from iprt.geometry.camera import View
 
 MAX_KEYFRAMES = 2**16
@@ -152,7 +152,9 @@ class ObjectMotion:
     def _keyed(self, time_s: float) -> tuple[Float, Float, Float]:
         """Return the keyed translation (3,), rotation (3, 3) and scale (3,) at a time."""
         keyed = {name: track.at(time_s) for name, track in self.tracks.items()}
-        turn = Rotation.from_quat(keyed.get("rotation", NO_ROTATION)).as_matrix()
+        turn = np.eye(3)
+        if "rotation" in keyed:
+            turn = scipy.spatial.transform.Rotation.from_quat(keyed["rotation"]).as_matrix()
         return keyed.get("translation", np.zeros(3)), turn, keyed.get("scale", np.ones(3))
 
 

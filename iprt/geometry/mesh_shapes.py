@@ -14,6 +14,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.device.kept import Arrays, kept
 from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.files.safe_reading import MAX_TRIANGLES, MAX_VERTICES
@@ -25,6 +26,11 @@ from iprt.geometry.mesh_files import MeshFile
 
 Ints = NDArray[np.int64]
 Float32 = NDArray[np.float32]
+
+WORTH_KEEPING = 2**14
+"""Bytes of a file from which its shapes are kept."""
+KEPT = ("positions", "normals", "uvs", "triangles")
+"""Attributes of a kept shape."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +170,35 @@ def _triangles(file: MeshFile, primitive: Primitive, count: int, where: str) -> 
 def trimesh_shapes(file: MeshFile, dropped: list[str], *, colored: bool) -> list[Shape]:
     """Return the shapes of a PLY, OBJ or STL file; note other contents in `dropped`.
 
+    Shapes without materials are kept (`iprt.device.kept`): trimesh alone takes long to import.
+
     Raises
     ------
     FormatError
         The meshes exceed the size limits.
     """
+    if colored or file.references or len(file.data) < WORTH_KEEPING:
+        return _read_shapes(file, dropped, colored=colored)
+
+    def make() -> Arrays:
+        others: list[str] = []
+        shapes = _read_shapes(file, others, colored=False)
+        arrays = {
+            f"{name} {i}": getattr(one, name) for i, one in enumerate(shapes) for name in KEPT
+        }
+        return arrays | {"others": np.frombuffer("\n".join(others).encode(), np.uint8)}
+
+    found = kept("mesh", __name__, [file.suffix, file.data], make)
+    dropped += found["others"].tobytes().decode().splitlines()
+    return [_kept_shape(found, i) for i in range(len(found) // len(KEPT))]
+
+
+def _kept_shape(found: Arrays, number: int) -> Shape:
+    positions, normals, uvs, triangles = (found[f"{name} {number}"] for name in KEPT)
+    return Shape(positions, normals, uvs, triangles, None, None)
+
+
+def _read_shapes(file: MeshFile, dropped: list[str], *, colored: bool) -> list[Shape]:
     import trimesh
 
     # trimesh gets an open file and this resolver, so it reads no other files and no network.

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
-from iprt.device.caches import own_folder
+from iprt.device.kept import kept
 from iprt.errors import FormatError
-from iprt.files.atomic import replacing
 from iprt.files.images import read_color
 from iprt.files.safe_reading import MAX_PIXELS
 from iprt.files.toml_tables import Ior, Table, Unit
@@ -30,13 +28,10 @@ from iprt.scene.manifest import Manifest
 Mask = NDArray[np.bool_]
 
 LOG = logging.getLogger("iprt.scene")
-VERSION = 6
-"""Raise this when `find_gloss` changes its results."""
 MIN_HEIGHT = 64
 """Least number of rows of a panorama in which reflections can be detected."""
 FRAMES = 5
 """Number of frames to search in a video with a moving camera."""
-MOST_BYTES = 1 << 16
 
 
 def declared_materials(root: Path, manifest: Manifest) -> tuple[RealMaterial, ...]:
@@ -105,27 +100,33 @@ def found_materials(
 ) -> tuple[RealMaterial, ...]:
     """Return the undeclared glossy surfaces that `find_gloss` finds in a scene.
 
-    Results are cached in `~/.cache/iprt/gloss`. The key has the table `[video]`, the declarations,
-    and sizes and times of the frames' files. An unwritable folder is not an error. Neither is an
-    unreadable frame, which is reported where it is needed.
+    Results are kept (`iprt.device.kept`), for the table `[video]`, the declarations, and sizes and
+    times of the frames' files: videos are long. An unreadable frame is no error, but reported where
+    it is needed.
     """
     source = frames.source
-    file = own_folder() / "gloss" / f"{_key(source, manifest)}.json"
-    kept = _read(file)
-    if kept is None:
-        try:
-            raw = frames.read(source.indices[0])
-        except FormatError:
+    video = manifest.video.model_dump_json(exclude={"gloss"})
+    inputs = [video, declared, _file_states(source)]
+    try:
+        if source.size[1] < MIN_HEIGHT:
             return ()
-        if raw.color.shape[0] < MIN_HEIGHT:
-            return ()
-        LOG.info("looking for glossy surfaces, once for this footage")
-        prepare = Preparation(source.white, declared)
-        names = frozenset(material.name for material in declared)
-        kept = find_gloss(prepare(raw), names, prepare.frames(_later(frames)))
-        with suppress(FormatError), replacing(file) as temporary:
-            temporary.write_bytes(_ALL_KEPT.dump_json([_Kept.of(material) for material in kept]))
-    return kept[: MAX_REAL_MATERIALS - len(declared)]
+        found = kept("gloss", __name__, inputs, lambda: _searched(frames, declared))
+    except FormatError:
+        return ()
+    materials = _ALL_KEPT.validate_json(found["json"].tobytes())
+    return tuple(entry.material() for entry in materials)[: MAX_REAL_MATERIALS - len(declared)]
+
+
+def _searched(frames: RawFrames, declared: tuple[RealMaterial, ...]) -> dict[str, Any]:
+    """Return the surfaces that `find_gloss` finds, as `_Kept` in JSON, for `kept`."""
+    source = frames.source
+    raw = frames.read(source.indices[0])
+    LOG.info("looking for glossy surfaces, once for this footage")
+    prepare = Preparation(source.white, declared)
+    names = frozenset(material.name for material in declared)
+    found = find_gloss(prepare(raw), names, prepare.frames(_later(frames)))
+    dumped = _ALL_KEPT.dump_json([_Kept.of(material) for material in found])
+    return {"json": np.frombuffer(dumped, np.uint8)}
 
 
 def _looked_at(source: FrameSource) -> list[int]:
@@ -144,27 +145,12 @@ def _later(frames: RawFrames) -> Iterator[RawFrame]:
             yield frames.read(index)
 
 
-def _key(source: FrameSource, manifest: Manifest) -> str:
-    video = manifest.video.model_dump_json(exclude={"gloss"})
-    tables = [table.model_dump_json() for table in manifest.real_materials]
-    digest = hashlib.blake2b(" ".join([str(VERSION), video, *tables]).encode(), digest_size=20)
+def _file_states(source: FrameSource) -> list[str]:
+    """Return paths, sizes and times of the searched files."""
     files = {file for index in _looked_at(source) for file in source.files(index).values()}
+    states = []
     for file in sorted(files):
         with suppress(OSError):
             status = file.stat()
-            digest.update(f"\n{file.resolve()} {status.st_size} {status.st_mtime_ns}".encode())
-    return digest.hexdigest()
-
-
-def _read(file: Path) -> tuple[RealMaterial, ...] | None:
-    """Read the cache; return None if the entry is missing or invalid."""
-    try:
-        with file.open("rb") as opened:
-            text = opened.read(MOST_BYTES + 1)
-        kept = _ALL_KEPT.validate_json(text)
-    except (OSError, ValidationError):
-        return None
-    names = {entry.name for entry in kept}
-    if len(text) > MOST_BYTES or len(names) < len(kept):
-        return None
-    return tuple(entry.material() for entry in kept)
+            states.append(f"{file.resolve()} {status.st_size} {status.st_mtime_ns}")
+    return states

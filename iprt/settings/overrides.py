@@ -314,17 +314,19 @@ def _flat(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield key, value
 
 
-def _walk() -> Iterator[tuple[Setting, str]]:
-    """Yield every setting with its group's description."""
+@cache
+def _walk() -> tuple[tuple[Setting, str], ...]:
+    """Return every setting with its group's description."""
     schema = Settings.model_json_schema()
     del schema["properties"]["of_methods"]
     defaults = Settings().model_dump(mode="json")
-    yield from _walk_group(schema, schema.get("$defs", {}), defaults, "", "")
+    found = [*_walk_group(schema, schema.get("$defs", {}), defaults, "", "")]
     for name, info in methods().items():
         if info.settings is not None:
             own = info.settings.model_json_schema()
             about = own.get("description", "").partition("\n")[0]
-            yield from _walk_group(own, own.get("$defs", {}), defaults[name], name, about)
+            found += _walk_group(own, own.get("$defs", {}), defaults[name], name, about)
+    return tuple(found)
 
 
 def _walk_group(

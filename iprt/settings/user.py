@@ -43,6 +43,8 @@ def environment_settings() -> list[Assignment]:
     IprtError
         See `parse_assignment`.
     """
+    if not any(name.startswith("IPRT_") for name in os.environ):
+        return []  # a list of all settings takes a while
     found = []
     for key in all_settings():
         name = variable(key)

@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.bvh.build import MESH_DEPTH, PACKET, mesh_tree
-from iprt.bvh.cache import is_tree
 from iprt.bvh.scene import SCENE_DEPTH, STACK, SceneBuilder
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import wide_count, widen
@@ -23,6 +22,33 @@ Floats = NDArray[np.float32]
 def boxes_of(mesh: Mesh) -> tuple[Floats, Floats]:
     corners = mesh.positions[mesh.triangles]
     return corners.min(axis=1), corners.max(axis=1)
+
+
+def is_tree(tree: Tree, primitives: int) -> bool:
+    """Return True if this is a tree over `primitives` that kernels can traverse."""
+    arrays = (tree.order, tree.first, tree.children.ravel(), tree.levels)
+    if any(array.dtype != np.int32 or array.ndim != 1 for array in arrays):
+        return False
+    leaves = -(-primitives // PACKET)
+    if len(tree.first) != leaves + 1 or tree.children.shape != (leaves - 1, 2):
+        return False
+    count = np.diff(tree.first)
+    if tree.first[0] != 0 or tree.first[-1] != primitives or not 1 <= count.min() <= PACKET:
+        return False
+    depth = len(tree.levels) - 1
+    if not 0 <= depth <= MESH_DEPTH or tree.levels[0] != 0 or tree.levels[-1] != leaves - 1:
+        return False
+    if count.max() > PACKET or (np.diff(tree.levels) < 1).any():
+        return False
+    if not np.array_equal(np.sort(tree.order), np.arange(primitives)):
+        return False
+    # Every node but the root, and every leaf, is a child of exactly one node in the level above.
+    references = np.concatenate([np.arange(-leaves, 0), np.arange(1, leaves - 1)])
+    if leaves > 1 and not np.array_equal(np.sort(tree.children.ravel()), references):
+        return False
+    level = np.repeat(np.arange(depth), np.diff(tree.levels))
+    parent, side = np.nonzero(tree.children >= 0)
+    return bool((level[tree.children[parent, side]] == level[parent] + 1).all())
 
 
 def cloud(count: int, seed: int = 0) -> tuple[Floats, Floats]:

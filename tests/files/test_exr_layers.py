@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.exr import exr_layers, layer_lines
 from iprt.files.images import picture_size, read_color, read_depth, read_normal
-from tests.scene.files import write_channels
+from tests.scene.files import write_channels, write_rgb
 
 RNG = np.random.default_rng(11)
 Plane = NDArray[np.float32]
@@ -215,3 +216,15 @@ def test_rec709_is_exact_and_unusable_primaries_are_said_once(
                 assert np.array_equal(read_color(folder / name), COLOR)
         assert len(caplog.records) == number + 1
     assert "a.exr: chromaticities cannot be used" in caplog.text
+
+
+def test_any_number_of_threads_decodes_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = np.random.default_rng(5).random((300, 20, 3)).astype(np.float32)
+    path = tmp_path / "color.exr"
+    write_rgb(path, values)
+    for count in (1, 4):
+        monkeypatch.setattr(os, "cpu_count", lambda count=count: count)
+        assert np.array_equal(read_color(path), values)
+        assert OpenEXR.global_thread_count() == count

@@ -13,6 +13,8 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
 from iprt.errors import FormatError
+from iprt.geometry import mesh_shapes
+from iprt.geometry.material import Material
 from iprt.geometry.meshes import load_mesh
 from tests.geometry.gltf_files import GltfFile
 from tests.scene.files import CUBE
@@ -34,6 +36,25 @@ def test_a_cube_of_obj(tmp_path: Path) -> None:
     assert mesh.uvs.shape == (len(mesh.positions), 2)
     assert mesh.positions.dtype == mesh.normals.dtype == np.float32
     assert mesh.triangles.dtype == mesh.material_index.dtype == np.int32
+
+
+MIXED = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n"
+MIXED += "o a\nf 1/1 2/2 3/3\no b\nf 1/3 3/1 4/2\nl 1 2\n"
+
+
+@pytest.mark.parametrize("lines", [CUBE, MIXED], ids=["cube", "mixed"])
+def test_kept_shapes_are_the_ones_that_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    file, clay = write(tmp_path / "mesh.obj", lines), Material("diffuse")
+    made = load_mesh(file, clay)
+    monkeypatch.setattr(mesh_shapes, "WORTH_KEEPING", 1)
+    first = load_mesh(file, clay)
+    monkeypatch.setattr(trimesh, "load_scene", None)  # not called
+    for mesh in (first, load_mesh(file, clay)):
+        for name, values in vars(made).items():
+            np.testing.assert_array_equal(getattr(mesh, name), values)
 
 
 def test_obj_materials_stay_apart(tmp_path: Path) -> None:

@@ -41,7 +41,6 @@ GUARDED = {
         ("tests/geometry/test_camera.py", "tests/geometry/test_equirect.py"),
     ),
     "iprt/bvh/build.py": (3, ("tests/bvh/test_tree.py", "tests/bvh/test_traversal.py")),
-    "iprt/bvh/cache.py": (2, ("tests/bvh/test_cache.py",)),
     "iprt/bvh/scene.py": (
         5,
         (
@@ -88,9 +87,6 @@ EQUIVALENT: dict[str, str] = {
     'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", '
     '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
         "Only cells brighter than the mean are in it: it is full where all but one are."
-    ),
-    "iprt/bvh/cache.py: most = fixed[-1] + MESH_DEPTH + 1 -> most = fixed[-1] + MESH_DEPTH + 2": (
-        "A bound on the file, one number larger; an invalid tree is refused afterwards."
     ),
     "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
     "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.1], "

@@ -178,9 +178,11 @@ def method_with_settings(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(module, "methods", lambda: {**methods(), "outer": info})
     overrides.all_settings.cache_clear()
     overrides.groups.cache_clear()
+    overrides._walk.cache_clear()
     yield
     overrides.all_settings.cache_clear()
     overrides.groups.cache_clear()
+    overrides._walk.cache_clear()
 
 
 @pytest.mark.usefixtures("method_with_settings")

@@ -6,9 +6,8 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
-from scipy.sparse import csr_array
 
 from iprt.footage.cells import Float
 
@@ -64,13 +63,17 @@ class MeansAround:
         return means
 
 
-def _filtered(sums: Float, matrix: csr_array, used: NDArray[np.intp]) -> Float:
+def _filtered(sums: Float, matrix: scipy.sparse.csr_array, used: NDArray[np.intp]) -> Float:
     """Multiply sums (k, ...) by the rows and columns `used` (k,) of a matrix."""
     matrix = matrix[used][:, used]
     return np.asarray((matrix @ sums.reshape(len(sums), -1)).reshape(sums.shape))
 
 
 @lru_cache(maxsize=32)
-def _gaussian(size: int, deviation: float, mode: Literal["nearest", "wrap"]) -> csr_array:
+def _gaussian(
+    size: int, deviation: float, mode: Literal["nearest", "wrap"]
+) -> scipy.sparse.csr_array:
     """Return the matrix (size, size) of a Gaussian filter."""
-    return csr_array(gaussian_filter1d(np.eye(size), deviation, axis=0, mode=mode))
+    return scipy.sparse.csr_array(
+        scipy.ndimage.gaussian_filter1d(np.eye(size), deviation, axis=0, mode=mode)
+    )

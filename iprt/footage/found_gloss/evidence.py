@@ -27,8 +27,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import huber, stdtr
 
 from iprt.footage.cells import Cells, Float
 from iprt.footage.found_gloss.cell_means import MeansAround
@@ -90,7 +90,7 @@ class Fit:
 
     def chance(self, tries: int) -> float:
         """Return the probability of such a t, as the best of `tries`, without any reflection."""
-        return min(1.0, tries * float(stdtr(max(self.blocks - 1, 1), -self.t)))
+        return min(1.0, tries * float(scipy.special.stdtr(max(self.blocks - 1, 1), -self.t)))
 
 
 @dataclass(frozen=True)
@@ -324,7 +324,8 @@ class PlanePicture:
             scales = scales or [_deviation(rest) for rest in left]
             total = np.zeros(self._block.max() + 1)
             for rows, rest, scale in zip(varied, left, scales, strict=True):
-                cost = huber(HUBER * scale, rest).sum(axis=-1) * self._weight[rows.cells]
+                cost = scipy.special.huber(HUBER * scale, rest).sum(axis=-1)
+                cost *= self._weight[rows.cells]
                 cost *= (scales[0] / scale) ** 2
                 total += np.bincount(self._block[rows.cells], cost, len(total))
             costs.append(total)

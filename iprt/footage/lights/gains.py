@@ -24,10 +24,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median
-from scipy.sparse import csr_array
-from scipy.special import huber
 
 Float = NDArray[np.float64]
 
@@ -165,7 +163,7 @@ class _Problem:
         count = np.bincount(shading.segment).astype(float)
         self._count = count[:, None]
         points = np.arange(len(shading.segment))
-        self._of_segment = csr_array((np.ones(len(points)), (shading.segment, points)))
+        self._of_segment = scipy.sparse.csr_array((np.ones(len(points)), (shading.segment, points)))
         self._prior_weight = np.minimum(count / count.mean(), 2.0)[:, None] / 3.0
         # ALIKE points of a segment count as one, as they do in shading.
         self._over_weight = np.maximum(count, ALIKE)[:, None] / (ALIKE * MODEL_SPREAD**2)
@@ -210,7 +208,7 @@ class _Problem:
         self.reweight(gains)
         points, surplus, *prior = self._terms(gains)
         spread = self._spread[self._shading.segment]
-        robust = 2.0 * huber(HUBER, points[0] / spread)
+        robust = 2.0 * scipy.special.huber(HUBER, points[0] / spread)
         square = surplus[0] ** 2
         apart = self._rows @ gains - self._values
         total = ((robust + 2.0 * np.log(spread)) / ALIKE).sum() + apart @ apart
@@ -272,7 +270,8 @@ class _Problem:
     def _medians(self, values: Float) -> Float:
         """Return medians (S, 3) of (n, 3) over the points of each segment."""
         numbers = np.arange(len(self._spread))
-        return np.stack([median(part, self._shading.segment, numbers) for part in values.T], -1)
+        segment, median = self._shading.segment, scipy.ndimage.median
+        return np.stack([median(part, segment, numbers) for part in values.T], -1)
 
     def _means(self, values: Float) -> Float:
         """Return weighted means (S, 3, ...) of (n, 3, ...) over the points of each segment."""

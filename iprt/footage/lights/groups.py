@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from iprt.footage.cells import Float
 from iprt.footage.components import components
@@ -151,7 +151,8 @@ def groups_of(frame: Frame, clipped: Clipped) -> NDArray[np.intp]:
         if not own.any():
             continue
         hot = np.bincount(clipped.cell[own], minlength=cells).reshape(rows, 2 * rows) > 0
-        around = ndimage.binary_dilation(np.pad(hot, ((0, 0), (1, 1)), "wrap"), np.ones((3, 3)))
+        hot = np.pad(hot, ((0, 0), (1, 1)), "wrap")
+        around = scipy.ndimage.binary_dilation(hot, np.ones((3, 3)))
         near = around[:, 1:-1]
         label, count = components(near)
         of_texel = label.ravel()[clipped.cell[own]]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from iprt.footage.albedo_segments import (
     lifted,
@@ -106,7 +106,7 @@ def _usable(frame: Frame, clipped: Clipped, cells: Cells) -> NDArray[np.bool_]:
     """Return (N,) whether cells are well seen, diffuse, and not next to clipped ones."""
     hot = np.zeros(2 * cells.rows**2, bool)
     hot[grid_cells(frame, clipped.texel, cells.rows)] = True
-    hot = ndimage.binary_dilation(hot.reshape(cells.rows, -1), np.ones((3, 3))).ravel()
+    hot = scipy.ndimage.binary_dilation(hot.reshape(cells.rows, -1), np.ones((3, 3))).ravel()
     usable = well_seen(cells) & ~hot
     if frame.gloss is not None:
         usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0

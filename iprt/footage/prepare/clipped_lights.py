@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.footage.cells import Float
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
@@ -105,6 +106,20 @@ def recover(frame: Frame, clipped: Clipped, white: float) -> Gains:
     return mapped if cost_mapped < cost - EVIDENCE else plain
 
 
+def recover_once(frame: Frame, clipped: Clipped, white: float) -> Gains:
+    """Return `recover`, which is kept for large panoramas (`iprt.device.kept`)."""
+    if frame.depth.size < WORTH_KEEPING:
+        return recover(frame, clipped, white)
+
+    def make() -> Arrays:
+        gains = recover(frame, clipped, white)
+        return vars(gains) | {"shoulder": np.array(gains.shoulder)}
+
+    found = dict(kept("gains", __name__, [frame, white], make))
+    shoulder = bool(found.pop("shoulder"))
+    return Gains(**found, shoulder=shoulder)
+
+
 def _recovered(
     frame: Frame, clipped: Clipped, white: float, *, shoulder: bool
 ) -> tuple[Gains, float]:
@@ -188,7 +203,7 @@ class ClippedLights:
     def _at(self, frame: Frame, clipped: Clipped) -> list[tuple[Gains, np.float32]]:
         """Return the gains in effect, each with its weight."""
         if self._gains is None:
-            self._gains = recover(frame, clipped, self._white)
+            self._gains = recover_once(frame, clipped, self._white)
         elif self._before is None:
             change = _change(self._gains.covered, covered(frame, clipped))
             if change > CHANGED:

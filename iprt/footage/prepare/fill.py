@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from iprt.footage.prepare.openings import holes_of
 from iprt.footage.video.depth_code import usable
@@ -103,7 +103,7 @@ def fill_inverse_depth(
 
 
 def _conjugate_gradients(
-    matrix: csr_array,
+    matrix: scipy.sparse.csr_array,
     right: NDArray[np.float64],
     diagonal: NDArray[np.float64],
     start: NDArray[np.float64],
@@ -138,7 +138,7 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 def _helmholtz(
     inverse: NDArray[np.floating], known: Mask, fill: Mask, texel: NDArray[np.intp]
-) -> tuple[csr_array, NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[scipy.sparse.csr_array, NDArray[np.float64], NDArray[np.float64]]:
     """Return matrix, right-hand side and diagonal of -(laplace + 2), by finite volumes on texels.
 
     Edges towards the pole have length 0 in the polar rows, so the poles need no special case.
@@ -171,7 +171,7 @@ def _helmholtz(
         entries.append(-weight[unknown])
         sources.append(unknown)
         targets.append(number[other[unknown]])
-    matrix = csr_array(
+    matrix = scipy.sparse.csr_array(
         (
             np.concatenate([*entries, diagonal]),
             (np.concatenate([*sources, index]), np.concatenate([*targets, index])),

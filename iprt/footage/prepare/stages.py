@@ -23,6 +23,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import smoothed
@@ -87,9 +88,38 @@ class Preparation:
         """
         color = sanitize_color(raw.color)
         if self._last is None or not _stays(raw, color, *self._last):
-            self._last = raw.depth, raw.normal, sanitize_depth(smoothed(raw.depth), color)
+            clean_up = cleaned_once if self._last is None else cleaned
+            self._last = raw.depth, raw.normal, clean_up(raw.depth, color)
         _, normal, clean = self._last
         return Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
+
+
+def cleaned(depth: Picture, color: Picture) -> CleanDepth:
+    """Denoise and fill depth; see `sanitize_depth`."""
+    return sanitize_depth(smoothed(depth), color)
+
+
+def cleaned_once(depth: Picture, color: Picture) -> CleanDepth:
+    """Return `cleaned`, which is kept for large panoramas (`iprt.device.kept`)."""
+    if depth.size < WORTH_KEEPING:
+        return cleaned(depth, color)
+
+    def make() -> Arrays:
+        clean = cleaned(depth, color)
+        changed = clean.depth.view(np.uint32) != depth.view(np.uint32)
+        planes = {"changed": np.packbits(changed), "opening": np.packbits(clean.opening)}
+        return planes | {"depth": clean.depth[changed]}
+
+    found = kept("depth", __name__, [depth, color], make)
+    changed, opening = (
+        np.unpackbits(found[name], count=depth.size).reshape(depth.shape).view(bool)
+        for name in ("changed", "opening")
+    )
+    if not found["depth"].size:
+        return CleanDepth(depth, opening)
+    clean = depth.copy()
+    clean[changed] = found["depth"]
+    return CleanDepth(clean, opening)
 
 
 def _stays(

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
+from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
+from iprt.footage.frame import Frame
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
 from iprt.world.real.highlight_gain import highlight_gain
@@ -71,7 +74,7 @@ class Highlight:
         self._device = device
         self._panorama = panorama
         self._settings = features.settings
-        defines = features.real_defines()
+        self._defines = defines = features.real_defines()
         texels = panorama.width * panorama.height
 
         def kernel(name: str, items: int = 0) -> Kernel:
@@ -97,46 +100,30 @@ class Highlight:
             "real materials' reflectance", np.array(reflectance, np.float32)
         )
 
-    def run(self) -> None:
-        """Fill the panorama's `highlight` and `radiated` for its current video frame."""
+    def run(self, alone: Frame | None = None) -> None:
+        """Fill the panorama's `highlight` and `radiated` for its current video frame.
+
+        Parameters
+        ----------
+        alone : Frame or None
+            The current frame, if no other one has left a trace in the panorama. What takes long is
+            then kept for large panoramas (`iprt.device.kept`).
+        """
         device, panorama = self._device, self._panorama
-        settings, gloss = self._settings, panorama.gloss
-        highlight, radiated = panorama.highlight, panorama.radiated
+        gloss, highlight, radiated = panorama.gloss, panorama.highlight, panorama.radiated
         assert gloss is not None
+        assert highlight is not None
         glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
-        count = len(glossy)
-        if count:
-            device.write(self._list[:count], glossy)
-            trace = settings.trace
-            real = {
-                "real": panorama.arguments(trace),
-                "list": self._list,
-                "count": count,
-                "gloss": gloss,
-                "real_materials": self.table,
-                "real_reflectance": self.reflectance,
-            }
-            self._sample(
-                (count,),
-                real,
-                most_rays=settings.gloss.rays,
-                frame_seed=settings.seed,
-                highlight=highlight,
-                variance=self._variances[0],
-            )
-            signal, filtered = zip((highlight, radiated), self._variances, strict=True)
-            for level in range(LEVELS):
-                self._filter(
-                    (count,),
-                    real,
-                    step=1 << level,
-                    highlight=signal[0],
-                    variance=signal[1],
-                    filtered=filtered[0],
-                    filtered_variance=filtered[1],
-                )
-                signal, filtered = filtered, signal
-            self._calibrate(real)
+        if alone is not None and len(glossy) and gloss.size >= WORTH_KEEPING:
+            inputs = self._inputs(alone)
+            found = kept("highlights", __name__, inputs, lambda: self._found(glossy), kernels=True)
+            spread = np.zeros((gloss.size, 3), np.float32)
+            spread[glossy] = found["highlight"]
+            device.write(highlight, spread.reshape(highlight.shape))
+            device.write(self.gain, found["gain"])
+            device.write(self._min_base, found["min_base"])
+        elif len(glossy):
+            self._find(glossy)
         rows, columns, _ = self.gain.shape
         self._remove(
             (panorama.width, panorama.height),
@@ -152,6 +139,65 @@ class Highlight:
             highlight=highlight,
             radiated=radiated,
         )
+
+    def _inputs(self, frame: Frame) -> list[object]:
+        """Return what decides the highlights of a frame that nothing precedes."""
+        device, settings = self._device, self._settings
+        return [
+            frame,
+            settings.trace.model_dump_json(),
+            settings.gloss.rays,
+            settings.seed,
+            self._defines,
+            device.identity,
+        ]
+
+    def _found(self, glossy: NDArray[np.int32]) -> Arrays:
+        """Find highlights and return them: the glossy texels', and the buffers of the gain."""
+        self._find(glossy)
+        read = self._device.read
+        highlight = read(self._panorama.highlight).reshape(-1, 3)[glossy]
+        return {
+            "highlight": highlight,
+            "gain": read(self.gain),
+            "min_base": read(self._min_base),
+        }
+
+    def _find(self, glossy: NDArray[np.int32]) -> None:
+        """Fill `Panorama.highlight` at these texels, before the gain, and `gain`."""
+        device, panorama, settings = self._device, self._panorama, self._settings
+        count = len(glossy)
+        device.write(self._list[:count], glossy)
+        real = {
+            "real": panorama.arguments(settings.trace),
+            "list": self._list,
+            "count": count,
+            "gloss": panorama.gloss,
+            "real_materials": self.table,
+            "real_reflectance": self.reflectance,
+        }
+        self._sample(
+            (count,),
+            real,
+            most_rays=settings.gloss.rays,
+            frame_seed=settings.seed,
+            highlight=panorama.highlight,
+            variance=self._variances[0],
+        )
+        pictures = (panorama.highlight, panorama.radiated)
+        signal, filtered = zip(pictures, self._variances, strict=True)
+        for level in range(LEVELS):
+            self._filter(
+                (count,),
+                real,
+                step=1 << level,
+                highlight=signal[0],
+                variance=signal[1],
+                filtered=filtered[0],
+                filtered_variance=filtered[1],
+            )
+            signal, filtered = filtered, signal
+        self._calibrate(real)
 
     def arguments(self) -> GlossArgs:
         """Return the glossy surfaces for rays."""

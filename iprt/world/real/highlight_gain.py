@@ -11,8 +11,8 @@ highlight.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 Cells = NDArray[np.float64]
 
@@ -81,5 +81,5 @@ def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
 def _blurred(cells: Cells) -> Cells:
     """Return the Gaussian mean; wraps around in azimuth, not over the poles."""
     return np.asarray(
-        gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
+        scipy.ndimage.gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
     )

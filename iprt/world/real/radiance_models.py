@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from iprt.device.block import Block, Float4s, Float32, Floats, Ints
 from iprt.device.compute import ComputeDevice
@@ -272,7 +272,7 @@ class Learner:
         # Between models that have shrunk, a new one reaches no farther than the nearest of them.
         reach = np.full(len(chosen), how.radius)
         if self.count:
-            known = cKDTree(models[: self.count, 0, :3])
+            known = scipy.spatial.cKDTree(models[: self.count, 0, :3])
             nearest = known.query(chosen[:, 0, :3], distance_upper_bound=how.radius)[0]
             reach = np.clip(nearest, LEAST_REACH * how.radius, how.radius)
         models[new] = 0.0
@@ -322,7 +322,7 @@ def _thinned(samples: Float, radius: float) -> Float:
     if not len(samples):
         return samples
     points, normals = samples[:, 0, :3].astype(np.float64), samples[:, 1, :3]
-    around = cKDTree(points)
+    around = scipy.spatial.cKDTree(points)
     left = np.ones(len(samples), bool)
     chosen = []
     for i in range(len(samples)):

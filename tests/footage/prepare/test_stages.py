@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from iprt.footage.frame import Frame
-from iprt.footage.prepare.reading import RawFrame
+from iprt.footage.prepare import clipped_lights, gloss, stages
+from iprt.footage.prepare.fill import CleanDepth, sanitize_depth
+from iprt.footage.prepare.reading import Picture, RawFrame
 from iprt.footage.prepare.stages import Preparation
-from iprt.footage.real_material import RealMaterial
+from iprt.footage.real_material import Plane, RealMaterial
 from iprt.geometry.material import Material
 from iprt.scene.scene import Scene
+from tests.footage.lamp_rooms import WARM, lamp_room
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes360"
 H, W = 32, 64
@@ -30,6 +33,68 @@ def test_a_frame_alone_is_the_first_of_a_stream(name: str) -> None:
         (first,) = frames
     require_equal(scene.frame(), first)
     require_equal(next(scene.preparation().frames([scene.raw_frame()])), first)
+
+
+@pytest.fixture
+def keeping(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of its own, which keeps results of panoramas of any size."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for stage in (stages, gloss, clipped_lights):
+        monkeypatch.setattr(stage, "WORTH_KEEPING", 1)
+    return tmp_path / "iprt" / "results"
+
+
+def lit_rooms() -> list[RawFrame]:
+    """Frames of a room whose lamp clips, with a glossy floor, noisy depth and a window."""
+    frame = lamp_room("colored", WARM, rows=128)
+    rng = np.random.default_rng(7)
+    noise = rng.normal(1.0, 3e-3, frame.depth.shape).astype(np.float32)
+    depth = frame.depth * noise
+    depth[40:60, 20:50] = 0.0
+    later = depth.copy()
+    later[70:80, 100:120] = 0.0
+    color = np.minimum(frame.color, np.float32(1.0))
+    return [RawFrame(color, depth, None), RawFrame(color, later, None, index=1)]
+
+
+def prepared(raws: list[RawFrame]) -> list[Frame]:
+    floor = Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0), 0.2)
+    material = RealMaterial("floor", Material("plastic", alpha=0.1), plane=floor)
+    return list(Preparation(1.0, (material,)).frames(raws))
+
+
+def test_kept_results_are_the_ones_that_are_made(
+    keeping: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The frames after the first follow from the same state, too."""
+    raws = lit_rooms()
+    made = prepared(raws)
+    assert made[0].clipped is not None
+    assert made[0].opening.any()
+    assert made[0].gloss is not None
+    assert made[0].gloss.any()
+    assert not np.array_equal(made[0].depth, raws[0].depth)
+    names = sorted(file.name.partition("-")[0] for file in keeping.iterdir())
+    assert names == ["depth", "gains", "places"]
+
+    calls: list[object] = []
+
+    def counted(*given: Picture) -> CleanDepth:
+        calls.append(given)
+        return sanitize_depth(*given)
+
+    monkeypatch.setattr(clipped_lights, "recover", None)  # not called
+    monkeypatch.setattr(stages, "sanitize_depth", counted)
+    read = prepared(raws)
+    assert len(calls) == len(raws) - 1
+    monkeypatch.undo()
+    for frames in (read, prepared(raws)):
+        for frame, other in zip(frames, made, strict=True):
+            require_equal(frame, other)
+            assert frame.clipped is not None
+            assert other.clipped is not None
+            np.testing.assert_array_equal(frame.clipped.texel, other.clipped.texel)
+            np.testing.assert_array_equal(frame.clipped.color, other.clipped.color)
 
 
 def test_stages_know_the_colors_of_the_frames_before() -> None:
