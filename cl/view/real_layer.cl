@@ -1,7 +1,8 @@
 // The real layer of a view: the camera's picture without objects.
 //
 //   kernel             output
-//   resample_panorama  all planes, from the panorama; resample_glossy: the same with glossy real surfaces
+//   resample_panorama  surfaces from the panorama; resample_glossy: the same with glossy real surfaces
+//   resample_color     radiance from the panorama; resample_highlight: the same with highlights
 //   sharpen_edges      depth edges at the resolution of the view (world/real/edges.h), and shares of
 //                      uneven pixels; sharpen_glossy: the same with glossy real surfaces
 //   diffuse_part       diffuse radiance of real surfaces, in the colors that rays find
@@ -16,6 +17,7 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   image point in the previous picture, pixels; -1e9: nowhere
+//      place      2 planes   uv of the pixel's centre in the panorama
 //      other_pixel [H*W]     -1 in most pixels. In views about as fine as the panorama, or finer: UNEVEN
 //                            where the four texels around show several planes. resample_*: the pixel
 //                            itself where one of them is at a gap. sharpen_*, which processes those: a
@@ -76,81 +78,118 @@ static inline ALWAYS_INLINE void show_surface(
     layer.motion[size + pixel] = before.y;
 }
 
-// Write a pixel's gloss: `index` of the real material + 1, and the highlight's radiance.
-static inline ALWAYS_INLINE void show_gloss(
-    int index, float3 specular, __global const float4 *restrict real_materials, int pixel, int size,
-    __global float *restrict gloss, __global float *restrict roughness,
-    __global float *restrict highlight)
+// Write the radiance of a pixel's highlight; `index` of the real material + 1.
+static inline ALWAYS_INLINE void show_highlight(
+    int index, int kind, float3 specular, int pixel, int size, __global float *restrict highlight)
 {
-    const Material material = load_material(real_materials, max(index - 1, 0));
-    const int all = material.kind == KIND_CONDUCTOR;
-    gloss[pixel] = index;
-    roughness[pixel] = index ? material.alpha : 0.0f;
+    const int all = kind == KIND_CONDUCTOR;
     highlight[pixel] = index ? (all ? INFINITY : specular.x) : 0.0f;
     highlight[size + pixel] = index ? (all ? INFINITY : specular.y) : 0.0f;
     highlight[2 * size + pixel] = index ? (all ? INFINITY : specular.z) : 0.0f;
 }
 
-typedef struct {
-    int texel; // whose surface the pixel shows
-    int points; // lookups across it
-    Footprint inside;
-} Sampled;
+// The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
+static inline ALWAYS_INLINE int is_panorama(const RealPlanes layer)
+{
+    return is_equirect(layer.view) && layer.width == layer.panorama_width
+        && layer.height == layer.panorama_height && layer.view[0] == 1.0f && layer.view[4] == 1.0f
+        && layer.view[8] == 1.0f;
+}
 
-static inline ALWAYS_INLINE Sampled resample(int x, int y, const RealPlanes layer)
+// Write all but the radiance of a pixel, and return the texel whose surface it shows.
+// `sharp`: edges are marked. Scalars only: PoCL vectorizes it, without the colors, whose channels are merged.
+static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
-    const Footprint inside = footprint(layer.view, x, y);
-    const float2 uv = inside.middle;
-    int texel = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
+    const float3 direction = view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float2 uv = equirect_uv(direction);
+    layer.place[pixel] = uv.x;
+    layer.place[size + pixel] = uv.y;
+    const int texel
+        = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
         + min((int)(uv.x * layer.panorama_width), layer.panorama_width - 1);
-    const int points = points_across(layer.view, layer.panorama_height);
     const Taps around = equirect_taps(layer.panorama_width, layer.panorama_height, uv);
     __global const float *restrict marks = (__global const float *)layer.panorama_surface + 3;
     const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
-    // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
-    const int same = is_equirect(layer.view) && layer.width == layer.panorama_width
-        && layer.height == layer.panorama_height && layer.view[0] == 1.0f && layer.view[4] == 1.0f && layer.view[8] == 1.0f;
     const int mark = gap ? y * layer.width + x : is_uneven(layer.panorama_surface, around) ? UNEVEN : -1;
-    layer.other_pixel[y * layer.width + x] = points == 1 && !same ? mark : -1;
-    float3 radiance;
-    if (same) {
-        texel = y * layer.width + x;
-        radiance = (float3)(shown_texel(layer.shown, texel, 0), shown_texel(layer.shown, texel, 1),
-                            shown_texel(layer.shown, texel, 2));
-    } else {
-        radiance = shown_in_pixel(layer.shown, layer.panorama_width, layer.panorama_height, inside, points);
-    }
-    layer.color[pixel] = radiance.x;
-    layer.color[size + pixel] = radiance.y;
-    layer.color[2 * size + pixel] = radiance.z;
-    show_surface(layer, texel, inside.direction, 0.0f, pixel, size);
-    return (Sampled){texel, points, inside};
+    layer.other_pixel[y * layer.width + x] = sharp ? mark : -1;
+    show_surface(layer, texel, direction, 0.0f, pixel, size);
+    return texel;
+}
+
+// Return whether edges are reconstructed at the view's resolution.
+static inline ALWAYS_INLINE int is_sharp(const RealPlanes layer)
+{
+    return points_across(layer.view, layer.panorama_height) == 1 && !is_panorama(layer);
 }
 
 __kernel void resample_panorama(const RealPlanes layer)
 {
     PIXEL_ITEM(layer.width, layer.height);
-    resample(x, y, layer);
+    resample(x, y, is_sharp(layer), layer);
 }
 
 __kernel void resample_glossy(
     const RealPlanes layer,
     __global const int *restrict panorama_gloss,
-    __global const float *restrict panorama_highlight,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
-    __global float *restrict roughness,
+    __global float *restrict roughness)
+{
+    PIXEL_ITEM(layer.width, layer.height);
+    const int pixel = plane_index(x, y, layer.width);
+    const int index = panorama_gloss[resample(x, y, is_sharp(layer), layer)];
+    const Material material = load_material(real_materials, max(index - 1, 0));
+    gloss[pixel] = index;
+    roughness[pixel] = index ? material.alpha : 0.0f;
+}
+
+// Return the color that a picture has in a pixel.
+static inline ALWAYS_INLINE float3 seen_in_pixel(int x, int y, Shown shown, const RealPlanes layer)
+{
+    const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
+    const int points = points_across(layer.view, layer.panorama_height);
+    Footprint inside = {(float3)(0.0f), (float2)(layer.place[pixel], layer.place[size + pixel]),
+                        (float2)(0.0f), (float2)(0.0f)};
+    if (points > 1)
+        inside = footprint(layer.view, x, y);
+    return shown_in_pixel(shown, layer.panorama_width, layer.panorama_height, inside, points);
+}
+
+static inline ALWAYS_INLINE void show_color(int x, int y, const RealPlanes layer)
+{
+    float3 radiance;
+    if (is_panorama(layer)) {
+        const int texel = y * layer.width + x;
+        radiance = (float3)(shown_texel(layer.shown, texel, 0), shown_texel(layer.shown, texel, 1),
+                            shown_texel(layer.shown, texel, 2));
+    } else {
+        radiance = seen_in_pixel(x, y, layer.shown, layer);
+    }
+    store_planes(layer.color, plane_size(layer.width, layer.height), plane_index(x, y, layer.width), radiance);
+}
+
+__kernel void resample_color(const RealPlanes layer)
+{
+    PIXEL_ITEM(layer.width, layer.height);
+    show_color(x, y, layer);
+}
+
+__kernel void resample_highlight(
+    const RealPlanes layer,
+    __global const float *restrict panorama_highlight,
+    __global const float4 *restrict real_materials,
+    __global const float *restrict gloss,
     __global float *restrict highlight)
 {
     PIXEL_ITEM(layer.width, layer.height);
-    const Sampled sampled = resample(x, y, layer);
+    show_color(x, y, layer);
+    const int pixel = plane_index(x, y, layer.width), index = (int)gloss[pixel];
     const Shown part = {panorama_highlight, 0, 0};
-    const float3 specular
-        = shown_in_pixel(part, layer.panorama_width, layer.panorama_height, sampled.inside, sampled.points);
-    show_gloss(panorama_gloss[sampled.texel], specular, real_materials, plane_index(x, y, layer.width),
-               plane_size(layer.width, layer.height), gloss, roughness, highlight);
+    show_highlight(index, index ? load_material(real_materials, index - 1).kind : 0,
+                   index ? seen_in_pixel(x, y, part, layer) : (float3)(0.0f), pixel,
+                   plane_size(layer.width, layer.height), highlight);
 }
 
 typedef struct {
@@ -236,7 +275,8 @@ __kernel void sharpen_glossy(
     const Edge edge = sharpen(x, y, layer);
     if (!edge.is)
         return;
-    const int index = panorama_gloss[edge.texel];
+    const int index = panorama_gloss[edge.texel], pixel = plane_index(x, y, layer.width);
+    const Material material = load_material(real_materials, max(index - 1, 0));
     float3 specular = (float3)(0.0f);
     if (index) {
         const Shown part = {panorama_highlight, 0, 0};
@@ -247,8 +287,9 @@ __kernel void sharpen_glossy(
                            edge.share),
                        edge.mixtures);
     }
-    show_gloss(index, specular, real_materials, plane_index(x, y, layer.width),
-               plane_size(layer.width, layer.height), gloss, roughness, highlight);
+    gloss[pixel] = index;
+    roughness[pixel] = index ? material.alpha : 0.0f;
+    show_highlight(index, material.kind, specular, pixel, plane_size(layer.width, layer.height), highlight);
 }
 
 // Writes the bits of `color` without map and highlight; >= 0.
