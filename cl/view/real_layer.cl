@@ -162,8 +162,7 @@ static inline ALWAYS_INLINE void show_color(int x, int y, const RealPlanes layer
     float3 radiance;
     if (is_panorama(layer)) {
         const int texel = y * layer.width + x;
-        radiance = (float3)(shown_texel(layer.shown, texel, 0), shown_texel(layer.shown, texel, 1),
-                            shown_texel(layer.shown, texel, 2));
+        radiance = shown_color(layer.shown, texel);
     } else {
         radiance = seen_in_pixel(x, y, layer.shown, layer);
     }

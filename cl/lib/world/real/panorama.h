@@ -68,3 +68,11 @@ static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
     const float seen = shown.clipped_color[3 * row + c];
     return word & bit ? seen : sent;
 }
+
+// Return a texel's color as displayed.
+static inline ALWAYS_INLINE float3 shown_color(Shown shown, int texel)
+{
+    return shown.clipped ? (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
+                                    shown_texel(shown, texel, 2))
+                         : vload3(texel, shown.color);
+}

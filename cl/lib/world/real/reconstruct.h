@@ -53,10 +53,10 @@ static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict v
                        uv_change(d, view_rotate_to_world(view, down))};
 }
 
-static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
+static inline ALWAYS_INLINE float3 blend_shown(Shown shown, Taps t)
 {
-    return blend_taps(t, shown_texel(shown, t.a, c), shown_texel(shown, t.b, c),
-                      shown_texel(shown, t.below_a, c), shown_texel(shown, t.below_b, c));
+    return mix(mix(shown_color(shown, t.a), shown_color(shown, t.b), t.fx),
+               mix(shown_color(shown, t.below_a), shown_color(shown, t.below_b), t.fx), t.fy);
 }
 
 // Weights of cubic convolution with a = -1/2 (Keys 1981, Eq. 15) for four texels in a row. The point is
@@ -95,21 +95,26 @@ static inline ALWAYS_INLINE CubicTaps cubic_taps(int width, int height, float2 u
     return found;
 }
 
-static inline ALWAYS_INLINE float cubic_row(Shown shown, int c, int row, CubicTaps t)
+static inline ALWAYS_INLINE float3 cubic_row(Cubic weights, float3 left, float3 a, float3 b, float3 right)
 {
-    return t.x.a * shown_texel(shown, row + t.left, c) + t.x.b * shown_texel(shown, row + t.a, c)
-        + t.x.c * shown_texel(shown, row + t.b, c) + t.x.d * shown_texel(shown, row + t.right, c);
+    return weights.a * left + weights.b * a + weights.c * b + weights.d * right;
 }
 
-// Return channel `c` by cubic convolution, clamped almost to the range of the four texels around the point,
-// so that lights have no rings.
-static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
+static inline ALWAYS_INLINE float3 shown_row(Shown shown, int row, CubicTaps t)
 {
-    const float v00 = shown_texel(shown, t.upper + t.a, c), v10 = shown_texel(shown, t.upper + t.b, c);
-    const float v01 = shown_texel(shown, t.lower + t.a, c), v11 = shown_texel(shown, t.lower + t.b, c);
-    const float sum = t.y.a * cubic_row(shown, c, t.above, t) + t.y.b * cubic_row(shown, c, t.upper, t)
-        + t.y.c * cubic_row(shown, c, t.lower, t) + t.y.d * cubic_row(shown, c, t.below, t);
-    const float low = fmin(fmin(v00, v10), fmin(v01, v11)), high = fmax(fmax(v00, v10), fmax(v01, v11));
+    return cubic_row(t.x, shown_color(shown, row + t.left), shown_color(shown, row + t.a),
+                     shown_color(shown, row + t.b), shown_color(shown, row + t.right));
+}
+
+// Return the color by cubic convolution, clamped almost to the range of the four texels around the point, so
+// that lights have no rings.
+static inline ALWAYS_INLINE float3 cubic_shown(Shown shown, CubicTaps t)
+{
+    const float3 v00 = shown_color(shown, t.upper + t.a), v10 = shown_color(shown, t.upper + t.b);
+    const float3 v01 = shown_color(shown, t.lower + t.a), v11 = shown_color(shown, t.lower + t.b);
+    const float3 sum = cubic_row(t.y, shown_row(shown, t.above, t), shown_row(shown, t.upper, t),
+                                 shown_row(shown, t.lower, t), shown_row(shown, t.below, t));
+    const float3 low = fmin(fmin(v00, v10), fmin(v01, v11)), high = fmax(fmax(v00, v10), fmax(v01, v11));
     return clamp(sum, (1.0f - OVERSHOOT) * low, (1.0f + OVERSHOOT) * high);
 }
 
@@ -118,21 +123,15 @@ static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
 static inline ALWAYS_INLINE float3 shown_in_pixel(
     Shown shown, int width, int height, Footprint inside, int points)
 {
-    if (points == 1) {
-        const CubicTaps t = cubic_taps(width, height, inside.middle);
-        return (float3)(cubic_shown(shown, 0, t), cubic_shown(shown, 1, t), cubic_shown(shown, 2, t));
-    }
+    if (points == 1)
+        return cubic_shown(shown, cubic_taps(width, height, inside.middle));
     const float apart = 1.0f / points;
-    float red = 0.0f, green = 0.0f, blue = 0.0f;
+    float3 sum = (float3)(0.0f);
     for (int i = 0; i < points * points; i++) {
         const float right = (i % points + 0.5f) * apart - 0.5f, down = (i / points + 0.5f) * apart - 0.5f;
         const float u = inside.middle.x + right * inside.right.x + down * inside.down.x;
         const float v = inside.middle.y + right * inside.right.y + down * inside.down.y;
-        const Taps t = equirect_taps(width, height, (float2)(u - floor(u), v));
-        red += blend_shown(shown, 0, t);
-        green += blend_shown(shown, 1, t);
-        blue += blend_shown(shown, 2, t);
+        sum += blend_shown(shown, equirect_taps(width, height, (float2)(u - floor(u), v)));
     }
-    const float share = apart * apart;
-    return (float3)(share * red, share * green, share * blue);
+    return apart * apart * sum;
 }
