@@ -17,7 +17,7 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   image point in the previous picture, pixels; -1e9: nowhere
-//      place      2 planes   uv of the pixel's centre in the panorama
+//      place      6 planes   uv in the panorama: of the pixel's centre, and its change to the right and down
 //      other_pixel [H*W]     -1 in most pixels. In views about as fine as the panorama, or finer: UNEVEN
 //                            where the four texels around show several planes. resample_*: the pixel
 //                            itself where one of them is at a gap. sharpen_*, which processes those: a
@@ -101,10 +101,16 @@ static inline ALWAYS_INLINE int is_panorama(const RealPlanes layer)
 static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
-    const float3 direction = view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
-    const float2 uv = equirect_uv(direction);
+    const float3 ahead = view_local_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float3 direction = view_rotate_to_world(layer.view, ahead);
+    const Footprint inside = footprint(layer.view, ahead, direction);
+    const float2 uv = inside.middle;
     layer.place[pixel] = uv.x;
     layer.place[size + pixel] = uv.y;
+    layer.place[2 * size + pixel] = inside.right.x;
+    layer.place[3 * size + pixel] = inside.right.y;
+    layer.place[4 * size + pixel] = inside.down.x;
+    layer.place[5 * size + pixel] = inside.down.y;
     const int texel
         = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
         + min((int)(uv.x * layer.panorama_width), layer.panorama_width - 1);
@@ -145,28 +151,28 @@ __kernel void resample_glossy(
     roughness[pixel] = index ? material.alpha : 0.0f;
 }
 
-// Return the color that a picture has in a pixel.
-static inline ALWAYS_INLINE float3 seen_in_pixel(int x, int y, Shown shown, const RealPlanes layer)
+static inline ALWAYS_INLINE Footprint resampled_footprint(int pixel, const RealPlanes layer)
 {
-    const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
-    const int points = points_across(layer.view, layer.panorama_height);
-    Footprint inside = {(float3)(0.0f), (float2)(layer.place[pixel], layer.place[size + pixel]),
-                        (float2)(0.0f), (float2)(0.0f)};
-    if (points > 1)
-        inside = footprint(layer.view, x, y);
-    return shown_in_pixel(shown, layer.panorama_width, layer.panorama_height, inside, points);
+    const int size = plane_size(layer.width, layer.height);
+    __global const float *place = layer.place + pixel;
+    return (Footprint){(float2)(place[0], place[size]), (float2)(place[2 * size], place[3 * size]),
+                       (float2)(place[4 * size], place[5 * size])};
+}
+
+// Return the color that a picture has in a pixel.
+static inline ALWAYS_INLINE float3 seen_in_pixel(int pixel, Shown shown, const RealPlanes layer)
+{
+    return shown_in_pixel(shown, layer.panorama_width, layer.panorama_height,
+                          resampled_footprint(pixel, layer),
+                          points_across(layer.view, layer.panorama_height));
 }
 
 static inline ALWAYS_INLINE void show_color(int x, int y, const RealPlanes layer)
 {
-    float3 radiance;
-    if (is_panorama(layer)) {
-        const int texel = y * layer.width + x;
-        radiance = shown_color(layer.shown, texel);
-    } else {
-        radiance = seen_in_pixel(x, y, layer.shown, layer);
-    }
-    store_planes(layer.color, plane_size(layer.width, layer.height), plane_index(x, y, layer.width), radiance);
+    const int pixel = plane_index(x, y, layer.width), texel = y * layer.width + x;
+    store_planes(layer.color, plane_size(layer.width, layer.height), pixel,
+                 is_panorama(layer) ? shown_color(layer.shown, texel)
+                                    : seen_in_pixel(pixel, layer.shown, layer));
 }
 
 __kernel void resample_color(const RealPlanes layer)
@@ -187,7 +193,7 @@ __kernel void resample_highlight(
     const int pixel = plane_index(x, y, layer.width), index = (int)gloss[pixel];
     const Shown part = {panorama_highlight, 0, 0};
     show_highlight(index, index ? load_material(real_materials, index - 1).kind : 0,
-                   index ? seen_in_pixel(x, y, part, layer) : (float3)(0.0f), pixel,
+                   index ? seen_in_pixel(pixel, part, layer) : (float3)(0.0f), pixel,
                    plane_size(layer.width, layer.height), highlight);
 }
 
@@ -211,7 +217,7 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     const int mark = layer.other_pixel[itself];
     if (mark == -1)
         return edge;
-    const Footprint inside = footprint(layer.view, x, y);
+    const Footprint inside = resampled_footprint(pixel, layer);
     store_corners(layer.shown.color, layer.panorama_surface, layer.panorama_width, layer.panorama_height,
                   inside, x, y, layer.width, layer.height, (__global float *)(layer.other + itself),
                   (__global int *)(layer.corner + itself));
@@ -251,7 +257,7 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     layer.other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
 
     const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
-    show_surface(layer, texel, inside.direction, BEYOND, pixel, size);
+    show_surface(layer, texel, view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f)), BEYOND, pixel, size);
     return (Edge){1, texel, share, mixtures, whole, inside, window};
 }
 

@@ -20,7 +20,6 @@ static inline ALWAYS_INLINE int points_across(__global const float *restrict vie
 
 // A pixel's uv in the panorama, to first order.
 typedef struct {
-    float3 direction;           // unit, world, of the centre
     float2 middle, right, down; // at the centre; change per pixel to the right, and down
 } Footprint;
 
@@ -34,22 +33,20 @@ static inline ALWAYS_INLINE float2 uv_change(float3 d, float3 by)
                     (d.y * out - level * by.y) / ((flat + d.y * d.y) * IPRT_PI));
 }
 
-static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict view, int x, int y)
+// Return the footprint of a pixel, whose centre is in direction `ahead` of the view, d of the world.
+static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict view, float3 ahead, float3 d)
 {
-    const float3 ahead = view_local_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    const float3 d = view_rotate_to_world(view, ahead);
-    if (!is_equirect(view)) {
-        const float width = -ahead.z / view[9];
-        const float3 right = (float3)(width, 0.0f, 0.0f), down = (float3)(0.0f, -width, 0.0f);
-        return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
-                           uv_change(d, view_rotate_to_world(view, down))};
-    }
+    const int equirect = is_equirect(view);
+    const float width = -ahead.z / view[9];
     const float level = sqrt(fmax(ahead.x * ahead.x + ahead.z * ahead.z, 1e-12f));
     const float column = 2.0f * IPRT_PI / view[12], row = IPRT_PI / view[13];
     const float along = row * ahead.y / level;
-    const float3 right = (float3)(-column * ahead.z, 0.0f, column * ahead.x);
-    const float3 down = (float3)(along * ahead.x, -row * level, along * ahead.z);
-    return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
+    const float3 right = (float3)(projected(equirect, -column * ahead.z, width), 0.0f,
+                                  projected(equirect, column * ahead.x, 0.0f));
+    const float3 down = (float3)(projected(equirect, along * ahead.x, 0.0f),
+                                 projected(equirect, -row * level, -width),
+                                 projected(equirect, along * ahead.z, 0.0f));
+    return (Footprint){equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
                        uv_change(d, view_rotate_to_world(view, down))};
 }
 
