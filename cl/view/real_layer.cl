@@ -52,8 +52,9 @@
         return
 
 // Write the surface that a pixel shows of a texel's plane in direction v. The plane may leave the texel's
-// depths by a share `slack`. Scalars only: PoCL vectorizes resampling.
-static inline ALWAYS_INLINE void show_surface(
+// depths by a share `slack`. Returns its distance, 0 without a surface. Scalars only: PoCL vectorizes
+// resampling.
+static inline ALWAYS_INLINE float show_surface(
     const RealPlanes layer, int texel, float3 v, float slack, int pixel, int size)
 {
     __global const float *restrict surface = (__global const float *)layer.panorama_surface + 4 * texel;
@@ -70,6 +71,13 @@ static inline ALWAYS_INLINE void show_surface(
     const float radius = visible ? surface_radius(0.0f, inverse, 1.0f, 1.0f, range) : 0.0f;
     layer.depth[pixel] = radius;
     layer.id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
+    return radius;
+}
+
+// Write where the previous picture showed the surface at a distance `radius` in direction v.
+static inline ALWAYS_INLINE void show_motion(
+    const RealPlanes layer, float3 v, float radius, int pixel, int size)
+{
     // Only the direction of distant surfaces matters, and of all if the capture centre stays.
     const float3 point
         = layer.camera.rows ? camera_before(layer.camera.rows, v, radius > 0.0f ? 1.0f / radius : 0.0f) : v;
@@ -120,7 +128,7 @@ static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlan
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
     const int mark = gap ? y * layer.width + x : is_uneven(layer.panorama_surface, around) ? UNEVEN : -1;
     layer.other_pixel[y * layer.width + x] = sharp ? mark : -1;
-    show_surface(layer, texel, direction, 0.0f, pixel, size);
+    show_motion(layer, direction, show_surface(layer, texel, direction, 0.0f, pixel, size), pixel, size);
     return texel;
 }
 
@@ -257,7 +265,10 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     layer.other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
 
     const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
-    show_surface(layer, texel, view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f)), BEYOND, pixel, size);
+    const float3 direction = view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float radius = show_surface(layer, texel, direction, BEYOND, pixel, size);
+    if (layer.camera.rows)
+        show_motion(layer, direction, radius, pixel, size);
     return (Edge){1, texel, share, mixtures, whole, inside, window};
 }
 

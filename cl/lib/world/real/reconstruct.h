@@ -79,12 +79,12 @@ static inline ALWAYS_INLINE CubicTaps cubic_taps(int width, int height, float2 u
 {
     const Taps t = equirect_taps(width, height, uv);
     CubicTaps found;
-    found.upper = t.a / width * width;
-    found.lower = t.below_a / width * width;
+    found.upper = t.row;
+    found.lower = t.next_row;
     found.above = max(found.upper - width, 0);
     found.below = min(found.lower + width, (height - 1) * width);
-    found.a = t.a - found.upper;
-    found.b = t.b - found.upper;
+    found.a = t.column;
+    found.b = t.next_column;
     found.left = found.a > 0 ? found.a - 1 : width - 1;
     found.right = found.b < width - 1 ? found.b + 1 : 0;
     found.x = cubic_weights(t.fx);
