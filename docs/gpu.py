@@ -42,6 +42,8 @@ OPTIMISED = 0.65
 WINDOWS = {
     "resample_panorama": 4,
     "resample_glossy": 4,
+    "resample_color": 16,
+    "resample_highlight": 16,
     "accumulate": 2.5,  # four taps of the history, one of all else
     "choose_level": 9,
     "filter_real": 9,

@@ -59,14 +59,14 @@ __kernel void build_guide(
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    float3 position = depth[p] * view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    float of_guide[GUIDE_PLANES];
+    const float3 direction = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
+    const float far = depth[p];
+    // Without loops over all planes: PoCL vectorizes it.
+    #pragma unroll
     for (int c = 0; c < 3; c++)
-        of_guide[GUIDE_NORMAL + c] = normal[c * size + p];
-    of_guide[GUIDE_POSITION + 0] = position.x;
-    of_guide[GUIDE_POSITION + 1] = position.y;
-    of_guide[GUIDE_POSITION + 2] = position.z;
-    of_guide[GUIDE_ID] = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
-    for (int c = 0; c < GUIDE_PLANES; c++)
-        store_wrapped(guide + c * size, p, x, width, seam, of_guide[c]);
+        store_wrapped(guide + (GUIDE_NORMAL + c) * size, p, x, width, seam, normal[c * size + p]);
+    store_wrapped(guide + GUIDE_POSITION * size, p, x, width, seam, far * direction.x);
+    store_wrapped(guide + (GUIDE_POSITION + 1) * size, p, x, width, seam, far * direction.y);
+    store_wrapped(guide + (GUIDE_POSITION + 2) * size, p, x, width, seam, far * direction.z);
+    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, far > 0.0f ? fmax(id[p], 0.0f) : 0.0f);
 }

@@ -1,7 +1,8 @@
 // The real layer of a view: the camera's picture without objects.
 //
 //   kernel             output
-//   resample_panorama  all planes, from the panorama; resample_glossy: the same with glossy real surfaces
+//   resample_panorama  surfaces from the panorama; resample_glossy: the same with glossy real surfaces
+//   resample_color     radiance from the panorama; resample_highlight: the same with highlights
 //   sharpen_edges      depth edges at the resolution of the view (world/real/edges.h), and shares of
 //                      uneven pixels; sharpen_glossy: the same with glossy real surfaces
 //   diffuse_part       diffuse radiance of real surfaces, in the colors that rays find
@@ -16,6 +17,7 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   image point in the previous picture, pixels; -1e9: nowhere
+//      place      6 planes   uv in the panorama: of the pixel's centre, and its change to the right and down
 //      other_pixel [H*W]     -1 in most pixels. In views about as fine as the panorama, or finer: UNEVEN
 //                            where the four texels around show several planes. resample_*: the pixel
 //                            itself where one of them is at a gap. sharpen_*, which processes those: a
@@ -50,8 +52,9 @@
         return
 
 // Write the surface that a pixel shows of a texel's plane in direction v. The plane may leave the texel's
-// depths by a share `slack`. Scalars only: PoCL vectorizes resampling.
-static inline ALWAYS_INLINE void show_surface(
+// depths by a share `slack`. Returns its distance, 0 without a surface. Scalars only: PoCL vectorizes
+// resampling.
+static inline ALWAYS_INLINE float show_surface(
     const RealPlanes layer, int texel, float3 v, float slack, int pixel, int size)
 {
     __global const float *restrict surface = (__global const float *)layer.panorama_surface + 4 * texel;
@@ -68,6 +71,13 @@ static inline ALWAYS_INLINE void show_surface(
     const float radius = visible ? surface_radius(0.0f, inverse, 1.0f, 1.0f, range) : 0.0f;
     layer.depth[pixel] = radius;
     layer.id[pixel] = visible && !(flags & SURFACE_OPENING) ? 1.0f : 0.0f;
+    return radius;
+}
+
+// Write where the previous picture showed the surface at a distance `radius` in direction v.
+static inline ALWAYS_INLINE void show_motion(
+    const RealPlanes layer, float3 v, float radius, int pixel, int size)
+{
     // Only the direction of distant surfaces matters, and of all if the capture centre stays.
     const float3 point
         = layer.camera.rows ? camera_before(layer.camera.rows, v, radius > 0.0f ? 1.0f / radius : 0.0f) : v;
@@ -76,81 +86,123 @@ static inline ALWAYS_INLINE void show_surface(
     layer.motion[size + pixel] = before.y;
 }
 
-// Write a pixel's gloss: `index` of the real material + 1, and the highlight's radiance.
-static inline ALWAYS_INLINE void show_gloss(
-    int index, float3 specular, __global const float4 *restrict real_materials, int pixel, int size,
-    __global float *restrict gloss, __global float *restrict roughness,
-    __global float *restrict highlight)
+// Write the radiance of a pixel's highlight; `index` of the real material + 1.
+static inline ALWAYS_INLINE void show_highlight(
+    int index, int kind, float3 specular, int pixel, int size, __global float *restrict highlight)
 {
-    const Material material = load_material(real_materials, max(index - 1, 0));
-    const int all = material.kind == KIND_CONDUCTOR;
-    gloss[pixel] = index;
-    roughness[pixel] = index ? material.alpha : 0.0f;
+    const int all = kind == KIND_CONDUCTOR;
     highlight[pixel] = index ? (all ? INFINITY : specular.x) : 0.0f;
     highlight[size + pixel] = index ? (all ? INFINITY : specular.y) : 0.0f;
     highlight[2 * size + pixel] = index ? (all ? INFINITY : specular.z) : 0.0f;
 }
 
-typedef struct {
-    int texel; // whose surface the pixel shows
-    int points; // lookups across it
-    Footprint inside;
-} Sampled;
+// The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
+static inline ALWAYS_INLINE int is_panorama(const RealPlanes layer)
+{
+    return is_equirect(layer.view) && layer.width == layer.panorama_width
+        && layer.height == layer.panorama_height && layer.view[0] == 1.0f && layer.view[4] == 1.0f
+        && layer.view[8] == 1.0f;
+}
 
-static inline ALWAYS_INLINE Sampled resample(int x, int y, const RealPlanes layer)
+// Write all but the radiance of a pixel, and return the texel whose surface it shows.
+// `sharp`: edges are marked. Scalars only: PoCL vectorizes it, without the colors, whose channels are merged.
+static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
-    const Footprint inside = footprint(layer.view, x, y);
+    const float3 ahead = view_local_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float3 direction = view_rotate_to_world(layer.view, ahead);
+    const Footprint inside = footprint(layer.view, ahead, direction);
     const float2 uv = inside.middle;
-    int texel = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
+    layer.place[pixel] = uv.x;
+    layer.place[size + pixel] = uv.y;
+    layer.place[2 * size + pixel] = inside.right.x;
+    layer.place[3 * size + pixel] = inside.right.y;
+    layer.place[4 * size + pixel] = inside.down.x;
+    layer.place[5 * size + pixel] = inside.down.y;
+    const int texel
+        = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
         + min((int)(uv.x * layer.panorama_width), layer.panorama_width - 1);
-    const int points = points_across(layer.view, layer.panorama_height);
     const Taps around = equirect_taps(layer.panorama_width, layer.panorama_height, uv);
     __global const float *restrict marks = (__global const float *)layer.panorama_surface + 3;
     const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
         || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
-    // The panorama at its own size keeps its bits: rounded directions would blend in neighbours.
-    const int same = is_equirect(layer.view) && layer.width == layer.panorama_width
-        && layer.height == layer.panorama_height && layer.view[0] == 1.0f && layer.view[4] == 1.0f && layer.view[8] == 1.0f;
     const int mark = gap ? y * layer.width + x : is_uneven(layer.panorama_surface, around) ? UNEVEN : -1;
-    layer.other_pixel[y * layer.width + x] = points == 1 && !same ? mark : -1;
-    float3 radiance;
-    if (same) {
-        texel = y * layer.width + x;
-        radiance = (float3)(shown_texel(layer.shown, texel, 0), shown_texel(layer.shown, texel, 1),
-                            shown_texel(layer.shown, texel, 2));
-    } else {
-        radiance = shown_in_pixel(layer.shown, layer.panorama_width, layer.panorama_height, inside, points);
-    }
-    layer.color[pixel] = radiance.x;
-    layer.color[size + pixel] = radiance.y;
-    layer.color[2 * size + pixel] = radiance.z;
-    show_surface(layer, texel, inside.direction, 0.0f, pixel, size);
-    return (Sampled){texel, points, inside};
+    layer.other_pixel[y * layer.width + x] = sharp ? mark : -1;
+    show_motion(layer, direction, show_surface(layer, texel, direction, 0.0f, pixel, size), pixel, size);
+    return texel;
+}
+
+// Return whether edges are reconstructed at the view's resolution.
+static inline ALWAYS_INLINE int is_sharp(const RealPlanes layer)
+{
+    return points_across(layer.view, layer.panorama_height) == 1 && !is_panorama(layer);
 }
 
 __kernel void resample_panorama(const RealPlanes layer)
 {
     PIXEL_ITEM(layer.width, layer.height);
-    resample(x, y, layer);
+    resample(x, y, is_sharp(layer), layer);
 }
 
 __kernel void resample_glossy(
     const RealPlanes layer,
     __global const int *restrict panorama_gloss,
-    __global const float *restrict panorama_highlight,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
-    __global float *restrict roughness,
+    __global float *restrict roughness)
+{
+    PIXEL_ITEM(layer.width, layer.height);
+    const int pixel = plane_index(x, y, layer.width);
+    const int index = panorama_gloss[resample(x, y, is_sharp(layer), layer)];
+    const Material material = load_material(real_materials, max(index - 1, 0));
+    gloss[pixel] = index;
+    roughness[pixel] = index ? material.alpha : 0.0f;
+}
+
+static inline ALWAYS_INLINE Footprint resampled_footprint(int pixel, const RealPlanes layer)
+{
+    const int size = plane_size(layer.width, layer.height);
+    __global const float *place = layer.place + pixel;
+    return (Footprint){(float2)(place[0], place[size]), (float2)(place[2 * size], place[3 * size]),
+                       (float2)(place[4 * size], place[5 * size])};
+}
+
+// Return the color that a picture has in a pixel.
+static inline ALWAYS_INLINE float3 seen_in_pixel(int pixel, Shown shown, const RealPlanes layer)
+{
+    return shown_in_pixel(shown, layer.panorama_width, layer.panorama_height,
+                          resampled_footprint(pixel, layer),
+                          points_across(layer.view, layer.panorama_height));
+}
+
+static inline ALWAYS_INLINE void show_color(int x, int y, const RealPlanes layer)
+{
+    const int pixel = plane_index(x, y, layer.width), texel = y * layer.width + x;
+    store_planes(layer.color, plane_size(layer.width, layer.height), pixel,
+                 is_panorama(layer) ? shown_color(layer.shown, texel)
+                                    : seen_in_pixel(pixel, layer.shown, layer));
+}
+
+__kernel void resample_color(const RealPlanes layer)
+{
+    PIXEL_ITEM(layer.width, layer.height);
+    show_color(x, y, layer);
+}
+
+__kernel void resample_highlight(
+    const RealPlanes layer,
+    __global const float *restrict panorama_highlight,
+    __global const float4 *restrict real_materials,
+    __global const float *restrict gloss,
     __global float *restrict highlight)
 {
     PIXEL_ITEM(layer.width, layer.height);
-    const Sampled sampled = resample(x, y, layer);
+    show_color(x, y, layer);
+    const int pixel = plane_index(x, y, layer.width), index = (int)gloss[pixel];
     const Shown part = {panorama_highlight, 0, 0};
-    const float3 specular
-        = shown_in_pixel(part, layer.panorama_width, layer.panorama_height, sampled.inside, sampled.points);
-    show_gloss(panorama_gloss[sampled.texel], specular, real_materials, plane_index(x, y, layer.width),
-               plane_size(layer.width, layer.height), gloss, roughness, highlight);
+    show_highlight(index, index ? load_material(real_materials, index - 1).kind : 0,
+                   index ? seen_in_pixel(pixel, part, layer) : (float3)(0.0f), pixel,
+                   plane_size(layer.width, layer.height), highlight);
 }
 
 typedef struct {
@@ -173,7 +225,7 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     const int mark = layer.other_pixel[itself];
     if (mark == -1)
         return edge;
-    const Footprint inside = footprint(layer.view, x, y);
+    const Footprint inside = resampled_footprint(pixel, layer);
     store_corners(layer.shown.color, layer.panorama_surface, layer.panorama_width, layer.panorama_height,
                   inside, x, y, layer.width, layer.height, (__global float *)(layer.other + itself),
                   (__global int *)(layer.corner + itself));
@@ -213,7 +265,10 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     layer.other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
 
     const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
-    show_surface(layer, texel, inside.direction, BEYOND, pixel, size);
+    const float3 direction = view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float radius = show_surface(layer, texel, direction, BEYOND, pixel, size);
+    if (layer.camera.rows)
+        show_motion(layer, direction, radius, pixel, size);
     return (Edge){1, texel, share, mixtures, whole, inside, window};
 }
 
@@ -236,7 +291,8 @@ __kernel void sharpen_glossy(
     const Edge edge = sharpen(x, y, layer);
     if (!edge.is)
         return;
-    const int index = panorama_gloss[edge.texel];
+    const int index = panorama_gloss[edge.texel], pixel = plane_index(x, y, layer.width);
+    const Material material = load_material(real_materials, max(index - 1, 0));
     float3 specular = (float3)(0.0f);
     if (index) {
         const Shown part = {panorama_highlight, 0, 0};
@@ -247,8 +303,9 @@ __kernel void sharpen_glossy(
                            edge.share),
                        edge.mixtures);
     }
-    show_gloss(index, specular, real_materials, plane_index(x, y, layer.width),
-               plane_size(layer.width, layer.height), gloss, roughness, highlight);
+    gloss[pixel] = index;
+    roughness[pixel] = index ? material.alpha : 0.0f;
+    show_highlight(index, material.kind, specular, pixel, plane_size(layer.width, layer.height), highlight);
 }
 
 // Writes the bits of `color` without map and highlight; >= 0.

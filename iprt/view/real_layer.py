@@ -58,6 +58,7 @@ class RealPlanesArgs(Block):
     depth: FloatsOut
     id: FloatsOut
     motion: FloatsOut
+    place: FloatsOut
     other_pixel: IntsOut
     other: Float4sOut
     corner: Int4sOut
@@ -115,6 +116,7 @@ class RealLayer:
         self.id = device.zeros(f"{name} id", layout.shape(1))
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
         self.diffuse = self.color
+        self._place = device.zeros(f"{name} place", layout.shape(6))
         self._diffuse_part = DiffusePart(
             device, layout, name=name, gloss=gloss, color_map=color_map
         )
@@ -148,6 +150,7 @@ class RealLayer:
         """Return the kernels that fill the planes, in order."""
         glossy = self.gloss is not None
         names = ["resample_glossy" if glossy else "resample_panorama"]
+        names.append("resample_highlight" if glossy else "resample_color")
         if self.other is not None:
             names.append("sharpen_glossy" if glossy else "sharpen_edges")
         return [
@@ -202,6 +205,7 @@ class RealLayer:
             depth=self.depth,
             id=self.id,
             motion=self.motion,
+            place=self._place,
             other_pixel=self.other_pixel,
             other=self.other,
             corner=self.corner,

@@ -224,6 +224,7 @@ GLOSS_KERNELS = {
     "trace_gloss",
     "diffuse_part",
     "resample_glossy",
+    "resample_highlight",
     "sharpen_glossy",
 }
 

@@ -1,6 +1,8 @@
 // Arithmetic for hot kernels without libm calls or branches, so that PoCL vectorizes it.
 #pragma once
 
+#include "maths/kernel_attributes.h"
+
 // Return 2^x. The relative error is at most 1.1e-4, and 0 at integers. x is clamped to [-126, 127]. As x +
 // 127 is positive, truncation is floor, and its integer part is the biased exponent. The cubic is the
 // minimax of 2^f on [0, 1) among those exact at both ends, so the result is continuous.
@@ -29,7 +31,7 @@ static inline float falloff(float x)
 // Return atan2(y, x) to 3e-7, and 0 where both are 0: the minimax polynomial of atan(sqrt(s)) / sqrt(s) on
 // [0, 1], with an error of 1.4e-8, mirrored by octant. Two adjacent calls of fabs would be merged into a
 // vector of two, which keeps PoCL from vectorizing the kernel.
-static inline float fast_atan2(float y, float x)
+static inline ALWAYS_INLINE float fast_atan2(float y, float x)
 {
     const float ax = fmax(x, -x), ay = fabs(y);
     const float t = fmin(ax, ay) / fmax(fmax(ax, ay), 1e-37f), s = t * t;
@@ -49,7 +51,7 @@ static inline float fast_atan2(float y, float x)
 
 // Return (cos, sin) of 2 pi u for u in [0, 1], to 3e-7 absolute: the Taylor series within an eighth of a
 // turn of the nearest quarter, then swapped and negated by quadrant.
-static inline float2 unit_circle(float u)
+static inline ALWAYS_INLINE float2 unit_circle(float u)
 {
     const int quadrant = (int)(4.0f * u + 0.5f);
     const float x = (u - 0.25f * (float)quadrant) * 6.28318531f;

@@ -11,6 +11,7 @@
 typedef struct {
     int a, b, below_a, below_b;
     float fx, fy;
+    int column, next_column, row, next_row; // of a and below_b; rows by their first texels
 } Taps;
 
 // Return the taps at uv. Wraps around in azimuth, clamps to the first and last row at the poles.
@@ -22,7 +23,7 @@ static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
     x0 = x0 < 0 ? x0 + width : x0;
     x1 = x1 >= width ? x1 - width : x1;
     const int row0 = (int)upper * width, row1 = min((int)upper + 1, height - 1) * width;
-    return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, x - left, y - upper};
+    return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, x - left, y - upper, x0, x1, row0, row1};
 }
 
 static inline ALWAYS_INLINE float blend_taps(
@@ -67,4 +68,12 @@ static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
     const int row = before + popcount(word & (bit - 1u));
     const float seen = shown.clipped_color[3 * row + c];
     return word & bit ? seen : sent;
+}
+
+// Return a texel's color as displayed.
+static inline ALWAYS_INLINE float3 shown_color(Shown shown, int texel)
+{
+    return shown.clipped ? (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
+                                    shown_texel(shown, texel, 2))
+                         : vload3(texel, shown.color);
 }

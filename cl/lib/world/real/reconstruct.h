@@ -20,7 +20,6 @@ static inline ALWAYS_INLINE int points_across(__global const float *restrict vie
 
 // A pixel's uv in the panorama, to first order.
 typedef struct {
-    float3 direction;           // unit, world, of the centre
     float2 middle, right, down; // at the centre; change per pixel to the right, and down
 } Footprint;
 
@@ -34,29 +33,27 @@ static inline ALWAYS_INLINE float2 uv_change(float3 d, float3 by)
                     (d.y * out - level * by.y) / ((flat + d.y * d.y) * IPRT_PI));
 }
 
-static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict view, int x, int y)
+// Return the footprint of a pixel, whose centre is in direction `ahead` of the view, d of the world.
+static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict view, float3 ahead, float3 d)
 {
-    const float3 ahead = view_local_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    const float3 d = view_rotate_to_world(view, ahead);
-    if (!is_equirect(view)) {
-        const float width = -ahead.z / view[9];
-        const float3 right = (float3)(width, 0.0f, 0.0f), down = (float3)(0.0f, -width, 0.0f);
-        return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
-                           uv_change(d, view_rotate_to_world(view, down))};
-    }
+    const int equirect = is_equirect(view);
+    const float width = -ahead.z / view[9];
     const float level = sqrt(fmax(ahead.x * ahead.x + ahead.z * ahead.z, 1e-12f));
     const float column = 2.0f * IPRT_PI / view[12], row = IPRT_PI / view[13];
     const float along = row * ahead.y / level;
-    const float3 right = (float3)(-column * ahead.z, 0.0f, column * ahead.x);
-    const float3 down = (float3)(along * ahead.x, -row * level, along * ahead.z);
-    return (Footprint){d, equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
+    const float3 right = (float3)(projected(equirect, -column * ahead.z, width), 0.0f,
+                                  projected(equirect, column * ahead.x, 0.0f));
+    const float3 down = (float3)(projected(equirect, along * ahead.x, 0.0f),
+                                 projected(equirect, -row * level, -width),
+                                 projected(equirect, along * ahead.z, 0.0f));
+    return (Footprint){equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
                        uv_change(d, view_rotate_to_world(view, down))};
 }
 
-static inline ALWAYS_INLINE float blend_shown(Shown shown, int c, Taps t)
+static inline ALWAYS_INLINE float3 blend_shown(Shown shown, Taps t)
 {
-    return blend_taps(t, shown_texel(shown, t.a, c), shown_texel(shown, t.b, c),
-                      shown_texel(shown, t.below_a, c), shown_texel(shown, t.below_b, c));
+    return mix(mix(shown_color(shown, t.a), shown_color(shown, t.b), t.fx),
+               mix(shown_color(shown, t.below_a), shown_color(shown, t.below_b), t.fx), t.fy);
 }
 
 // Weights of cubic convolution with a = -1/2 (Keys 1981, Eq. 15) for four texels in a row. The point is
@@ -82,12 +79,12 @@ static inline ALWAYS_INLINE CubicTaps cubic_taps(int width, int height, float2 u
 {
     const Taps t = equirect_taps(width, height, uv);
     CubicTaps found;
-    found.upper = t.a / width * width;
-    found.lower = t.below_a / width * width;
+    found.upper = t.row;
+    found.lower = t.next_row;
     found.above = max(found.upper - width, 0);
     found.below = min(found.lower + width, (height - 1) * width);
-    found.a = t.a - found.upper;
-    found.b = t.b - found.upper;
+    found.a = t.column;
+    found.b = t.next_column;
     found.left = found.a > 0 ? found.a - 1 : width - 1;
     found.right = found.b < width - 1 ? found.b + 1 : 0;
     found.x = cubic_weights(t.fx);
@@ -95,21 +92,26 @@ static inline ALWAYS_INLINE CubicTaps cubic_taps(int width, int height, float2 u
     return found;
 }
 
-static inline ALWAYS_INLINE float cubic_row(Shown shown, int c, int row, CubicTaps t)
+static inline ALWAYS_INLINE float3 cubic_row(Cubic weights, float3 left, float3 a, float3 b, float3 right)
 {
-    return t.x.a * shown_texel(shown, row + t.left, c) + t.x.b * shown_texel(shown, row + t.a, c)
-        + t.x.c * shown_texel(shown, row + t.b, c) + t.x.d * shown_texel(shown, row + t.right, c);
+    return weights.a * left + weights.b * a + weights.c * b + weights.d * right;
 }
 
-// Return channel `c` by cubic convolution, clamped almost to the range of the four texels around the point,
-// so that lights have no rings.
-static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
+static inline ALWAYS_INLINE float3 shown_row(Shown shown, int row, CubicTaps t)
 {
-    const float v00 = shown_texel(shown, t.upper + t.a, c), v10 = shown_texel(shown, t.upper + t.b, c);
-    const float v01 = shown_texel(shown, t.lower + t.a, c), v11 = shown_texel(shown, t.lower + t.b, c);
-    const float sum = t.y.a * cubic_row(shown, c, t.above, t) + t.y.b * cubic_row(shown, c, t.upper, t)
-        + t.y.c * cubic_row(shown, c, t.lower, t) + t.y.d * cubic_row(shown, c, t.below, t);
-    const float low = fmin(fmin(v00, v10), fmin(v01, v11)), high = fmax(fmax(v00, v10), fmax(v01, v11));
+    return cubic_row(t.x, shown_color(shown, row + t.left), shown_color(shown, row + t.a),
+                     shown_color(shown, row + t.b), shown_color(shown, row + t.right));
+}
+
+// Return the color by cubic convolution, clamped almost to the range of the four texels around the point, so
+// that lights have no rings.
+static inline ALWAYS_INLINE float3 cubic_shown(Shown shown, CubicTaps t)
+{
+    const float3 v00 = shown_color(shown, t.upper + t.a), v10 = shown_color(shown, t.upper + t.b);
+    const float3 v01 = shown_color(shown, t.lower + t.a), v11 = shown_color(shown, t.lower + t.b);
+    const float3 sum = cubic_row(t.y, shown_row(shown, t.above, t), shown_row(shown, t.upper, t),
+                                 shown_row(shown, t.lower, t), shown_row(shown, t.below, t));
+    const float3 low = fmin(fmin(v00, v10), fmin(v01, v11)), high = fmax(fmax(v00, v10), fmax(v01, v11));
     return clamp(sum, (1.0f - OVERSHOOT) * low, (1.0f + OVERSHOOT) * high);
 }
 
@@ -118,21 +120,15 @@ static inline ALWAYS_INLINE float cubic_shown(Shown shown, int c, CubicTaps t)
 static inline ALWAYS_INLINE float3 shown_in_pixel(
     Shown shown, int width, int height, Footprint inside, int points)
 {
-    if (points == 1) {
-        const CubicTaps t = cubic_taps(width, height, inside.middle);
-        return (float3)(cubic_shown(shown, 0, t), cubic_shown(shown, 1, t), cubic_shown(shown, 2, t));
-    }
+    if (points == 1)
+        return cubic_shown(shown, cubic_taps(width, height, inside.middle));
     const float apart = 1.0f / points;
-    float red = 0.0f, green = 0.0f, blue = 0.0f;
+    float3 sum = (float3)(0.0f);
     for (int i = 0; i < points * points; i++) {
         const float right = (i % points + 0.5f) * apart - 0.5f, down = (i / points + 0.5f) * apart - 0.5f;
         const float u = inside.middle.x + right * inside.right.x + down * inside.down.x;
         const float v = inside.middle.y + right * inside.right.y + down * inside.down.y;
-        const Taps t = equirect_taps(width, height, (float2)(u - floor(u), v));
-        red += blend_shown(shown, 0, t);
-        green += blend_shown(shown, 1, t);
-        blue += blend_shown(shown, 2, t);
+        sum += blend_shown(shown, equirect_taps(width, height, (float2)(u - floor(u), v)));
     }
-    const float share = apart * apart;
-    return (float3)(share * red, share * green, share * blue);
+    return apart * apart * sum;
 }

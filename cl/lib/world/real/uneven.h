@@ -25,12 +25,22 @@ static inline ALWAYS_INLINE float plane_difference(
     return smoothstep(SAME_PLANE * SAME_PLANE, TWO_PLANES * TWO_PLANES, share);
 }
 
-// Return whether the texels around a point show several planes.
+// Return whether the texels around a point show several planes: plane_difference() > 0 for a pair of them.
 static inline ALWAYS_INLINE int is_uneven(__global const float4 *restrict panorama_surface, Taps around)
 {
-    return plane_difference(panorama_surface, around.a, around.b)
-        + plane_difference(panorama_surface, around.a, around.below_a)
-        + plane_difference(panorama_surface, around.a, around.below_b) > 0.0f;
+    __global const float *restrict planes = (__global const float *)panorama_surface;
+    const float x = planes[4 * around.a], y = planes[4 * around.a + 1], z = planes[4 * around.a + 2];
+    const float squared = x * x + y * y + z * z;
+    float beyond = 0.0f;
+    #pragma unroll
+    for (int k = 1; k < 4; k++) {
+        const int texel = k == 1 ? around.b : k == 2 ? around.below_a : around.below_b;
+        const float u = planes[4 * texel], v = planes[4 * texel + 1], w = planes[4 * texel + 2];
+        const float larger = fmax(squared, u * u + v * v + w * w);
+        const float apart = (u - x) * (u - x) + (v - y) * (v - y) + (w - z) * (w - z);
+        beyond = fmax(beyond, apart - SAME_PLANE * SAME_PLANE * larger);
+    }
+    return beyond > 0.0f;
 }
 
 // Write each surrounding texel's share in the pixel's bilinear radiance, weighted by the difference of its
