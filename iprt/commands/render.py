@@ -158,7 +158,6 @@ def render(
 
     from iprt.commands.frame_range import frame_range
     from iprt.commands.render_job import RenderJob
-    from iprt.commands.render_video import check_video, render_video
     from iprt.commands.views import moving_view
     from iprt.geometry.camera import View
     from iprt.scene.scene import Scene
@@ -196,6 +195,8 @@ def render(
         profiled=profile is not None,
     )
     if video:
+        from iprt.commands.render_video import check_video, render_video
+
         codec = codec or "h264"
         check_video(job, output, indices, codec)
         rendered = render_video(job, output, indices, codec, audio=not no_audio)
@@ -292,10 +293,6 @@ def _report(
 ) -> None:
     """Print the output's path and, if asked for, the times of the passes of frame `index`."""
     from iprt.commands.standard_streams import reporting
-    from iprt.film import view_at
-    from iprt.measure.cost_report import CostReport, write_report
-    from iprt.measure.cost_tables import pass_grid
-    from iprt.output.grid import print_grid
 
     with reporting(f"{output} has been written nevertheless"):
         if rendered is None:
@@ -303,6 +300,11 @@ def _report(
             if profile is not None:
                 raise IprtError(f"--profile {profile}: is not written, as nothing was rendered")
         elif profile is not None or LOG.isEnabledFor(logging.DEBUG):
+            from iprt.film import view_at
+            from iprt.measure.cost_report import CostReport, write_report
+            from iprt.measure.cost_tables import pass_grid
+            from iprt.output.grid import print_grid
+
             compute, film = rendered
             report = CostReport.of(
                 compute,

@@ -100,7 +100,7 @@ class ComputeDevice:
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """What decides the bits that kernels compute: device, driver, and their versions."""
+        """Device, driver and versions, on which the bits that kernels compute depend."""
         device = self.device
         return (self.name, device.version, device.driver_version, str(self.wide))
 

@@ -17,7 +17,6 @@ from iprt.errors import FormatError
 from iprt.files.images import read_color
 from iprt.files.safe_reading import MAX_PIXELS
 from iprt.files.toml_tables import Ior, Table, Unit
-from iprt.footage.found_gloss.search import find_gloss
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.real_material import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial
@@ -119,6 +118,8 @@ def found_materials(
 
 def _searched(frames: RawFrames, declared: tuple[RealMaterial, ...]) -> dict[str, Any]:
     """Return the surfaces that `find_gloss` finds, as `_Kept` in JSON, for `kept`."""
+    from iprt.footage.found_gloss.search import find_gloss
+
     source = frames.source
     raw = frames.read(source.indices[0])
     LOG.info("looking for glossy surfaces, once for this footage")

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt import cli
+from iprt.footage.found_gloss import search
 from iprt.footage.frame import Frame
 from iprt.footage.real_material import Evidence, Plane, RealMaterial
 from iprt.geometry.material import Material
@@ -40,7 +41,7 @@ def looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[frozenset[str
         return (FLOOR,)
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(real_materials, "find_gloss", find)
+    monkeypatch.setattr(search, "find_gloss", find)
     return calls
 
 
@@ -144,7 +145,7 @@ def test_nothing_found_is_said(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(real_materials, "find_gloss", lambda *_: ())
+    monkeypatch.setattr(search, "find_gloss", lambda *_: ())
     folder = scene_with(tmp_path / "a")
     assert cli.main(["scene", "gloss", str(folder), "--write"]) == 0
     assert capsys.readouterr().out == "# box: no surface shows a reflection that is surely one\n"
