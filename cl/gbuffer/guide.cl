@@ -59,14 +59,13 @@ __kernel void build_guide(
 {
     SPAN_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    const float3 direction = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    const float far = depth[p];
+    const float3 direction = direction_unbranched(view, (float2)(x + 0.5f, y + 0.5f));
     // Without loops over all planes: PoCL vectorizes it.
     #pragma unroll
     for (int c = 0; c < 3; c++)
         store_wrapped(guide + (GUIDE_NORMAL + c) * size, p, x, width, seam, normal[c * size + p]);
-    store_wrapped(guide + GUIDE_POSITION * size, p, x, width, seam, far * direction.x);
-    store_wrapped(guide + (GUIDE_POSITION + 1) * size, p, x, width, seam, far * direction.y);
-    store_wrapped(guide + (GUIDE_POSITION + 2) * size, p, x, width, seam, far * direction.z);
-    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, far > 0.0f ? fmax(id[p], 0.0f) : 0.0f);
+    store_wrapped(guide + GUIDE_POSITION * size, p, x, width, seam, depth[p] * direction.x);
+    store_wrapped(guide + (GUIDE_POSITION + 1) * size, p, x, width, seam, depth[p] * direction.y);
+    store_wrapped(guide + (GUIDE_POSITION + 2) * size, p, x, width, seam, depth[p] * direction.z);
+    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f);
 }

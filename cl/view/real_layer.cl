@@ -81,7 +81,7 @@ static inline ALWAYS_INLINE void show_motion(
     // Only the direction of distant surfaces matters, and of all if the capture centre stays.
     const float3 point
         = layer.camera.rows ? camera_before(layer.camera.rows, v, radius > 0.0f ? 1.0f / radius : 0.0f) : v;
-    const float2 before = view_project(layer.previous, point);
+    const float2 before = project_unbranched(layer.previous, point);
     layer.motion[pixel] = before.x;
     layer.motion[size + pixel] = before.y;
 }
@@ -109,7 +109,7 @@ static inline ALWAYS_INLINE int is_panorama(const RealPlanes layer)
 static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
-    const float3 ahead = view_local_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float3 ahead = local_direction_unbranched(layer.view, (float2)(x + 0.5f, y + 0.5f));
     const float3 direction = view_rotate_to_world(layer.view, ahead);
     const Footprint inside = footprint(layer.view, ahead, direction);
     const float2 uv = inside.middle;

@@ -11,7 +11,8 @@
 
 static inline int is_equirect(__global const float *restrict view) { return view[14] != 0.0f; }
 
-// Scalar arithmetic, and no branches: PoCL vectorizes only such kernels. Both projections are computed.
+// Scalar arithmetic: PoCL vectorizes kernels of scalars without branches only. Functions whose names end in
+// `_unbranched` are for these: they compute both projections.
 
 // Return the value of the view's projection.
 static inline ALWAYS_INLINE float projected(int equirect, float around, float ahead)
@@ -35,32 +36,68 @@ static inline ALWAYS_INLINE float3 view_rotate_to_local(__global const float *re
                     view[2] * v.x + view[5] * v.y + view[8] * v.z);
 }
 
-// Return the unit direction through the image point p (pixels), in view space.
-static inline ALWAYS_INLINE float3 view_local_direction(__global const float *restrict view, float2 p)
+static inline ALWAYS_INLINE float3 direction_around(__global const float *restrict view, float2 p)
 {
-    const int equirect = is_equirect(view);
-    const float3 around = equirect_direction(p.x / view[12], p.y / view[13]);
+    return equirect_direction(p.x / view[12], p.y / view[13]);
+}
+
+static inline ALWAYS_INLINE float3 direction_ahead(__global const float *restrict view, float2 p)
+{
     const float right = p.x - view[10], up = view[11] - p.y, back = -view[9];
     const float inverse = 1.0f / sqrt(right * right + up * up + back * back);
-    return (float3)(projected(equirect, around.x, right * inverse),
-                    projected(equirect, around.y, up * inverse),
-                    projected(equirect, around.z, back * inverse));
+    return (float3)(right * inverse, up * inverse, back * inverse);
+}
+
+// Return the unit direction through the image point p (pixels), in view space.
+static inline float3 view_local_direction(__global const float *restrict view, float2 p)
+{
+    return is_equirect(view) ? direction_around(view, p) : direction_ahead(view, p);
+}
+
+static inline ALWAYS_INLINE float3 local_direction_unbranched(__global const float *restrict view, float2 p)
+{
+    const int equirect = is_equirect(view);
+    const float3 around = direction_around(view, p), ahead = direction_ahead(view, p);
+    return (float3)(projected(equirect, around.x, ahead.x), projected(equirect, around.y, ahead.y),
+                    projected(equirect, around.z, ahead.z));
 }
 
 // Return the same direction in world space.
-static inline ALWAYS_INLINE float3 view_direction(__global const float *restrict view, float2 p)
+static inline float3 view_direction(__global const float *restrict view, float2 p)
 {
     return view_rotate_to_world(view, view_local_direction(view, p));
 }
 
-// Return the image point (pixels) of a world point; (-1e9, -1e9) behind the camera.
-static inline ALWAYS_INLINE float2 view_project(__global const float *restrict view, float3 point)
+static inline ALWAYS_INLINE float3 direction_unbranched(__global const float *restrict view, float2 p)
+{
+    return view_rotate_to_world(view, local_direction_unbranched(view, p));
+}
+
+// Return the image point (pixels) of p, in view space; (-1e9, -1e9) behind the camera.
+static inline ALWAYS_INLINE float2 point_around(__global const float *restrict view, float3 p)
+{
+    const float2 uv = equirect_uv(p);
+    return (float2)(uv.x * view[12], uv.y * view[13]);
+}
+
+static inline ALWAYS_INLINE float2 point_ahead(__global const float *restrict view, float3 p)
+{
+    const int in_front = p.z < 0.0f;
+    const float column = view[10] - view[9] * p.x / p.z, row = view[11] + view[9] * p.y / p.z;
+    return (float2)(in_front ? column : -1e9f, in_front ? row : -1e9f);
+}
+
+// Return the image point of a world point.
+static inline float2 view_project(__global const float *restrict view, float3 point)
+{
+    const float3 p = view_rotate_to_local(view, point);
+    return is_equirect(view) ? point_around(view, p) : point_ahead(view, p);
+}
+
+static inline ALWAYS_INLINE float2 project_unbranched(__global const float *restrict view, float3 point)
 {
     const float3 p = view_rotate_to_local(view, point);
     const int equirect = is_equirect(view);
-    const float2 uv = equirect_uv(p);
-    const int in_front = p.z < 0.0f;
-    const float column = view[10] - view[9] * p.x / p.z, row = view[11] + view[9] * p.y / p.z;
-    return (float2)(projected(equirect, uv.x * view[12], in_front ? column : -1e9f),
-                    projected(equirect, uv.y * view[13], in_front ? row : -1e9f));
+    const float2 around = point_around(view, p), ahead = point_ahead(view, p);
+    return (float2)(projected(equirect, around.x, ahead.x), projected(equirect, around.y, ahead.y));
 }
