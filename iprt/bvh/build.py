@@ -39,7 +39,7 @@ class MeshBvh:
         Binary tree with packets as leaves.
     slots : (4 * L,) int32
         Triangle of the mesh at each place of each packet, or -1.
-    nodes : (W, 7, 4) float32
+    nodes : (W, 8, 4) float32
         Wide nodes; references count within this mesh.
     packets : (L, 9, 4) float32
     """

@@ -20,8 +20,10 @@ from iprt.bvh.build import (
 from iprt.bvh.cache import cached_tree
 from iprt.bvh.tree import build_tree, fit
 from iprt.bvh.wide import (
+    LEVELS,
+    NO_CHILD,
     NODE_ROWS,
-    STACK_PER_LEVEL,
+    REFERENCES,
     relocated,
     relocated_root,
     wide_count,
@@ -38,7 +40,7 @@ Float = NDArray[np.float64]
 SCENE_DEPTH = (MAX_OBJECTS - 1).bit_length()
 """Largest depth of the tree over instances."""
 INSTANCE_ROWS = constant("lib/world/objects/bvh.h", "BVH_INSTANCE_ROWS")
-STACK = STACK_PER_LEVEL * (-(-MESH_DEPTH // 2) + -(-SCENE_DEPTH // 2))
+STACK = -(-MESH_DEPTH // LEVELS) + -(-SCENE_DEPTH // LEVELS)
 """Entries on a ray's traversal stack, `-D BVH_STACK`, enough for both levels."""
 _SPREAD = 4.0
 """Largest factor by which a round trip through object space may amplify rounding errors."""
@@ -111,7 +113,7 @@ class SceneBvh:
 
     Attributes
     ----------
-    nodes, packets, instances : (N, 7, 4), (L, 9, 4), (I, 7, 4) float32
+    nodes, packets, instances : (N, 8, 4), (L, 9, 4), (I, 7, 4) float32
         See `cl/lib/world/objects/bvh.h`; I is the number of instances with triangles.
     triangles : (4 L, 4) int32
         Three vertices and the mesh's material, per place of a packet.
@@ -322,8 +324,8 @@ def _instance_tree(instances: Sequence[Instance]) -> Floats:
     tree = build_tree(low, high, leaf=1, max_depth=SCENE_DEPTH)
     # Leaves are instances: a leaf's number becomes the number of its only primitive.
     nodes = widen(tree, *fit(tree, low, high))
-    references = nodes[:, 6].view(np.int32)
-    leaves = references < 0
+    references = nodes[:, REFERENCES].view(np.int32)
+    leaves = (references < 0) & (references != NO_CHILD)
     references[leaves] = ~tree.order[~references[leaves]]
     return nodes
 

@@ -43,6 +43,20 @@ def test_as_embree_sees_it(device: ComputeDevice) -> None:
     assert (ties & (weights.min(axis=0) > 1e-3)).sum() <= 3
 
 
+def test_one_by_one_as_at_once(device: ComputeDevice) -> None:
+    """GPUs take children and triangles one after another, CPUs together: all hits are equal."""
+    rng = np.random.default_rng(15)
+    mesh = bumpy(rng, 4)
+    many = [instance_of(mesh, transform(1.0, rng.normal(size=3) * 4.0), f"{i}") for i in range(20)]
+    o, d = 5.0 * rng.normal(size=(20_000, 3)), random_directions(rng, 20_000)
+    together, apart = (BvhTracer(device, many, scalar=scalar)(o, d) for scalar in (False, True))
+    assert 0.1 < np.isfinite(together.t).mean() < 0.9
+    np.testing.assert_array_equal(apart.t, together.t)
+    assert (
+        (apart.triangle != together.triangle) | (apart.instance != together.instance)
+    ).sum() <= 3
+
+
 @transforms
 def test_transformed_as_brute_force_sees_it(device: ComputeDevice, matrix: Float) -> None:
     instance = instance_of(bumpy(np.random.default_rng(4), 2), matrix)

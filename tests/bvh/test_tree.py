@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from iprt.bvh.build import MESH_DEPTH, PACKET, mesh_tree
 from iprt.bvh.scene import SCENE_DEPTH, STACK, SceneBuilder
 from iprt.bvh.tree import Tree, build_tree, fit
-from iprt.bvh.wide import wide_count, widen
+from iprt.bvh.wide import NO_CHILD, REFERENCES, wide_count, widen
 from iprt.errors import SceneError
 from iprt.files.safe_reading import MAX_OBJECTS
 from iprt.geometry.mesh import Mesh
@@ -59,8 +59,8 @@ def cloud(count: int, seed: int = 0) -> tuple[Floats, Floats]:
 
 def wide_depth(nodes: Floats) -> int:
     """Nodes on the longest way to a leaf; counts every node and leaf that is met."""
-    references = nodes[:, 6].view(np.int32)
-    used = np.isfinite(nodes[:, 0])
+    references = nodes[:, REFERENCES].view(np.int32).reshape(-1, 8)
+    used = references != NO_CHILD
     level, depth, seen, leaves = np.arange(min(len(nodes), 1)), 0, 0, 0
     while len(level):
         depth += 1
@@ -131,15 +131,15 @@ def test_depth_is_bounded(mesh: Mesh, spare: int) -> None:
 
 
 def test_the_stack_holds_what_both_trees_need() -> None:
-    """A node leaves at most three children to come back to."""
+    """Each level leaves at most one node to come back to."""
     for depth, levels in ((MESH_DEPTH, 22), (SCENE_DEPTH, 10)):
         assert depth == levels
     low, high = boxes_of(growing(100))
     deep = build_tree(low, high, leaf=1, max_depth=MESH_DEPTH)
     assert deep.depth == MESH_DEPTH  # the heuristic asked for more
     deepest = wide_depth(widen(deep, *fit(deep, low, high)))
-    assert deepest == MESH_DEPTH // 2
-    assert 3 * (deepest + SCENE_DEPTH // 2) <= STACK
+    assert deepest == -(-MESH_DEPTH // 3)
+    assert deepest + -(-SCENE_DEPTH // 3) == STACK
 
 
 @pytest.mark.parametrize("count", [1, 4, 5, 16, 17, 100, 4096, 5000])
@@ -149,10 +149,37 @@ def test_wide_nodes_are_as_many_as_planned(count: int) -> None:
     nodes = widen(tree, *fit(tree, low, high))
     assert len(nodes) <= wide_count(len(tree.first) - 1)
     wide_depth(nodes)
-    references = nodes[:, 6].view(np.int32)[np.isfinite(nodes[:, 0])]
+    references = nodes[:, REFERENCES].view(np.int32)
+    references = references[references != NO_CHILD]
     assert sorted(~references[references < 0]) == list(
         range(len(tree.first) - 1 if len(nodes) else 0)
     )
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e4])
+def test_boxes_of_wide_nodes_hold_their_children_closely(unit: float) -> None:
+    """Boxes in steps, decoded in float64, reach at most a step beyond the children's."""
+    low, high = (np.float32(unit) * corner for corner in cloud(1000))
+    tree = mesh_tree(low, high)
+    nodes = widen(tree, *fit(tree, low, high))
+    references = nodes[:, REFERENCES].view(np.int32).reshape(-1, 8)
+    flat = nodes.reshape(len(nodes), -1)
+    corner, step = flat[:, None, :3].astype(np.float64), flat[:, None, 3:6].astype(np.float64)
+    steps = np.ascontiguousarray(flat[:, 6:18]).view(np.uint8).reshape(-1, 3, 2, 8)
+    boxes = corner[..., None] + step[..., None] * steps.transpose(0, 3, 1, 2)
+
+    def held(reference: int) -> NDArray[np.int32]:
+        if reference < 0:
+            return tree.order[tree.first[~reference] : tree.first[~reference + 1]]
+        return np.concatenate([held(r) for r in references[reference] if r != NO_CHILD])
+
+    for node, child in np.argwhere(references != NO_CHILD):
+        below = held(int(references[node, child]))
+        gap_low = low[below].min(axis=0) - boxes[node, child, :, 0]
+        gap_high = boxes[node, child, :, 1] - high[below].max(axis=0)
+        for gap in (gap_low, gap_high):
+            assert (gap >= 0.0).all()
+            assert (gap <= 1.001 * step[node, 0]).all()
 
 
 def test_more_objects_than_the_tree_has_room_for_are_refused() -> None:

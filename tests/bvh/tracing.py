@@ -73,12 +73,15 @@ class Met:
 class BvhTracer:
     """`trace_objects` over instances, which may move from call to call of `load`."""
 
-    def __init__(self, device: ComputeDevice, instances: Sequence[Instance]) -> None:
+    def __init__(
+        self, device: ComputeDevice, instances: Sequence[Instance], *, scalar: bool = False
+    ) -> None:
+        """`scalar`: one child and one triangle after another, as on GPUs."""
         self._device = device
         self._bvh = ObjectBvh(device, instances)
         self._boxes = device.zeros("boxes", (1, 2, 4))
         flags = [f"-D{name}={int(value)}" for name, value in BVH_DEFINES.items()]
-        self._kernel = build(device, KERNEL, "trace", *flags)
+        self._kernel = build(device, KERNEL, "trace", *flags, *["-DBVH_SCALAR"] * scalar)
         self._builder = SceneBuilder()
         self.load(instances)
 

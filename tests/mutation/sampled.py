@@ -78,12 +78,6 @@ EQUIVALENT: dict[str, str] = {
     "filled = fill_inverse_depth(coarse, count > 1, coarse_fill)": (
         "Where the solver starts from; it ends at the same depths."
     ),
-    "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
-        "Node 0 is the root, which no node refers to."
-    ),
-    "iprt/bvh/wide.py: references += np.where(references >= 0, first_node, -first_leaf)"
-    ".astype(np.int32) -> references += np.where(references >= 1, first_node, -first_leaf)"
-    ".astype(np.int32)": ("Node 0 is the root, which no node refers to."),
     'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", '
     '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
         "Only cells brighter than the mean are in it: it is full where all but one are."

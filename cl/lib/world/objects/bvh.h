@@ -1,15 +1,17 @@
 // Ray tracing of a two-level bounding volume hierarchy: a tree over instances, whose leaves are trees over
 // triangles in object space (iprt/bvh/). Finds the nearest hit, front to back, with a short stack.
 //
-// Boxes:     slabs, four at once, made conservative after T. Ize, "Robust BVH Ray Traversal",
-//            JCGT 2(2), 2013.
-// Triangles: S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013,
-//            four at once. No ray slips between triangles that share vertices.
+// Boxes:     slabs, made conservative after T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013. They are
+//            quantised as in H. Ylitie, T. Karras, S. Laine, "Efficient Incoherent Ray Traversal on GPUs
+//            Through Compressed Wide BVHs", HPG 2017.
+// Triangles: S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. No ray
+//            slips between triangles that share vertices.
 //
-//   nodes      BVH_NODE_ROWS float4 per node, a column per child: low x, high x, low y, high y,
-//              low z, high z of its box, inverted where there is no child; then references as int
-//              bits: a node, or ~leaf. Nodes of the tree over instances come first: node 0 is its
-//              root, its leaves are instances. Leaves of the other trees are packets.
+//   nodes      BVH_NODE_ROWS float4 per node, two lines of a cache: the lowest corner of its eight
+//              children's boxes, and a step along each axis, as floats; low x, high x, low y, high y, low z,
+//              high z of each child in steps from the corner, as bytes; in the last two rows the children's
+//              references as ints: a node, ~leaf, or INT_MIN for none. Nodes of the tree over instances come
+//              first: node 0 is its root, its leaves are instances. Leaves of the other trees are packets.
 //   packets    BVH_PACKET_ROWS float4 per packet, a column per triangle: x, y, z of the first
 //              corner, the second, the third; NaN where there is no triangle.
 //   instances  BVH_INSTANCE_ROWS float4 per instance: 3 rows object from world; 3 rows world from
@@ -21,9 +23,21 @@
 
 #ifdef OBJECTS_BVH
 
-// -D BVH_STACK: three entries for each level of both trees, whose depth the host bounds
-// (iprt/bvh/build.py). A level leaves at most three children on the stack.
-#define BVH_NODE_ROWS 7
+// -D BVH_STACK: an entry for each level of both trees, whose depth the host bounds (iprt/bvh/build.py).
+// -D BVH_SCALAR: as on GPUs, one child and one triangle after another, which takes few registers. CPUs take
+// eight children and four triangles at once.
+#if defined(__x86_64__) || defined(__aarch64__)
+#define BVH_ON_CPU
+#elif defined(__has_attribute)
+#if __has_attribute(intel_vec_len_hint)
+#define BVH_ON_CPU
+#endif
+#endif
+#if defined(BVH_ON_CPU) && !defined(BVH_SCALAR)
+#define BVH_WIDE
+#endif
+
+#define BVH_NODE_ROWS 8
 #define BVH_PACKET_ROWS 9
 #define BVH_INSTANCE_ROWS 7
 
@@ -42,59 +56,152 @@ typedef struct {
 
 // A ray in the space of the current tree.
 typedef struct {
-    float3 o;
     float3 inverse;      // of the direction, finite
+    float3 start;        // inverse times the origin
+    float3 o;            // the origin's components kx, ky, kz
     float3 sheared;      // Sx, Sy, Sz of Woop et al., section 3.1
     int kx, ky, kz;
 } BvhRay;
 
-// Return the components kx, ky, kz of v, by swizzles: compilers for GPUs put vectors with indexed
-// components on the stack.
+// Return the components kx, ky, kz of v, without branches, which CPUs would predict wrong, and without indexed
+// components, which GPUs would put on the stack.
 static inline float3 bvh_permuted(float3 v, int kz)
 {
-    return kz == 2 ? v : kz == 1 ? v.zxy : v.yzx;
+    return select(select(v.yzx, v.zxy, (int3)(-(kz == 1))), v, (int3)(-(kz == 2)));
 }
 
 static inline BvhRay bvh_ray(float3 o, float3 d)
 {
     BvhRay ray;
     const float3 size = fabs(d);
-    ray.kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+    ray.kz = size.z >= fmax(size.x, size.y) ? 2 : size.x <= size.y;
     ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
     ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
-    ray.o = o;
+    ray.o = bvh_permuted(o, ray.kz);
     const float3 permuted = bvh_permuted(d, ray.kz);
     ray.sheared.z = 1.0f / permuted.z;
     ray.sheared.xy = permuted.xy * ray.sheared.z;
     // Bounds the inverse of a component near 0, so that 0 is never multiplied by infinity.
     const float least = 1e-18f * fabs(permuted.z);
-    ray.inverse.x = 1.0f / (size.x > least ? d.x : copysign(least, d.x));
-    ray.inverse.y = 1.0f / (size.y > least ? d.y : copysign(least, d.y));
-    ray.inverse.z = 1.0f / (size.z > least ? d.z : copysign(least, d.z));
+    ray.inverse = 1.0f / select(copysign((float3)(least), d), d, size > least);
+    ray.start = ray.inverse * o;
     return ray;
 }
 
+// Lengthens the way through a box by what the distances to its planes may be off. Errors in proportion to
+// the box's coordinates are in its padding (iprt/bvh/build.py).
+#define BVH_ROUNDING 1.000001f
 #define BVH_NO_CHILD 0x7f800000
 
-// Return where the ray enters the four boxes of a node: the distance as int bits, the last two replaced by
-// the column, so that children can be sorted as integers; BVH_NO_CHILD for boxes not entered before t_max.
-static inline int4 bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
+// The children of a node that a ray enters before t_max. `first` is BVH_NO_CHILD if there are none, else the
+// column of the nearest is in its last three bits. `rest` holds the others' columns, the next one in its last
+// three bits, and from bit BVH_COUNT on how many they are.
+typedef struct {
+    int first;
+    int rest;
+} BvhEntered;
+
+#define BVH_COUNT 21
+
+#ifdef BVH_WIDE
+
+// Return the distances to eight planes, at steps from where the ray meets the corner of a node.
+static inline float8 bvh_planes(__global const ulong *steps, float step, float corner)
 {
-    const int x = ray.inverse.x < 0.0f, y = ray.inverse.y < 0.0f, z = ray.inverse.z < 0.0f;
-    const float4 x0 = (node[x] - ray.o.x) * ray.inverse.x;
-    const float4 x1 = (node[1 - x] - ray.o.x) * ray.inverse.x;
-    const float4 y0 = (node[2 + y] - ray.o.y) * ray.inverse.y;
-    const float4 y1 = (node[3 - y] - ray.o.y) * ray.inverse.y;
-    const float4 z0 = (node[4 + z] - ray.o.z) * ray.inverse.z;
-    const float4 z1 = (node[5 - z] - ray.o.z) * ray.inverse.z;
-    // Comparisons rather than fmin and fmax, which take several instructions to handle NaN.
-    const float4 positive = z0 > 0.0f ? z0 : (float4)(0.0f);
-    const float4 xy0 = x0 > y0 ? x0 : y0, xy1 = x1 < y1 ? x1 : y1;
-    const float4 enter = xy0 > positive ? xy0 : positive;
-    float4 leave = (xy1 < z1 ? xy1 : z1) * 1.0000004f;
-    leave = leave < t_max ? leave : (float4)(t_max);
-    return enter <= leave ? (as_int4(enter) & ~3) | (int4)(0, 1, 2, 3) : (int4)(BVH_NO_CHILD);
+    return fma(convert_float8(as_uchar8(*steps)), step, corner);
 }
+
+#define BVH_EXCHANGED(KEY, OTHER, ...) ((int8)(__VA_ARGS__) ? max(KEY, KEY.OTHER) : min(KEY, KEY.OTHER))
+
+// Return keys in ascending order, by a bitonic network.
+static inline int8 bvh_sorted(int8 key)
+{
+    key = BVH_EXCHANGED(key, s10325476, 0, -1, 0, -1, 0, -1, 0, -1);
+    key = BVH_EXCHANGED(key, s32107654, 0, 0, -1, -1, 0, 0, -1, -1);
+    key = BVH_EXCHANGED(key, s10325476, 0, -1, 0, -1, 0, -1, 0, -1);
+    key = BVH_EXCHANGED(key, s76543210, 0, 0, 0, 0, -1, -1, -1, -1);
+    key = BVH_EXCHANGED(key, s23016745, 0, 0, -1, -1, 0, 0, -1, -1);
+    return BVH_EXCHANGED(key, s10325476, 0, -1, 0, -1, 0, -1, 0, -1);
+}
+
+static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
+{
+    __global const float *corner = (__global const float *)node, *size = corner + 3;
+    __global const ulong *bounds = (__global const ulong *)(corner + 6);
+    const float x = fma(corner[0], ray.inverse.x, -ray.start.x), x_step = size[0] * ray.inverse.x;
+    const float y = fma(corner[1], ray.inverse.y, -ray.start.y), y_step = size[1] * ray.inverse.y;
+    const float z = fma(corner[2], ray.inverse.z, -ray.start.z), z_step = size[2] * ray.inverse.z;
+    const float8 xa = bvh_planes(bounds, x_step, x), xb = bvh_planes(bounds + 1, x_step, x);
+    const float8 ya = bvh_planes(bounds + 2, y_step, y), yb = bvh_planes(bounds + 3, y_step, y);
+    const float8 za = bvh_planes(bounds + 4, z_step, z), zb = bvh_planes(bounds + 5, z_step, z);
+    // Comparisons rather than fmin and fmax, which take several instructions to handle NaN.
+    const float8 x0 = xa < xb ? xa : xb, x1 = xa > xb ? xa : xb;
+    const float8 y0 = ya < yb ? ya : yb, y1 = ya > yb ? ya : yb;
+    const float8 z0 = za < zb ? za : zb, z1 = za > zb ? za : zb;
+    const float8 positive = z0 > 0.0f ? z0 : (float8)(0.0f);
+    const float8 xy0 = x0 > y0 ? x0 : y0, xy1 = x1 < y1 ? x1 : y1;
+    const float8 enter = xy0 > positive ? xy0 : positive;
+    float8 leave = (xy1 < z1 ? xy1 : z1) * BVH_ROUNDING;
+    leave = leave < t_max ? leave : (float8)(t_max);
+    const int8 met = (enter <= leave) & (*(__global const int8 *)(node + 6) != INT_MIN);
+    // Distances as int bits, the last three replaced by the column, so that they can be sorted as integers.
+    const int8 key =
+        met ? (as_int8(enter) & ~7) | (int8)(0, 1, 2, 3, 4, 5, 6, 7) : (int8)(BVH_NO_CHILD);
+    const int4 four = min(key.lo, key.hi);
+    const int2 two = min(four.lo, four.hi);
+    const int8 sorted = bvh_sorted(key);
+    int8 rest = (sorted & 7) << (int8)(0, 0, 3, 6, 9, 12, 15, 18);
+    rest |= sorted != BVH_NO_CHILD ? (int8)(1 << BVH_COUNT) : (int8)(0);
+    rest.s0 = 0;
+    const int4 in_four = rest.lo + rest.hi;
+    const int2 in_two = in_four.lo + in_four.hi;
+    const BvhEntered entered = {min(two.x, two.y), in_two.x + in_two.y};
+    return entered;
+}
+
+#else
+
+// The nearest child comes first, the others in no strict order.
+static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
+{
+    const float4 row0 = node[0], row1 = node[1];
+    const float3 corner = fma(row0.xyz, ray.inverse, -ray.start);
+    const float3 size = (float3)(row0.w, row1.xy) * ray.inverse;
+    __global const int *bounds = (__global const int *)node + 6;
+    __global const int *references = (__global const int *)(node + 6);
+    BvhEntered entered = {BVH_NO_CHILD, 0};
+    int more = 0;
+#pragma unroll 1
+    for (int column = 0; column < 8; column++) {
+        __global const int *word = bounds + (column >> 2);
+        const int shift = 8 * (column & 3);
+        const float x0 = fma((float)(word[0] >> shift & 255), size.x, corner.x);
+        const float x1 = fma((float)(word[2] >> shift & 255), size.x, corner.x);
+        const float y0 = fma((float)(word[4] >> shift & 255), size.y, corner.y);
+        const float y1 = fma((float)(word[6] >> shift & 255), size.y, corner.y);
+        const float z0 = fma((float)(word[8] >> shift & 255), size.z, corner.z);
+        const float z1 = fma((float)(word[10] >> shift & 255), size.z, corner.z);
+        const float enter = fmax(fmax(fmin(x0, x1), fmin(y0, y1)), fmax(fmin(z0, z1), 0.0f));
+        const float leave = fmin(fmin(fmax(x0, x1), fmax(y0, y1)), fmax(z0, z1)) * BVH_ROUNDING;
+        if (references[column] == INT_MIN || !(enter <= fmin(leave, t_max)))
+            continue;
+        const int key = (as_int(enter) & ~7) | column, farther = max(entered.first, key);
+        entered.first = min(entered.first, key);
+        if (farther != BVH_NO_CHILD) {
+            entered.rest = entered.rest << 3 | (farther & 7);
+            more++;
+        }
+    }
+    entered.rest |= more << BVH_COUNT;
+    return entered;
+}
+
+#endif
+
+// Find the nearest hit among the four triangles of a packet, if nearer than hit->t. The edge functions of
+// adjacent triangles must be each other's negative, bit for bit, and NaN where all vanish: in degenerate
+// triangles and those seen edge-on.
+#ifdef BVH_WIDE
 
 static inline float bvh_column(float4 v, int column)
 {
@@ -102,13 +209,12 @@ static inline float bvh_column(float4 v, int column)
     return column & 1 ? half_of.y : half_of.x;
 }
 
-// Find the nearest hit among the four triangles of a packet, if nearer than hit->t.
 static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit *hit)
 {
 // The edge functions of adjacent triangles must be each other's negative, bit for bit.
 #pragma OPENCL FP_CONTRACT OFF
     __global const float4 *a = bvh.packets + BVH_PACKET_ROWS * packet, *b = a + 3, *c = a + 6;
-    const float3 o = bvh_permuted(ray.o, ray.kz);
+    const float3 o = ray.o;
     const float4 az = a[ray.kz] - o.z, bz = b[ray.kz] - o.z, cz = c[ray.kz] - o.z;
     const float4 ax = (a[ray.kx] - o.x) - ray.sheared.x * az;
     const float4 bx = (b[ray.kx] - o.x) - ray.sheared.x * bz;
@@ -138,10 +244,69 @@ static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit
     return 1;
 }
 
+#else
+
+static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit *hit)
+{
+#pragma OPENCL FP_CONTRACT OFF
+    __global const float *corners = (__global const float *)(bvh.packets + BVH_PACKET_ROWS * packet);
+    __global const float *x = corners + 4 * ray.kx, *y = corners + 4 * ray.ky, *z = corners + 4 * ray.kz;
+    int met = 0;
+#pragma unroll 1
+    for (int column = 0; column < 4; column++) {
+        const float az = z[column] - ray.o.z, bz = z[column + 12] - ray.o.z, cz = z[column + 24] - ray.o.z;
+        const float ax = (x[column] - ray.o.x) - ray.sheared.x * az;
+        const float bx = (x[column + 12] - ray.o.x) - ray.sheared.x * bz;
+        const float cx = (x[column + 24] - ray.o.x) - ray.sheared.x * cz;
+        const float ay = (y[column] - ray.o.y) - ray.sheared.y * az;
+        const float by = (y[column + 12] - ray.o.y) - ray.sheared.y * bz;
+        const float cy = (y[column + 24] - ray.o.y) - ray.sheared.y * cz;
+        const float u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
+        if (!((u >= 0.0f && v >= 0.0f && w >= 0.0f) || (u <= 0.0f && v <= 0.0f && w <= 0.0f)))
+            continue;
+        const float sum = u + v + w, t = (u * az + v * bz + w * cz) * ray.sheared.z / sum;
+        if (!(t > 0.0f && t < hit->t))
+            continue;
+        const float inverse = 1.0f / sum;
+        hit->t = t;
+        hit->triangle = 4 * packet + column;
+        hit->u = v * inverse;
+        hit->v = w * inverse;
+        met = 1;
+    }
+    return met;
+}
+
+#endif
+
 static inline float3 bvh_transform(__global const float4 *rows, float3 v, float w)
 {
     const float4 p = (float4)(v, w);
     return (float3)(dot(rows[0], p), dot(rows[1], p), dot(rows[2], p));
+}
+
+// Fetches what comes next on the stack into the cache while the ray is below the nearest child. Nothing
+// happens where the address is not valid.
+#if defined(BVH_WIDE) && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+static inline void bvh_prefetch(const Bvh bvh, int reference)
+{
+    const ulong at = reference >= 0 ? (ulong)(bvh.nodes + BVH_NODE_ROWS * reference)
+                                    : (ulong)(bvh.packets + BVH_PACKET_ROWS * ~reference);
+    __builtin_prefetch((const void *)at);
+    __builtin_prefetch((const void *)(at + 64));
+    __builtin_prefetch((const void *)(at + 128));
+}
+#define BVH_PREFETCH(bvh, reference) bvh_prefetch(bvh, reference)
+#endif
+#endif
+#ifndef BVH_PREFETCH
+#define BVH_PREFETCH(bvh, reference)
+#endif
+
+static inline int bvh_reference(const Bvh bvh, int node, int column)
+{
+    return ((__global const int *)(bvh.nodes + BVH_NODE_ROWS * node + 6))[column];
 }
 
 // Find the nearest triangle along o + t d with 0 < t < t_max. Returns 1 if there is one. o and d must be
@@ -151,28 +316,21 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
     COUNT_RAY(bvh.work, WORK_OBJECTS);
     if (bvh.count == 0)
         return 0;
-    int2 stack[BVH_STACK];     // reference, key of bvh_enter
-    int top = 0, upper = 0, instance = -1, met = 0;
+    uint2 stack[BVH_STACK];   // nodes with children to come back to, and these as in BvhEntered
+    int top = 0, upper = 0, met = 0;
+    int instance = -1;
     int reference = bvh.count == 1 ? ~0 : 0;
     hit->t = t_max;
     BvhRay ray = bvh_ray(o, d);
     for (int step = 0; step < BVH_STEP_CAP; step++) {
         if (reference >= 0) {
             __global const float4 *node = bvh.nodes + BVH_NODE_ROWS * reference;
-            __global const int *references = (__global const int *)(node + 6);
-            const int4 key = bvh_enter(node, ray, hit->t);
-            const int a = min(key.x, key.y), b = max(key.x, key.y);
-            const int c = min(key.z, key.w), e = max(key.z, key.w);
-            const int first = min(a, c), middle = max(a, c), other = min(b, e), last = max(b, e);
-            const int second = min(middle, other), third = max(middle, other);
-            if (first != BVH_NO_CHILD) {
-                if (last != BVH_NO_CHILD)
-                    stack[top++] = (int2)(references[last & 3], last);
-                if (third != BVH_NO_CHILD)
-                    stack[top++] = (int2)(references[third & 3], third);
-                if (second != BVH_NO_CHILD)
-                    stack[top++] = (int2)(references[second & 3], second);
-                reference = references[first & 3];
+            const BvhEntered entered = bvh_enter(node, ray, hit->t);
+            if (entered.first != BVH_NO_CHILD) {
+                stack[top] = (uint2)(reference, entered.rest);
+                top += entered.rest >= 1 << BVH_COUNT;
+                BVH_PREFETCH(bvh, bvh_reference(bvh, reference, entered.rest & 7));
+                reference = bvh_reference(bvh, reference, entered.first & 7);
                 continue;
             }
         } else if (instance < 0) {
@@ -186,18 +344,20 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
             hit->instance = instance;
             met = 1;
         }
-        do {
-            if (top == 0) {
-                COUNT_STEPS(bvh.work, WORK_OBJECTS, step + 1);
-                return met;
-            }
-            if (instance >= 0 && top == upper) {
-                instance = -1;
-                ray = bvh_ray(o, d);
-            }
-            top--;
-        } while (as_float(stack[top].y & ~3) >= hit->t);
-        reference = stack[top].x;
+        if (top == 0) {
+            COUNT_STEPS(bvh.work, WORK_OBJECTS, step + 1);
+            return met;
+        }
+        if (instance >= 0 && top == upper) {
+            instance = -1;
+            ray = bvh_ray(o, d);
+        }
+        const uint2 back = stack[--top];
+        const uint columns = (1u << BVH_COUNT) - 1u;
+        const uint rest = (back.y & columns) >> 3 | ((back.y & ~columns) - (1u << BVH_COUNT));
+        stack[top].y = rest;
+        top += rest >= 1u << BVH_COUNT;
+        reference = bvh_reference(bvh, back.x, back.y & 7);
     }
     COUNT_STEPS(bvh.work, WORK_OBJECTS, BVH_STEP_CAP);
     return met;
