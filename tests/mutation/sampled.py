@@ -75,10 +75,6 @@ EQUIVALENT: dict[str, str] = {
     "self._joined = bool((self._same != self._same[0, 0]).all())": (
         "A shortcut where all texels are alike, to the same normals."
     ),
-    "iprt/footage/prepare/fill.py: filled = fill_inverse_depth(coarse, count > 0, coarse_fill) -> "
-    "filled = fill_inverse_depth(coarse, count > 1, coarse_fill)": (
-        "Where the solver starts from; it ends at the same depths."
-    ),
     "iprt/bvh/scene.py: leaves = references < 0 -> leaves = references <= 0": (
         "Node 0 is the root, which no node refers to."
     ),

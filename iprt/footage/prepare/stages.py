@@ -25,9 +25,9 @@ import numpy as np
 
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
-from iprt.footage.prepare.denoise import smoothed
+from iprt.footage.prepare.denoise import Noise, smoothed
 from iprt.footage.prepare.exposure import Drift
-from iprt.footage.prepare.fill import CleanDepth, sanitize_color, sanitize_depth
+from iprt.footage.prepare.fill import CleanDepth, Filling, sanitize_color, sanitize_depth
 from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.openings import find_openings
 from iprt.footage.prepare.reading import Picture, RawFrame
@@ -60,6 +60,7 @@ class Preparation:
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
+        self._noise, self._filling = Noise(), Filling()
         self._last: tuple[Picture, Picture | None, CleanDepth] | None = None
 
     def __call__(self, raw: RawFrame) -> Frame:
@@ -87,9 +88,12 @@ class Preparation:
         """
         color = sanitize_color(raw.color)
         if self._last is None or not _stays(raw, color, *self._last):
-            self._last = raw.depth, raw.normal, sanitize_depth(smoothed(raw.depth), color)
+            self._last = raw.depth, raw.normal, self._clean(raw.depth, color)
         _, normal, clean = self._last
         return Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
+
+    def _clean(self, depth: Picture, color: Picture) -> CleanDepth:
+        return sanitize_depth(smoothed(depth, self._noise), color, self._filling)
 
 
 def _stays(
