@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
@@ -14,15 +16,17 @@ from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
+from iprt.world.real.changed_surfaces import MOST_CONES
 from iprt.world.real.highlight_gain import highlight_gain
+from iprt.world.real.highlight_sites import SiteLayout
 from iprt.world.real.panorama import Panorama
 
 CELL = constant("lib/world/real/gloss.h", "CELL")
 """Side in texels of the cells in which highlights are compared with the panorama."""
-CELL_RAYS = 32
+CELL_RAYS = 8
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
-"""Levels of the filter; even, so that the result ends up in the first buffer."""
+"""Levels of the filter."""
 
 
 @dataclass(kw_only=True)
@@ -72,20 +76,31 @@ class Highlight:
         self._panorama = panorama
         self._settings = features.settings
         defines = features.real_defines()
-        texels = panorama.width * panorama.height
+        layout = SiteLayout.of(materials, panorama.width, panorama.height)
+        blocks, rays = max(layout.blocks, 1), self._settings.gloss.rays
 
         def kernel(name: str, items: int = 0) -> Kernel:
             return device.kernel("world/real/highlight.cl", name, defines, items=items)
 
-        self._sample = kernel("sample_highlight", texels)
-        self._filter = kernel("filter_highlight", texels)
+        self._layout = layout
+        self._trace = kernel("trace_sites", blocks)
+        self._trace_cells = kernel("trace_cells")
+        self._gather = kernel("gather_sites", blocks)
+        self._filter = kernel("filter_sites", blocks)
         self._measure = kernel("measure_cells")
         self._remove = kernel("remove_highlight")
-        self._list = device.empty("glossy texels", (texels,), np.int32)
-        self._variances = [device.empty(f"highlight variance {i}", (texels,)) for i in range(2)]
+        self._sites = device.empty("highlight sites", (blocks,), np.int32)
+        self._blocks = device.empty("highlight blocks", (blocks,), np.int32)
+        self._table = device.upload("highlight layout", np.atleast_2d(layout.table))
+        self._paths = device.empty("highlight paths", (blocks, rays, 4))
+        self._samples = [device.empty(f"highlight samples {i}", (blocks, 4)) for i in range(2)]
+        self._cones = device.empty("highlight cones", (MOST_CONES, 4))
+        self._gloss: NDArray[np.uint8] | None = None
+        self._count = 0
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
         self._min_base = device.empty("highlight floor", cells)
+        self._cell_paths = device.empty("highlight cell paths", (*cells[:2], CELL_RAYS, 4))
         self._cells = [
             device.empty(f"highlight {name}", cells) for name in ("seen", "specular", "irradiance")
         ]
@@ -99,59 +114,71 @@ class Highlight:
 
     def run(self) -> None:
         """Fill the panorama's `highlight` and `radiated` for its current video frame."""
-        device, panorama = self._device, self._panorama
-        settings, gloss = self._settings, panorama.gloss
-        highlight, radiated = panorama.highlight, panorama.radiated
-        assert gloss is not None
-        glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
-        count = len(glossy)
-        if count:
-            device.write(self._list[:count], glossy)
-            trace = settings.trace
-            real = {
-                "real": panorama.arguments(trace),
-                "list": self._list,
-                "count": count,
-                "gloss": gloss,
-                "real_materials": self.table,
-                "real_reflectance": self.reflectance,
-            }
-            self._sample(
-                (count,),
-                real,
-                most_rays=settings.gloss.rays,
-                frame_seed=settings.seed,
-                highlight=highlight,
-                variance=self._variances[0],
-            )
-            signal, filtered = zip((highlight, radiated), self._variances, strict=True)
-            for level in range(LEVELS):
-                self._filter(
-                    (count,),
-                    real,
-                    step=1 << level,
-                    highlight=signal[0],
-                    variance=signal[1],
-                    filtered=filtered[0],
-                    filtered_variance=filtered[1],
-                )
-                signal, filtered = filtered, signal
-            self._calibrate(real)
+        panorama = self._panorama
+        self._place(panorama.marks)
+        cones = panorama.changed.taken()
+        if panorama.marks.any():
+            self._split(cones)
         rows, columns, _ = self.gain.shape
         self._remove(
             (panorama.width, panorama.height),
             width=panorama.width,
             height=panorama.height,
-            gloss=gloss,
+            gloss=panorama.gloss,
             real_materials=self.table,
             color=panorama.radiance,
             columns=columns,
             rows=rows,
             gain=self.gain,
             min_base=self._min_base,
-            highlight=highlight,
-            radiated=radiated,
+            highlight=panorama.highlight,
+            radiated=panorama.radiated,
         )
+
+    def _place(self, gloss: NDArray[np.uint8]) -> None:
+        """Choose the sites, if the glossy texels are others than the last frame's."""
+        if self._gloss is gloss:
+            return
+        texels = self._layout.sites(gloss)
+        sites = np.flatnonzero(texels >= 0).astype(np.int32)
+        if len(sites):
+            self._device.write(self._sites[: len(sites)], sites)
+            self._device.write(self._blocks, texels)
+        self._gloss, self._count = gloss, len(sites)
+
+    def _split(self, cones: NDArray[np.float32] | None) -> None:
+        """Fill `highlight` and `gain`; surfaces have changed within the cones, None: anywhere."""
+        panorama, settings, count = self._panorama, self._settings, self._count
+        rows, columns, _ = self.gain.shape
+        real = {
+            "real": panorama.arguments(settings.trace),
+            "gloss": panorama.gloss,
+            "real_materials": self.table,
+            "sites": self._sites,
+            "count": count,
+            "blocks": self._blocks,
+            "layout": self._table,
+            "most_rays": settings.gloss.rays,
+            "frame_seed": settings.seed,
+            "columns": columns,
+            "rows": rows,
+        }
+        if cones is None or len(cones):
+            changes = {"cones": self._cones, "cone_count": -1 if cones is None else len(cones)}
+            if cones is not None:
+                self._device.write(self._cones[: len(cones)], cones)
+            if count:
+                self._trace((count,), real, changes, paths=self._paths)
+            paths = self._cell_paths
+            self._trace_cells((columns, rows), real, changes, rays=CELL_RAYS, paths=paths)
+        samples, filtered = self._samples
+        if count:
+            self._gather((count,), real, paths=self._paths, samples=samples)
+        for level in range(LEVELS if count else 0):
+            step = 1 << level
+            self._filter((count,), real, step=step, samples=samples, filtered=filtered)
+            samples, filtered = filtered, samples
+        self._calibrate(real, samples)
 
     def arguments(self) -> GlossArgs:
         """Return the glossy surfaces for rays."""
@@ -165,17 +192,16 @@ class Highlight:
             rows=rows,
         )
 
-    def _calibrate(self, real: Mapping[str, Any]) -> None:
-        """Fill `gain`; `real` holds the arguments of the real layer."""
+    def _calibrate(self, real: Mapping[str, Any], samples: cla.Array) -> None:
+        """Fill `highlight` of glossy texels from `samples`, and `gain`."""
         rows, columns, _ = self.gain.shape
         seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(
             (columns, rows),
             real,
             rays=CELL_RAYS,
-            frame_seed=self._settings.seed,
-            columns=columns,
-            rows=rows,
+            samples=samples,
+            paths=self._cell_paths,
             highlight=self._panorama.highlight,
             seen=seen_cells,
             specular=specular_cells,
