@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -20,6 +20,11 @@ class PlannedBuffer:
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+
+    def __getitem__(self, rows: slice) -> Self:
+        """Return a part of the buffer."""
+        count = len(range(*rows.indices(self.shape[0])))
+        return replace(self, shape=(count, *self.shape[1:]))
 
     @property
     def ndim(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.message_text import length
-from iprt.footage.normals import estimate_normals
+from iprt.footage.normals import estimate_normals, fit_tolerance
 from iprt.footage.readings import Reading, likely_reading, sparse_texels
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles
@@ -138,7 +138,7 @@ def normal_warnings(normal: NDArray[np.float32], depth: NDArray[np.float32]) -> 
     """Return implausible facts about normals (H, W, 3) given with depth (H, W), a phrase each."""
     there = usable(depth)
     solid = np.where(there, depth, np.float32(np.inf))
-    fitted = estimate_normals(solid, np.zeros(depth.shape, np.uint8))
+    fitted = estimate_normals(solid, np.zeros(depth.shape, np.uint8), fit_tolerance(solid))
     with np.errstate(all="ignore"):
         length = np.linalg.norm(normal, axis=-1)
         known = there & np.isfinite(length) & (length > 0.1)

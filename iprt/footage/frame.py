@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Weights of luminance in linear Rec.709, the color space of all frames."""
+OF_DEPTH = ("median_depth", "nearest", "farthest", "fit_tolerance")
+"""Properties of a frame that depend on its depth alone."""
 
 
 @dataclass(frozen=True)
@@ -86,18 +88,27 @@ class Frame:
         They come from the source, or are fitted to depth. Fitting takes long on the host; the
         device fits its own (`cl/world/real/planes.cl`).
         """
-        fitted = estimate_normals(self.depth, self.opening.view(np.uint8))
+        fitted = estimate_normals(self.depth, self.opening.view(np.uint8), self.fit_tolerance)
         return fitted if self.normal is None else sanitize_normals(self.normal, fitted)
 
     def fitted_normal_in(self, rows: slice) -> NDArray[np.float32]:
         """Return these rows of `fitted_normal`; fit no other rows if possible."""
         if self.normal is not None or "fitted_normal" in vars(self):
             return self.fitted_normal[rows]
-        return estimate_normals(self.depth, self.opening.view(np.uint8), rows)
+        same = self.opening.view(np.uint8)
+        return estimate_normals(self.depth, same, self.fit_tolerance, rows)
+
+    def recolored(self, **parts: Any) -> Self:
+        """Return the frame with other parts, none of which is depth, whose properties it keeps."""
+        other = replace(self, **parts)
+        kept = {name: value for name, value in vars(self).items() if name in OF_DEPTH}
+        vars(other).update(kept)
+        return other
 
     def measured(self) -> Self:
         """Compute and cache the slow properties of depth; return the frame itself."""
-        _ = self.median_depth, self.nearest, self.farthest, self.fit_tolerance
+        for name in OF_DEPTH:
+            getattr(self, name)
         return self
 
     @property

@@ -37,7 +37,9 @@ _NEAREST = np.float32(1e30)
 """Largest inverse depth. It keeps products finite, because infinity times 0 is NaN."""
 
 
-def estimate_normals(depth: Picture, same: NDArray[np.uint8], rows: slice = slice(None)) -> Picture:
+def estimate_normals(
+    depth: Picture, same: NDArray[np.uint8], tolerance: float, rows: slice = slice(None)
+) -> Picture:
     """Fit unit normals that face the capture centre, zero where depth is infinite.
 
     Parameters
@@ -45,10 +47,10 @@ def estimate_normals(depth: Picture, same: NDArray[np.uint8], rows: slice = slic
     depth : (H, W) float32
         Metres; +inf where there is no surface.
     same : (H, W) uint8
-        Windows join texels of equal value only, so that interpolated depth does not bend measured
-        surfaces.
-    rows : slice, optional
-        Rows to fit. All by default.
+        Windows join texels of equal value only: interpolated depth bends no measured surfaces.
+    tolerance : float
+        `fit_tolerance` of the depth.
+    rows : slice
 
     Returns
     -------
@@ -58,10 +60,8 @@ def estimate_normals(depth: Picture, same: NDArray[np.uint8], rows: slice = slic
     start, stop, _ = rows.indices(height)
     with np.errstate(divide="ignore"):
         inverse = np.minimum(np.float32(1.0) / depth, _NEAREST).astype(np.float32)
-    spread = _column_spread(width, height)
-    tolerance = fit_tolerance(depth)
-    padded_inverse = over_poles(inverse, WINDOW_REACH)
-    padded_same = over_poles(same, WINDOW_REACH)
+    spread = column_spread(width, height)
+    padded_inverse, padded_same = (over_poles(one, WINDOW_REACH) for one in (inverse, same))
     normal = np.empty((stop - start, width, 3), np.float32)
 
     def fit(first: int) -> None:
@@ -100,7 +100,7 @@ def sanitize_normals(given: Picture, estimate: Picture) -> Picture:
     return np.where(usable[..., None], facing, estimate).astype(np.float32)
 
 
-def _column_spread(width: int, height: int) -> NDArray[np.intp]:
+def column_spread(width: int, height: int) -> NDArray[np.intp]:
     """Return (H,) columns per step of the window: 1 at the equator, up to W / 8 at the poles."""
     ratio = (width / (2.0 * height)) / np.sin(texel_polar_angles(height))
     return np.clip(np.rint(ratio), 1, max(1, width // 8)).astype(np.intp)
@@ -116,7 +116,7 @@ def _window_tables(
     """
     step = np.pi / height
     theta = (np.arange(height) + 0.5) * step
-    spread = _column_spread(width, height)
+    spread = column_spread(width, height)
     tables = {}
     reach = range(-WINDOW_REACH, WINDOW_REACH + 1)
     for down, steps in ((d, s) for d in reach for s in reach):
@@ -155,7 +155,7 @@ class Tap:
 
 def window_taps(width: int, height: int) -> list[Tap]:
     """Return the texels of the windows of `estimate_normals`, row by row."""
-    spread, rows = _column_spread(width, height), np.arange(height)
+    spread, rows = column_spread(width, height), np.arange(height)
     taps = []
     for (down, steps), tables in _window_tables(width, height).items():
         cycle = np.mod(rows + down, 2 * height)

@@ -102,13 +102,13 @@ class RealMaterial:
     plane: Plane | None = None
     evidence: Evidence | None = None
 
-    def place(self, frame: Frame) -> Mask:
-        """Return (H, W) bool: the texels that may show this surface, regardless of their color."""
-        inside = np.isfinite(frame.depth) & ~frame.opening
+    def place(self, frame: Frame, rows: slice = slice(None)) -> Mask:
+        """Return (rows, W) bool: the texels that may show this surface, whatever their color."""
+        inside = np.isfinite(frame.depth[rows]) & ~frame.opening[rows]
         if self.mask is not None:
-            inside &= _nearest(self.mask, frame.width, frame.height)
+            inside &= _nearest(self.mask, frame.width, frame.height)[rows]
         if self.plane is not None:
-            inside &= _on_plane(frame, self.plane)
+            inside &= _on_plane(frame, self.plane, rows)
         return inside
 
     def region(self, frame: Frame) -> Mask:
@@ -138,20 +138,22 @@ def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask
     return np.asarray(np.linalg.norm(apart, axis=-1) <= tolerance)
 
 
-def _on_plane(frame: Frame, plane: Plane) -> Mask:
+def _on_plane(frame: Frame, plane: Plane, rows: slice) -> Mask:
     x, y, z = plane.normal
-    theta, phi = texel_polar_angles(frame.height)[:, None], texel_azimuths(frame.width)
+    theta, phi = texel_polar_angles(frame.height)[rows, None], texel_azimuths(frame.width)
     across = x * np.sin(phi) - z * np.cos(phi)
     distance = np.dot(plane.point, plane.normal)
-    on = np.zeros(frame.depth.shape, bool)
+    depth = frame.depth[rows]
+    on = np.zeros(depth.shape, bool)
     for row, (sine, cosine) in enumerate(zip(np.sin(theta), np.cos(theta), strict=True)):
-        reach = np.where(np.isfinite(frame.depth[row]), frame.depth[row], 0.0)
+        reach = np.where(np.isfinite(depth[row]), depth[row], 0.0)
         offset = reach * (sine * across + y * cosine) - distance
         on[row] = np.abs(offset) <= plane.tolerance
-    rows = np.flatnonzero(on.any(axis=1))
-    if len(rows):
-        near = slice(rows[0], rows[-1] + 1)
-        normal = frame.fitted_normal_in(near)[on[near]]
+    found = np.flatnonzero(on.any(axis=1))
+    if len(found):
+        first, _, _ = rows.indices(frame.height)
+        near = slice(found[0], found[-1] + 1)
+        normal = frame.fitted_normal_in(slice(first + near.start, first + near.stop))[on[near]]
         on[on] = np.abs(normal @ np.asarray(plane.normal)) >= PARALLEL
     return on
 

@@ -76,7 +76,7 @@ class GlossSettings(SettingsGroup):
         default=2,
         ge=1,
         le=4096,
-        description="Rays per glossy texel, once per video frame, that estimate the highlight to "
+        description="Rays per sampled texel of glossy surfaces that estimate the highlight to "
         "remove.",
         json_schema_extra={"unit": "rays"},
     )

@@ -191,7 +191,7 @@ for _ in range(2):
     ranges = device.zeros("ranges", (4 * 2 + 2 * 1, 2))
     tell("built")
     for _ in range(2):
-        kernel((2, 1), columns=4, rows=2, fine=0, coarse=8, range=ranges)
+        kernel((2, 1), columns=4, rows=2, fine=0, coarse=8, first=0, count=1, range=ranges)
     device.finish()
     tell("launched")
     assert list(device.profile.first_launches) == list(device.profile.compiled)
@@ -265,7 +265,7 @@ def test_a_device_tells_transfers_from_kernels_and_counts_bytes(device: ComputeD
     kernel = device.kernel("world/real/pyramid.cl", "reduce_range")
     with device.profile.section("some pass"):
         ranges = device.upload("ranges", np.ones((4 * 2 + 2 * 1, 2), np.float32))
-        kernel((2, 1), columns=4, rows=2, fine=0, coarse=8, range=ranges)
+        kernel((2, 1), columns=4, rows=2, fine=0, coarse=8, first=0, count=1, range=ranges)
         device.fill_zero(ranges)
         device.read(ranges)
     device.profile.end_frame()

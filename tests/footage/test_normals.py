@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from iprt.footage.frame import Frame
-from iprt.footage.normals import estimate_normals, over_poles, sanitize_normals
+from iprt.footage.normals import estimate_normals, fit_tolerance, over_poles, sanitize_normals
 from tests.scene.files import box_room, directions
 
 
@@ -19,7 +19,9 @@ def angle_deg(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.fl
 
 
 def fit(depth: NDArray[np.floating]) -> NDArray[np.float32]:
-    return estimate_normals(depth.astype(np.float32), np.zeros(depth.shape, np.uint8))
+    return estimate_normals(
+        depth.astype(np.float32), np.zeros(depth.shape, np.uint8), fit_tolerance(depth)
+    )
 
 
 def near_edges(normal: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -133,7 +135,7 @@ def test_texels_of_another_kind_do_not_bend_a_plane() -> None:
     kind[::7] = 1
     bent = np.where(kind, 1.0002 * depth, depth).astype(np.float32)
     inside = (kind == 0) & ~near_edges(normal)
-    apart, joined = estimate_normals(bent, kind), fit(bent)
+    apart, joined = estimate_normals(bent, kind, fit_tolerance(bent)), fit(bent)
     assert np.median(angle_deg(apart, normal)[inside]) < 1e-3
     assert np.median(angle_deg(joined, normal)[inside]) > 1e-2
 

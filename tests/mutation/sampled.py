@@ -74,10 +74,6 @@ EQUIVALENT: dict[str, str] = {
     "self._joined = bool((self._same != self._same[0, 0]).all())": (
         "A shortcut where all texels are alike, to the same normals."
     ),
-    "iprt/footage/prepare/fill.py: filled = fill_inverse_depth(coarse, count > 0, coarse_fill) -> "
-    "filled = fill_inverse_depth(coarse, count > 1, coarse_fill)": (
-        "Where the solver starts from; it ends at the same depths."
-    ),
     'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", '
     '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
         "Only cells brighter than the mean are in it: it is full where all but one are."

@@ -220,7 +220,7 @@ def plan(frame: Frame, chosen: Settings | None = None) -> PlanDevice:
 
 
 GLOSS_KERNELS = {
-    "filter_highlight",
+    "filter_sites",
     "trace_gloss",
     "diffuse_part",
     "resample_glossy",

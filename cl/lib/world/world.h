@@ -35,36 +35,55 @@ static inline float3 relit_factor(const Relit relit, float3 d)
                              equirect_uv(d));
 }
 
-// Return the radiance without objects of a hit of a ray in direction d, by one lookup in one picture.
-static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
+#define SEEN_IN_FRAME 0     // pictures that hold the radiance of hits: of the frame
+#define SEEN_BEHIND 1       // of its background
+#define SEEN_OUTSIDE 2      // of the surroundings behind windows
+
+// Return the picture with the radiance without objects of a hit of a ray in direction d, and where.
+static inline ALWAYS_INLINE int radiance_picture(const RealLayer real, const RealHit hit, float3 d, float2 *uv)
 {
-#ifdef IMPOSTOR
-    return impostor_radiance(real.impostor, hit.direction);
-#else
-    __global const float *picture = real.color;
-    int width = real.grid.width, height = real.grid.height;
-    float2 uv = equirect_uv(hit.direction);
+    int picture = SEEN_IN_FRAME;
+    *uv = equirect_uv(hit.direction);
     __global const float4 *surfaces = real.surface;
     if (hit.behind) {
-        picture = real.background.color;
+        picture = SEEN_BEHIND;
         surfaces = real.background.surface;
     }
     const int surface = hit.kind <= HIT_BACK_FACE;
     if (real.outside && surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
         // Behind windows: as the camera saw it in that direction, else extrapolated.
-        uv = equirect_uv(d);
-        const int texel = equirect_texel(uv, width, height);
+        *uv = equirect_uv(d);
+        const int texel = equirect_texel(*uv, real.grid.width, real.grid.height);
         if (real.background.surface) {
-            picture = real.background.color;
+            picture = SEEN_BEHIND;
             surfaces = real.background.surface;
         }
-        if (!((int)surfaces[texel].w & SURFACE_OPENING)) {
-            picture = real.outside;
-            width = 2 * OUTSIDE_ROWS;
-            height = OUTSIDE_ROWS;
-        }
+        if (!((int)surfaces[texel].w & SURFACE_OPENING))
+            picture = SEEN_OUTSIDE;
     }
-    return panorama_bilinear(picture, width, height, uv);
+    return picture;
+}
+
+// Return the radiance at uv of such a picture, by one lookup.
+static inline ALWAYS_INLINE float3 picture_radiance(const RealLayer real, int picture, float2 uv)
+{
+    const int outside = picture == SEEN_OUTSIDE;
+    return panorama_bilinear(outside                  ? real.outside
+                                 : picture == SEEN_BEHIND ? real.background.color
+                                                          : real.color,
+                             outside ? 2 * OUTSIDE_ROWS : real.grid.width,
+                             outside ? OUTSIDE_ROWS : real.grid.height, uv);
+}
+
+// Return the radiance without objects of a hit of a ray in direction d.
+static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
+{
+#ifdef IMPOSTOR
+    return impostor_radiance(real.impostor, hit.direction);
+#else
+    float2 uv;
+    const int picture = radiance_picture(real, hit, d, &uv);
+    return picture_radiance(real, picture, uv);
 #endif
 }
 

@@ -85,6 +85,8 @@ static inline void join_texel(const Kept kept, int x, int y, float4 *surface, fl
 __kernel void join_background(
     const int width,
     const int height,
+    const int first,                           // row
+    const int rows,
     __global const float *restrict kept_depth,
     __global const float *restrict kept_plane,
     __global const uchar *restrict kept_marks,
@@ -97,8 +99,8 @@ __kernel void join_background(
     __global float4 *restrict surface,         // out
     __global float2 *restrict range)           // out
 {
-    const int x = get_global_id(0) * STRIP, y = get_global_id(1);
-    if (x >= width || y >= height)
+    const int x = get_global_id(0) * STRIP, y = first + get_global_id(1);
+    if (x >= width || y >= min(first + rows, height))
         return;
     const int end = min(x + STRIP, width), line = y * width;
     if (!hides(kept_marks, x, end, y, width, height)) {

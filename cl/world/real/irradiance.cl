@@ -146,6 +146,8 @@ static inline float4 entry_plane(Texels real, int x, int y, int columns, int row
 __kernel void place_cells(
     const int columns,
     const int rows,
+    const int first,                       // row of entries
+    const int first_column,
     const int real_width,
     const int real_height,
     __global const float4 *restrict real_surface,
@@ -155,7 +157,7 @@ __kernel void place_cells(
     __global float4 *restrict smooth,      // in, out
     __global float4 *restrict point)       // out
 {
-    const int x = get_global_id(0), y = get_global_id(1);
+    const int x = first_column + get_global_id(0), y = first + get_global_id(1);
     if (x >= columns || y >= CACHE_SURFACES * rows)
         return;
     const int cell = y * columns + x;

@@ -70,6 +70,7 @@ __kernel void fit_planes(
     const int height,
     const int first,                           // index of the first row in `planes`
     const int rows,
+    const int left,                            // first column to fit
     const int stride,
     const float tolerance,                     // largest distance from the local plane, over depth
     __global const float *restrict inverse,
@@ -80,7 +81,7 @@ __kernel void fit_planes(
     __global const float2 *restrict polar,     // (cos, sin) of row centres
     __global float *restrict planes)           // out
 {
-    const int x = get_global_id(0) * LANES, row = get_global_id(1), y = first + row;
+    const int x = left + get_global_id(0) * LANES, row = get_global_id(1), y = first + row;
     if (x >= width || row >= rows || y < 0 || y >= height)
         return;
     __global const Tap *tap = taps + 25 * y;

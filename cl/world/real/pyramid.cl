@@ -8,11 +8,13 @@ __kernel void reduce_range(
     const int rows,
     const int fine,                      // first cell of the finer level in range
     const int coarse,                    // first cell of the coarser level
+    const int first,                     // row of the coarser level
+    const int count,                     // rows
     __global float2 *restrict range)     // in, out
 {
-    const int x = get_global_id(0), y = get_global_id(1);
+    const int x = get_global_id(0), y = first + get_global_id(1);
     const int coarse_columns = (columns + 1) / 2;
-    if (x >= coarse_columns || y >= (rows + 1) / 2)
+    if (x >= coarse_columns || y >= min(first + count, (rows + 1) / 2))
         return;
     const int x1 = min(2 * x + 1, columns - 1), y1 = min(2 * y + 1, rows - 1);
     const float2 a = range[fine + 2 * y * columns + 2 * x];

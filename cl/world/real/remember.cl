@@ -61,6 +61,9 @@ static inline void find_mixed(__global const float *restrict inverse,
 __kernel void remember(
     const int width,
     const int height,
+    const int first,                            // row
+    const int rows,
+    const int steady,                           // surfaces are the last frame's in these rows
     const int forget,                           // reset the background
     const float thickness_m,                      // metres, at least
     const float thickness_ratio,                // of the depth, at least
@@ -75,8 +78,8 @@ __kernel void remember(
     __global uchar *restrict kept_marks,
     __global float *restrict hidden_light)
 {
-    const int x0 = get_global_id(0) * LANES, y = get_global_id(1);
-    if (x0 >= width || y >= height)
+    const int x0 = get_global_id(0) * LANES, y = first + get_global_id(1);
+    if (x0 >= width || y >= min(first + rows, height))
         return;
     floats depth, mixed;
     find_mixed(inverse, lines, x0, y, height, thickness_m, thickness_ratio, &depth, &mixed);
@@ -84,9 +87,15 @@ __kernel void remember(
     for (int x = x0; x < end; x++) {
         const int texel = y * width + x;
         const float now = lane(&depth, x - x0);
+        const float3 seen = vload3(texel, radiance);
+        // What has never been different has only another color.
+        if (steady && now == kept_depth[texel] && now == kept_around[texel]
+            && !(lane(&mixed, x - x0) > 0.0f) && !(kept_marks[texel] & SURFACE_HIDDEN)) {
+            vstore3(seen, texel, kept_color);
+            continue;
+        }
         const float4 plane = surface[texel];
         const int marks = (int)plane.w & SURFACE_OPENING;
-        const float3 seen = vload3(texel, radiance);
         const float before = forget ? 0.0f : kept_depth[texel];
         const float3 memory = forget ? (float3)(0.0f) : vload3(texel, kept_color);
         const float kept = forget ? 0.0f : kept_around[texel];

@@ -63,6 +63,7 @@ __kernel void build_surface(
     const int height,
     const int first,                           // index of the first row to build
     const int rows,                            // to build; planes has one more at either end
+    const int left,                            // first column to build
     const int stride,
     const int edges,
     const int fitted,                          // planes are fitted, none is from the source
@@ -76,7 +77,7 @@ __kernel void build_surface(
     __global float4 *restrict surface,         // out
     __global float2 *restrict range)           // out
 {
-    const int x = get_global_id(0) * LANES, own = get_global_id(1), y = first + own;
+    const int x = left + get_global_id(0) * LANES, own = get_global_id(1), y = first + own;
     if (x >= width || own >= rows)
         return;
     const int image = (rows + 2) * stride;

@@ -198,7 +198,7 @@ class ClippedLights:
         light = frame.color.copy()
         seen = light.reshape(-1, 3)[texel]
         light.reshape(-1, 3)[texel] = seen * gain[brighter]
-        return replace(frame, color=light, clipped=ClippedTexels(texel.astype(np.int32), seen))
+        return frame.recolored(color=light, clipped=ClippedTexels(texel.astype(np.int32), seen))
 
     def _at(self, frame: Frame, clipped: Clipped) -> list[tuple[Gains, np.float32]]:
         """Return the gains in effect, each with its weight."""

@@ -1,7 +1,7 @@
 """Denoising of estimated depth by projection onto locally fitted planes.
 
 With noisy depth, tangent planes fitted to 5 x 5 texels vary from texel to texel, and so does the
-shading of surfaces. Where `noise_of` finds noise, planes are fitted to many more texels
+shading of surfaces. Where `Noise` finds any, planes are fitted to many more texels
 (`fit_cells`), and each texel moves to the planes around it that it agrees with (`smoothed`).
 Exact depth stays unchanged, bit for bit.
 
@@ -12,6 +12,9 @@ up without a change of basis.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,20 +49,57 @@ _OWN_WEIGHT = 1e-3
 _NEIGHBORS = [(down, aside) for down in (-1, 0, 1) for aside in (-1, 0, 1)]
 
 
-def noise_of(depth: Picture, known: Mask) -> tuple[float, float]:
-    """Estimate relative RMS deviations from local surfaces: first tercile over the panorama.
+class Noise:
+    """Noise of a video's depth, measured again where samples have changed."""
 
-    They are estimated in windows of 5 x 5 samples, which keep away from the poles.
+    def __init__(self) -> None:
+        self._depth: Picture | None = None
+        self._off = np.zeros((0, 2))
 
-    Returns
-    -------
-    bent : float
-        Deviation from quadratic surfaces, which also fit curved walls; 0 if fewer than 30 windows
-        have depth.
-    flat : float
-        Deviation from planes, larger where errors are shared by many texels.
+    def of(self, depth: Picture, known: Mask) -> tuple[float, float]:
+        """Estimate relative RMS deviations from local surfaces: first tercile over the panorama.
+
+        They are estimated in windows of 5 x 5 samples, which keep away from the poles.
+
+        Returns
+        -------
+        bent : float
+            Deviation from quadratic surfaces, which also fit curved walls; 0 if fewer than 30
+            windows have depth.
+        flat : float
+            Deviation from planes, larger where errors are shared by many texels.
+        """
+        windows = _windows(*depth.shape)
+        samples = np.where(known[windows.at], depth[windows.at], np.float32(0.0))
+        if self._depth is None or self._depth.shape != samples.shape:
+            self._off = np.zeros((len(samples), 2))
+            stale = np.ones(len(samples), bool)
+        else:
+            stale = (samples != self._depth).any(axis=1)
+        self._depth = samples
+        whole = (samples > 0.0).all(axis=1)
+        if stale.any():
+            shapes = windows.shapes[stale] * samples[stale, :, None]
+            self._off[stale] = np.stack([_departure(shapes[..., :n]) for n in (6, 3)], axis=-1)
+        if np.count_nonzero(whole) < 30:
+            return 0.0, 0.0
+        bent, flat = np.quantile(self._off[whole], 1.0 / 3.0, axis=0)
+        return float(bent), float(flat)
+
+
+@dataclass(frozen=True)
+class _Windows:
+    """Windows of samples: indices (windows, samples) of texels, and shapes over depth.
+
+    Their sum over terms, times depth, is 1 on the surface: 1 / z over inverse depth.
     """
-    height, width = depth.shape
+
+    at: tuple[NDArray[np.intp], NDArray[np.intp]]
+    shapes: Float
+
+
+@lru_cache(maxsize=2)
+def _windows(height: int, width: int) -> _Windows:
     step = max(1, round(height / 256))
     rows = np.linspace(0.15 * height, 0.85 * height, _WINDOWS).astype(np.intp)
     row = np.repeat(rows, 2 * _WINDOWS)[:, None]
@@ -70,22 +110,16 @@ def noise_of(depth: Picture, known: Mask) -> tuple[float, float]:
     down, aside = np.repeat(offset, _ACROSS), np.tile(offset, _ACROSS)
     aside = aside * np.rint(1.0 / np.sin(theta)).astype(np.intp)
     at = row + down, (column + aside) % width
-    whole = known[at].all(axis=1)
-    if np.count_nonzero(whole) < 30:
-        return 0.0, 0.0
     to, phi = polar[at[0]], aside * 2.0 * np.pi / width
     ahead = np.cos(theta) * np.cos(to) + np.sin(theta) * np.sin(to) * np.cos(phi)
     a = np.sin(to) * np.sin(phi) / ahead
     b = (np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)) / ahead
-    # 1 / z over inverse depth is 1 on the surface.
-    scale = np.where(whole[:, None], depth[at] * ahead, 1.0)
-    shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1) * scale[..., None]
-    bent, flat = (_departure(shapes[whole, :, :terms]) for terms in (6, 3))
-    return bent, flat
+    shapes = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1)
+    return _Windows(at, shapes * ahead[..., None])
 
 
-def _departure(shapes: Float) -> float:
-    """Return the first tercile of the RMS residuals of least-squares fits of 1.
+def _departure(shapes: Float) -> Float:
+    """Return (windows,) RMS residuals of least-squares fits of 1.
 
     Each window fits 1 by a linear combination of its shapes (windows, n, terms).
     """
@@ -93,10 +127,10 @@ def _departure(shapes: Float) -> float:
     basis, _ = np.linalg.qr(shapes / np.where(size > 0.0, size, 1.0))
     one = np.ones(basis.shape[:2])
     rest = one - np.einsum("nij,nj->ni", basis, np.einsum("nij,ni->nj", basis, one))
-    return float(np.quantile(np.sqrt((rest * rest).mean(axis=1)), 1.0 / 3.0))
+    return np.asarray(np.sqrt((rest * rest).mean(axis=1)))
 
 
-def smoothed(depth: Picture) -> Picture:
+def smoothed(depth: Picture, noise: Noise | None = None) -> Picture:
     """Move noisy depth to the planes around it; return the same array if it has no noise.
 
     Steps and creases that stand out from the noise stay, and so do details smaller than a cell.
@@ -105,6 +139,8 @@ def smoothed(depth: Picture) -> Picture:
     ----------
     depth : (H, W) float32
         Metres; 0, negative, NaN or inf where there is no surface. Such values stay.
+    noise : Noise or None
+        Noise of the video; None: of this picture alone.
 
     Returns
     -------
@@ -114,7 +150,7 @@ def smoothed(depth: Picture) -> Picture:
     if height < MIN_ROWS or width != 2 * height:
         return depth
     known = usable(depth)
-    bent, flat = noise_of(depth, known)
+    bent, flat = (noise or Noise()).of(depth, known)
     if bent <= CLEAN:
         return depth
     exact = np.where(known, depth, np.float32(0.0))
@@ -139,7 +175,7 @@ def fit_cells(depth: Picture, known: Mask, noise: float) -> Float:
     depth : (H, W) float32
         Metres; 0 where not `known`.
     noise : float
-        `flat` of `noise_of`.
+        `flat` of `Noise.of`.
 
     Returns
     -------

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.normals import estimate_normals, over_poles
+from iprt.footage.normals import estimate_normals, fit_tolerance, over_poles
 from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import texel_azimuths, texel_directions, texel_polar_angles
 
@@ -246,7 +246,7 @@ def _planes(coarse: Picture) -> Picture:
     h, w = coarse.shape
     there = usable(coarse)
     depth = np.where(there, coarse, np.float32(np.inf))
-    normal = estimate_normals(depth, np.zeros(coarse.shape, np.uint8))
+    normal = estimate_normals(depth, np.zeros(coarse.shape, np.uint8), fit_tolerance(depth))
     direction = np.stack(np.broadcast_arrays(*texel_directions(w, h)), axis=-1).astype(np.float32)
     facing = np.einsum("...i,...i", normal, direction)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -155,7 +155,7 @@ class Drift:
         if sample.legible:
             self._follow(sample)
             self._before = sample.mapped(self._map)
-        return frame if self._map is None else replace(frame, color_map=self._map)
+        return frame if self._map is None else frame.recolored(color_map=self._map)
 
     def _follow(self, sample: Sample) -> None:
         """Estimate the frame's map, and replace the reference where it no longer serves."""

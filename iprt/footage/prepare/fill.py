@@ -42,7 +42,34 @@ def sanitize_color(color: Picture) -> Picture:
     return np.where(usable, color, np.float32(0.0)).astype(np.float32)
 
 
-def sanitize_depth(stored: Picture, color: Picture) -> CleanDepth:
+class Filling:
+    """Filled depth of holes, kept while they and their rims stay."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Mask, Picture, NDArray[np.float64]] | None = None
+
+    def __call__(self, inverse: Picture, known: Mask, fill: Mask) -> NDArray[np.float64]:
+        """Return `fill_inverse_depth` of the rim alone, on which nothing else bears."""
+        rim = known & _with_neighbors(fill)
+        around = inverse[rim]
+        if self._last is not None:
+            fill_before, around_before, filled = self._last
+            if np.array_equal(fill_before, fill) and np.array_equal(around_before, around):
+                return filled
+        filled = fill_inverse_depth(np.where(rim, inverse, np.float32(0.0)), rim, fill)
+        self._last = fill, around, filled
+        return filled
+
+
+def _with_neighbors(mask: Mask) -> Mask:
+    """Return a mask (H, W) of the sphere with its eight neighbours."""
+    wide = mask.copy()
+    wide[1:] |= mask[:-1]
+    wide[:-1] |= mask[1:]
+    return wide | np.roll(wide, 1, axis=1) | np.roll(wide, -1, axis=1)
+
+
+def sanitize_depth(stored: Picture, color: Picture, filling: Filling | None = None) -> CleanDepth:
     """Fill the holes that a rim closes, and set the others to infinity.
 
     Parameters
@@ -52,6 +79,8 @@ def sanitize_depth(stored: Picture, color: Picture) -> CleanDepth:
         `UNMEASURED` where there is a surface without a measurement.
     color : (H, W, 3) float32
         Linear radiance, finite.
+    filling : Filling or None
+        Of the frame before; None: a frame alone.
     """
     measured = usable(stored)
     if measured.all():
@@ -61,7 +90,7 @@ def sanitize_depth(stored: Picture, color: Picture) -> CleanDepth:
     with np.errstate(over="ignore"):
         np.divide(np.float32(1.0), stored, out=inverse, where=measured)
     fill = holes.opening | holes.dropout
-    filled = fill_inverse_depth(inverse, measured, fill)
+    filled = (filling or Filling())(inverse, measured, fill)
     depth = np.where(measured, stored, np.float32(np.inf))
     with np.errstate(divide="ignore"):
         depth[fill] = np.where(filled > 0.0, 1.0 / filled, np.inf)

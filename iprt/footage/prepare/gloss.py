@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-from numpy.typing import NDArray
 
 from iprt.device.kept import WORTH_KEEPING, kept
+from iprt.footage.differences import differing
 from iprt.footage.frame import Frame
+from iprt.footage.normals import WINDOW_REACH
 from iprt.footage.real_material import Mask, RealMaterial
 
 
@@ -20,32 +19,58 @@ class Glossy:
 
     def __init__(self, materials: tuple[RealMaterial, ...]) -> None:
         self._materials = materials
-        self._depth: NDArray[np.float32] | None = None
-        self._opening: Mask | None = None
+        self._last: Frame | None = None
         self._places: list[Mask] = []
 
     def __call__(self, frame: Frame) -> Frame:
         """Return the frame with its glossy texels marked."""
         if not self._materials:
             return frame
-        if frame.depth is not self._depth or frame.opening is not self._opening:
-            self._places = places(frame, self._materials, once=self._depth is None)
-            self._depth, self._opening = frame.depth, frame.opening
+        self._follow(frame)
         gloss = np.zeros(frame.depth.shape, np.uint8)
         for index, (material, place) in enumerate(zip(self._materials, self._places, strict=True)):
             gloss[material.colored(frame, place)] = index + 1
         materials = tuple(material.material for material in self._materials)
-        return replace(frame, gloss=gloss, real_materials=materials)
+        return frame.recolored(gloss=gloss, real_materials=materials)
+
+    def _follow(self, frame: Frame) -> None:
+        """Find the places of surfaces in the rows whose depth, or normals, have changed."""
+        stale = self._stale_rows(frame)
+        if self._last is None:
+            self._places = first_places(frame, self._materials)
+        elif stale.start < stale.stop:
+            for material, place in zip(self._materials, self._places, strict=True):
+                place[stale] = material.place(frame, stale)
+        self._last = frame
+
+    def _stale_rows(self, frame: Frame) -> slice:
+        last = self._last
+        if last is None or not _alike(last, frame):
+            return slice(0, frame.height)
+        differ = differing(last.depth, frame.depth) | differing(last.opening, frame.opening)
+        if last.normal is not None and frame.normal is not None:
+            differ |= differing(last.normal, frame.normal)
+        rows = np.flatnonzero(differ.any(axis=1))
+        if not len(rows):
+            return slice(0, 0)
+        low, high = rows[0] - WINDOW_REACH, rows[-1] + WINDOW_REACH + 1
+        return slice(max(low, 0), min(high, frame.height))
 
 
-def places(frame: Frame, materials: tuple[RealMaterial, ...], *, once: bool) -> list[Mask]:
-    """Return `RealMaterial.place` of materials.
+def _alike(last: Frame, frame: Frame) -> bool:
+    """Return whether normals of equal depth are fitted, or taken, alike."""
+    given = last.normal is None, frame.normal is None
+    return given[0] == given[1] and last.fit_tolerance == frame.fit_tolerance
 
-    Normals are fitted for it, so that of large panoramas it is kept (`iprt.device.kept`) if `once`.
+
+def first_places(frame: Frame, materials: tuple[RealMaterial, ...]) -> list[Mask]:
+    """Return `RealMaterial.place` of materials, which is kept for large panoramas.
+
+    Normals are fitted for it, which takes long.
     """
-    if not once or frame.depth.size < WORTH_KEEPING:
+    if frame.depth.size < WORTH_KEEPING:
         return [material.place(frame) for material in materials]
-    inputs = [frame.depth, frame.opening, frame.normal, materials]
+    inputs = [frame.depth, frame.opening, frame.normal, frame.fit_tolerance, materials]
     found = kept(
         "places",
         __name__,

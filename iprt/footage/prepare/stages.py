@@ -19,16 +19,16 @@ ones. `Preparation` runs the other stages, frame by frame:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
-from iprt.footage.prepare.denoise import smoothed
+from iprt.footage.prepare.denoise import Noise, smoothed
 from iprt.footage.prepare.exposure import Drift
-from iprt.footage.prepare.fill import CleanDepth, sanitize_color, sanitize_depth
+from iprt.footage.prepare.fill import CleanDepth, Filling, sanitize_color, sanitize_depth
 from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.openings import find_openings
 from iprt.footage.prepare.reading import Picture, RawFrame
@@ -61,6 +61,7 @@ class Preparation:
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
+        self._noise, self._filling = Noise(), Filling()
         self._last: tuple[Picture, Picture | None, CleanDepth] | None = None
 
     def __call__(self, raw: RawFrame) -> Frame:
@@ -88,27 +89,27 @@ class Preparation:
         """
         color = sanitize_color(raw.color)
         if self._last is None or not _stays(raw, color, *self._last):
-            clean_up = cleaned_once if self._last is None else cleaned
-            self._last = raw.depth, raw.normal, clean_up(raw.depth, color)
+            self._last = raw.depth, raw.normal, self._clean(raw.depth, color)
         _, normal, clean = self._last
         return Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
 
+    def _clean(self, depth: Picture, color: Picture) -> CleanDepth:
+        def clean() -> CleanDepth:
+            return sanitize_depth(smoothed(depth, self._noise), color, self._filling)
 
-def cleaned(depth: Picture, color: Picture) -> CleanDepth:
-    """Denoise and fill depth; see `sanitize_depth`."""
-    return sanitize_depth(smoothed(depth), color)
+        return kept_depth(depth, color, clean) if self._last is None else clean()
 
 
-def cleaned_once(depth: Picture, color: Picture) -> CleanDepth:
-    """Return `cleaned`, which is kept for large panoramas (`iprt.device.kept`)."""
+def kept_depth(depth: Picture, color: Picture, clean: Callable[[], CleanDepth]) -> CleanDepth:
+    """Return the result of `clean`, which is kept for large panoramas (`iprt.device.kept`)."""
     if depth.size < WORTH_KEEPING:
-        return cleaned(depth, color)
+        return clean()
 
     def make() -> Arrays:
-        clean = cleaned(depth, color)
-        changed = clean.depth.view(np.uint32) != depth.view(np.uint32)
-        planes = {"changed": np.packbits(changed), "opening": np.packbits(clean.opening)}
-        return planes | {"depth": clean.depth[changed]}
+        result = clean()
+        changed = result.depth.view(np.uint32) != depth.view(np.uint32)
+        planes = {"changed": np.packbits(changed), "opening": np.packbits(result.opening)}
+        return planes | {"depth": result.depth[changed]}
 
     found = kept("depth", __name__, [depth, color], make)
     changed, opening = (
@@ -117,9 +118,9 @@ def cleaned_once(depth: Picture, color: Picture) -> CleanDepth:
     )
     if not found["depth"].size:
         return CleanDepth(depth, opening)
-    clean = depth.copy()
-    clean[changed] = found["depth"]
-    return CleanDepth(clean, opening)
+    cleaned = depth.copy()
+    cleaned[changed] = found["depth"]
+    return CleanDepth(cleaned, opening)
 
 
 def _stays(

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from iprt.device.block import Block, Float2s, Float4s, Floats
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
+from iprt.world.real.changed_surfaces import runs, span_of
 from iprt.world.real.pyramid import PyramidShape
 from iprt.world.real.surfaces import Surfaces
 
@@ -89,6 +92,7 @@ class Background:
         self._remember = device.kernel("world/real/remember.cl", "remember", wide)
         self._join = device.kernel("world/real/background.cl", "join_background")
         self.first, self._seen = True, False
+        self._touched = np.zeros(height, bool)
 
     def load(
         self,
@@ -97,46 +101,68 @@ class Background:
         range_: cla.Array,
         scale: float,
         farthest: float,
+        changed: NDArray[np.bool_],
         forget: bool,
-    ) -> None:
+    ) -> slice:
         """Load a frame of the video; fills all but the coarser levels of `range`.
 
         Parameters
         ----------
         radiance, range_, scale, farthest
             As in `Panorama`.
+        changed : (H,) bool
+            Rows in which the frame's surfaces may differ from the last frame's.
         forget : bool
             Earlier frames are unrelated to this one, or lie elsewhere.
+
+        Returns
+        -------
+        slice
+            Rows of `range` that may have changed.
         """
         self.first = forget or not self._seen
         self._seen = True
         self.farthest = farthest if self.first else max(self.farthest, farthest)
         first = self._first
         known = {"kept_depth": self.depth, "kept_plane": self.plane, "kept_marks": self.marks}
-        self._remember(
-            first.items(first.height),
-            first.grid,
-            known,
-            forget=self.first,
-            thickness_m=self._trace.thickness * scale,
-            thickness_ratio=self._trace.thickness_ratio,
-            inverse=first.inverse,
-            lines=first.lines,
-            surface=first.surface,
-            radiance=radiance,
-            kept_color=self.color,
-            kept_around=self.around,
-            hidden_light=self.hidden_light,
-        )
-        self._join(
-            (-(-first.width // STRIP), first.height),
-            first.grid,
-            known,
-            first_surface=first.surface,
-            first_range=range_,
-            surface=self.surface,
-            range=self.range,
-        )
+        changed = changed | self.first
+        for rows in runs(changed):
+            self._remember(
+                first.items(rows.stop - rows.start),
+                first.grid,
+                known,
+                first=rows.start,
+                rows=rows.stop - rows.start,
+                steady=int(not changed[rows.start]),
+                forget=self.first,
+                thickness_m=self._trace.thickness * scale,
+                thickness_ratio=self._trace.thickness_ratio,
+                inverse=first.inverse,
+                lines=first.lines,
+                surface=first.surface,
+                radiance=radiance,
+                kept_color=self.color,
+                kept_around=self.around,
+                hidden_light=self.hidden_light,
+            )
+        # Elsewhere the background is the frame, as it was.
+        self._touched |= binary_dilation(changed)
+        rows = span_of(self._touched)
+        if rows.stop > rows.start:
+            self._join(
+                (-(-first.width // STRIP), rows.stop - rows.start),
+                first.grid,
+                known,
+                first=rows.start,
+                rows=rows.stop - rows.start,
+                first_surface=first.surface,
+                first_range=range_,
+                surface=self.surface,
+                range=self.range,
+            )
+        if self.first:
+            self._touched[:] = False
+        return rows
 
     def arguments(self) -> BackgroundArgs:
         """Return the layer for rays."""

@@ -7,25 +7,26 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
-from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
-from iprt.footage.frame import Frame
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
+from iprt.world.real.changed_surfaces import MOST_CONES
 from iprt.world.real.highlight_gain import highlight_gain
+from iprt.world.real.highlight_sites import SiteLayout
 from iprt.world.real.panorama import Panorama
 
 CELL = constant("lib/world/real/gloss.h", "CELL")
 """Side in texels of the cells in which highlights are compared with the panorama."""
-CELL_RAYS = 32
+CELL_RAYS = 8
 """Rays per cell that measure its irradiance."""
 LEVELS = 4
-"""Levels of the filter; even, so that the result ends up in the first buffer."""
+"""Levels of the filter."""
 
 
 @dataclass(kw_only=True)
@@ -74,21 +75,32 @@ class Highlight:
         self._device = device
         self._panorama = panorama
         self._settings = features.settings
-        self._defines = defines = features.real_defines()
-        texels = panorama.width * panorama.height
+        defines = features.real_defines()
+        layout = SiteLayout.of(materials, panorama.width, panorama.height)
+        blocks, rays = max(layout.blocks, 1), self._settings.gloss.rays
 
         def kernel(name: str, items: int = 0) -> Kernel:
             return device.kernel("world/real/highlight.cl", name, defines, items=items)
 
-        self._sample = kernel("sample_highlight", texels)
-        self._filter = kernel("filter_highlight", texels)
+        self._layout = layout
+        self._trace = kernel("trace_sites", blocks)
+        self._trace_cells = kernel("trace_cells")
+        self._gather = kernel("gather_sites", blocks)
+        self._filter = kernel("filter_sites", blocks)
         self._measure = kernel("measure_cells")
         self._remove = kernel("remove_highlight")
-        self._list = device.empty("glossy texels", (texels,), np.int32)
-        self._variances = [device.empty(f"highlight variance {i}", (texels,)) for i in range(2)]
+        self._sites = device.empty("highlight sites", (blocks,), np.int32)
+        self._blocks = device.empty("highlight blocks", (blocks,), np.int32)
+        self._table = device.upload("highlight layout", np.atleast_2d(layout.table))
+        self._paths = device.empty("highlight paths", (blocks, rays, 4))
+        self._samples = [device.empty(f"highlight samples {i}", (blocks, 4)) for i in range(2)]
+        self._cones = device.empty("highlight cones", (MOST_CONES, 4))
+        self._gloss: NDArray[np.uint8] | None = None
+        self._count = 0
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
         self._min_base = device.empty("highlight floor", cells)
+        self._cell_paths = device.empty("highlight cell paths", (*cells[:2], CELL_RAYS, 4))
         self._cells = [
             device.empty(f"highlight {name}", cells) for name in ("seen", "specular", "irradiance")
         ]
@@ -100,104 +112,73 @@ class Highlight:
             "real materials' reflectance", np.array(reflectance, np.float32)
         )
 
-    def run(self, alone: Frame | None = None) -> None:
-        """Fill the panorama's `highlight` and `radiated` for its current video frame.
-
-        Parameters
-        ----------
-        alone : Frame or None
-            The current frame, if no other one has left a trace in the panorama. What takes long is
-            then kept for large panoramas (`iprt.device.kept`).
-        """
-        device, panorama = self._device, self._panorama
-        gloss, highlight, radiated = panorama.gloss, panorama.highlight, panorama.radiated
-        assert gloss is not None
-        assert highlight is not None
-        glossy = np.flatnonzero(device.read(gloss)).astype(np.int32)
-        if alone is not None and len(glossy) and gloss.size >= WORTH_KEEPING:
-            inputs = self._inputs(alone)
-            found = kept("highlights", __name__, inputs, lambda: self._found(glossy), kernels=True)
-            spread = np.zeros((gloss.size, 3), np.float32)
-            spread[glossy] = found["highlight"]
-            device.write(highlight, spread.reshape(highlight.shape))
-            device.write(self.gain, found["gain"])
-            device.write(self._min_base, found["min_base"])
-        elif len(glossy):
-            self._find(glossy)
+    def run(self) -> None:
+        """Fill the panorama's `highlight` and `radiated` for its current video frame."""
+        panorama = self._panorama
+        self._place(panorama.marks)
+        cones = panorama.changed.taken()
+        if panorama.marks.any():
+            self._split(cones)
         rows, columns, _ = self.gain.shape
         self._remove(
             (panorama.width, panorama.height),
             width=panorama.width,
             height=panorama.height,
-            gloss=gloss,
+            gloss=panorama.gloss,
             real_materials=self.table,
             color=panorama.radiance,
             columns=columns,
             rows=rows,
             gain=self.gain,
             min_base=self._min_base,
-            highlight=highlight,
-            radiated=radiated,
+            highlight=panorama.highlight,
+            radiated=panorama.radiated,
         )
 
-    def _inputs(self, frame: Frame) -> list[object]:
-        """Return what decides the highlights of a frame that nothing precedes."""
-        device, settings = self._device, self._settings
-        return [
-            frame,
-            settings.trace.model_dump_json(),
-            settings.gloss.rays,
-            settings.seed,
-            self._defines,
-            device.identity,
-        ]
+    def _place(self, gloss: NDArray[np.uint8]) -> None:
+        """Choose the sites, if the glossy texels are others than the last frame's."""
+        if self._gloss is gloss:
+            return
+        texels = self._layout.sites(gloss)
+        sites = np.flatnonzero(texels >= 0).astype(np.int32)
+        if len(sites):
+            self._device.write(self._sites[: len(sites)], sites)
+            self._device.write(self._blocks, texels)
+        self._gloss, self._count = gloss, len(sites)
 
-    def _found(self, glossy: NDArray[np.int32]) -> Arrays:
-        """Find highlights and return them: the glossy texels', and the buffers of the gain."""
-        self._find(glossy)
-        read = self._device.read
-        highlight = read(self._panorama.highlight).reshape(-1, 3)[glossy]
-        return {
-            "highlight": highlight,
-            "gain": read(self.gain),
-            "min_base": read(self._min_base),
-        }
-
-    def _find(self, glossy: NDArray[np.int32]) -> None:
-        """Fill `Panorama.highlight` at these texels, before the gain, and `gain`."""
-        device, panorama, settings = self._device, self._panorama, self._settings
-        count = len(glossy)
-        device.write(self._list[:count], glossy)
+    def _split(self, cones: NDArray[np.float32] | None) -> None:
+        """Fill `highlight` and `gain`; surfaces have changed within the cones, None: anywhere."""
+        panorama, settings, count = self._panorama, self._settings, self._count
+        rows, columns, _ = self.gain.shape
         real = {
             "real": panorama.arguments(settings.trace),
-            "list": self._list,
-            "count": count,
             "gloss": panorama.gloss,
             "real_materials": self.table,
-            "real_reflectance": self.reflectance,
+            "sites": self._sites,
+            "count": count,
+            "blocks": self._blocks,
+            "layout": self._table,
+            "most_rays": settings.gloss.rays,
+            "frame_seed": settings.seed,
+            "columns": columns,
+            "rows": rows,
         }
-        self._sample(
-            (count,),
-            real,
-            most_rays=settings.gloss.rays,
-            frame_seed=settings.seed,
-            highlight=panorama.highlight,
-            variance=self._variances[0],
-        )
-        pictures = (panorama.highlight, panorama.radiated)
-        signal, filtered = zip(pictures, self._variances, strict=True)
-        for level in range(LEVELS):
-            self._filter(
-                (count,),
-                real,
-                step=1 << level,
-                highlight=signal[0],
-                variance=signal[1],
-                filtered=filtered[0],
-                filtered_variance=filtered[1],
-            )
-            signal, filtered = filtered, signal
-        self._calibrate(real)
+        if cones is None or len(cones):
+            changes = {"cones": self._cones, "cone_count": -1 if cones is None else len(cones)}
+            if cones is not None:
+                self._device.write(self._cones[: len(cones)], cones)
+            if count:
+                self._trace((count,), real, changes, paths=self._paths)
+            paths = self._cell_paths
+            self._trace_cells((columns, rows), real, changes, rays=CELL_RAYS, paths=paths)
+        samples, filtered = self._samples
+        if count:
+            self._gather((count,), real, paths=self._paths, samples=samples)
+        for level in range(LEVELS if count else 0):
+            step = 1 << level
+            self._filter((count,), real, step=step, samples=samples, filtered=filtered)
+            samples, filtered = filtered, samples
+        self._calibrate(real, samples)
 
     def arguments(self) -> GlossArgs:
         """Return the glossy surfaces for rays."""
@@ -211,17 +192,16 @@ class Highlight:
             rows=rows,
         )
 
-    def _calibrate(self, real: Mapping[str, Any]) -> None:
-        """Fill `gain`; `real` holds the arguments of the real layer."""
+    def _calibrate(self, real: Mapping[str, Any], samples: cla.Array) -> None:
+        """Fill `highlight` of glossy texels from `samples`, and `gain`."""
         rows, columns, _ = self.gain.shape
         seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(
             (columns, rows),
             real,
             rays=CELL_RAYS,
-            frame_seed=self._settings.seed,
-            columns=columns,
-            rows=rows,
+            samples=samples,
+            paths=self._cell_paths,
             highlight=self._panorama.highlight,
             seen=seen_cells,
             specular=specular_cells,

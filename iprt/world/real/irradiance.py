@@ -17,6 +17,7 @@ from iprt.device.kernel_source import constant
 from iprt.footage.frame import LUMINANCE
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
+from iprt.world.real.changed_surfaces import span_of
 
 if TYPE_CHECKING:
     from iprt.settings.features import Features
@@ -166,7 +167,12 @@ class IrradianceCache:
             "point": self.point,
         }
         if still:
-            self._place(grid, seen, self._named(""), kept=1.0 if cut else FOREVER)
+            kept = 1.0 if cut else FOREVER
+            rows, columns = self._changed(panorama, everywhere=cut)
+            size = columns.stop - columns.start, rows.stop - rows.start
+            for first in (rows.start, self.rows + rows.start) if min(size) > 0 else ():
+                at = {"first": first, "first_column": columns.start}
+                self._place(size, seen, self._named(""), at, kept=kept)
         else:
             known = self._named("_before")
             now_held = (self.plane, self.mean, self.irradiance)
@@ -177,6 +183,26 @@ class IrradianceCache:
         self._light.follow(panorama)
         if still and changed > 0.0 and not cut:
             self._relight(*self._light.change(changed))
+
+    def _changed(self, panorama: Panorama, *, everywhere: bool) -> tuple[slice, slice]:
+        """Return rows and columns of cells whose surfaces may have changed."""
+        rows, columns = span_of(panorama.changed_rows), panorama.changed_columns
+        if everywhere:
+            rows, columns = slice(0, panorama.height), slice(0, panorama.width)
+        if rows.stop == 0:
+            return rows, columns
+
+        def cells(texels: slice, count: int, size: int) -> slice:
+            # Cells are compared with those beside them, and texels too.
+            first = (texels.start - 1) * count // size - 2
+            end = -(-(texels.stop + 1) * count // size) + 2
+            return slice(max(first, 0), min(end, count))
+
+        down = cells(rows, self.rows, panorama.height)
+        across = cells(columns, self.columns, panorama.width)
+        if across.start == 0 or across.stop == self.columns:
+            across = slice(0, self.columns)
+        return down, across
 
     def forget(self) -> None:
         """Drop all samples, as in a new cache."""

@@ -15,6 +15,7 @@ from iprt.footage.frame import Frame
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.passes import Clock, Pass, Schedule
 from iprt.world.real.background import Background, BackgroundArgs
+from iprt.world.real.changed_surfaces import ChangedSurfaces, changed_tiles, span_of
 from iprt.world.real.displayed_colors import ShownTexels
 from iprt.world.real.pictures import Flux, PictureLoader
 from iprt.world.real.pyramid import GridArgs, Pyramid, PyramidShape
@@ -116,6 +117,12 @@ class Panorama:
     radiated : (H, W, 3) float32
         Radiance of real surfaces for rays: `radiance` itself, but without highlights where
         surfaces are glossy (`Highlight`).
+    marks : (H, W) uint8
+        `gloss` on the host.
+    changed : ChangedSurfaces
+        Where surfaces, or their gloss, have changed since `Highlight` has looked.
+    changed_rows, changed_columns : (H,) bool, slice
+        Where surfaces may differ from the previous frame's.
     range : (cells, 2) float32
         Min/max pyramid of radial distances, level 0 first.
     background : Background or None
@@ -160,9 +167,13 @@ class Panorama:
         self.outside = None
         if outside:
             self.outside = device.empty("panorama.outside", (OUTSIDE_ROWS, 2 * OUTSIDE_ROWS, 3))
+        self.changed = ChangedSurfaces(self.width, self.height)
+        self.changed_rows = np.ones(self.height, bool)
+        self.changed_columns = slice(0, self.width)
+        self.marks = np.zeros(texels, np.uint8)
         self.gloss = self.highlight = self._radiated = None
         if gloss:
-            self.gloss = device.empty("panorama.gloss", texels, np.int32)
+            self.gloss = device.zeros("panorama.gloss", texels, np.int32)
             self.highlight = device.empty("panorama.highlight", (*texels, 3))
             self._radiated = device.empty("panorama.radiated", (*texels, 3))
         self.background: Background | None = None
@@ -188,26 +199,31 @@ class Panorama:
 
     def _load_surfaces(self, frame: Frame) -> None:
         normal = None if frame.normal is None else self._enlarged(frame.normal)
-        self.surfaces.load(
+        tiles, self.changed_rows, self.changed_columns = self.surfaces.load(
             self._enlarged(frame.depth),
             self._enlarged(frame.opening),
             normal,
             frame.fit_tolerance,
             self.range,
         )
+        self.changed.add(tiles)
         self.median_depth = frame.median_depth
         self.nearest, self.farthest = frame.nearest, frame.farthest
 
     def _build_pyramid(self, _: Frame) -> None:
-        self._pyramid.run(self.range, self.shape)
+        self._pyramid.run(self.range, self.shape, span_of(self.changed_rows))
 
     def _load_marks(self, frame: Frame) -> None:
         if self.outside is not None:
             self._device.write(self.outside, self._outside(frame))
         if self.gloss is not None:
             diffuse = np.zeros(frame.depth.shape, np.uint8)
-            gloss = diffuse if frame.gloss is None else frame.gloss
-            self._device.write(self.gloss, self._enlarged(gloss))
+            marks = self._enlarged(diffuse if frame.gloss is None else frame.gloss)
+            tiles = changed_tiles(self.marks, marks)
+            if tiles.any():
+                self.changed.add(tiles)
+                self.marks = marks
+                self._device.write(self.gloss, marks)
 
     def _measure_flux(self, _: Frame) -> None:
         self.flux = self._pictures.flux()
@@ -236,14 +252,17 @@ class Panorama:
         if self.background is None:
             return
         background = self.background
-        background.load(
+        if forget and not background.first:
+            self.changed.add(None)
+        rows = background.load(
             radiance=self.radiance,
             range_=self.range,
             scale=self.scale,
             farthest=self.farthest,
+            changed=self.changed_rows,
             forget=forget,
         )
-        self._pyramid.run(background.range, self.shape)
+        self._pyramid.run(background.range, self.shape, rows)
 
     def _enlarged(self, image: Any) -> Any:
         if self._repeat == 1:

@@ -82,15 +82,22 @@ class Pyramid:
     def __init__(self, device: ComputeDevice) -> None:
         self._reduce = device.kernel("world/real/pyramid.cl", "reduce_range")
 
-    def run(self, range_: cla.Array, shape: PyramidShape) -> None:
-        """Fill levels 1 and up of `range_`, (cells, 2) float32, from level 0."""
+    def run(self, range_: cla.Array, shape: PyramidShape, rows: slice = slice(None)) -> None:
+        """Fill levels 1 and up of `range_`, (cells, 2) float32, from level 0.
+
+        `rows` are the rows of level 0 outside of which coarser levels are filled already.
+        """
+        first, end, _ = rows.indices(shape.rows[0])
         for level in range(shape.levels - 1):
+            first, end = first // 2, (end + 1) // 2
             self._reduce(
-                (shape.columns[level + 1], shape.rows[level + 1]),
+                (shape.columns[level + 1], end - first),
                 columns=shape.columns[level],
                 rows=shape.rows[level],
                 fine=shape.offsets[level],
                 coarse=shape.offsets[level + 1],
+                first=first,
+                count=end - first,
                 range=range_,
             )
 

@@ -102,11 +102,7 @@ class RealWorld:
         if highlight is None:
             return []
         shiny, split = ("surfaces", "pyramid", "radiance", "gloss"), ("highlights", "radiated")
-
-        def separate(frame: Frame) -> None:
-            highlight.run(alone=frame if self.version == 1 else None)
-
-        return [Pass("highlights", Clock.VIDEO, separate, shiny, split)]
+        return [Pass("highlights", Clock.VIDEO, lambda _: highlight.run(), shiny, split)]
 
     @property
     def version(self) -> int:

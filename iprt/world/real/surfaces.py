@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
-from iprt.footage.normals import Tap, window_taps
+from iprt.footage.normals import WINDOW_REACH, Tap, column_spread, window_taps
+from iprt.world.real.changed_surfaces import Mask, changed_tiles, runs, span_of, tile_side
 from iprt.world.real.pyramid import equirect_centres, equirect_edges
 
 BAND_TEXELS = 2**19
 """Texels, about, in the rows processed at a time: intermediate buffers stay in caches."""
+REACH = WINDOW_REACH + 1
+"""Rows beyond a change in which planes, or the neighbours' that they are joined with, differ."""
 MARGIN = constant("lib/world/real/tangent.h", "MARGIN")
 LANES = constant("lib/maths/lanes.h", "WIDE_LANES")
 """Texels per work item where vectors are wide."""
 TAP = np.dtype([("scale", "f4"), ("a", "f4"), ("b", "f4"), ("line", "i4")])
 """`Tap` of `cl/world/real/planes.cl`."""
+Given = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32] | None, float]
+"""Depth, openings, normals and tolerance of a frame."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +99,7 @@ class Surfaces:
         self._depth = device.empty("panorama.depth", (self._band, width))
         self._marks = device.empty("panorama.marks", (self._band, width), np.uint8)
         self._normal: cla.Array | None = None
+        self._given: Given | None = None
         floats = 3 * (self._band + 2) * self._stride
         self._planes = device.zeros("panorama.planes", (floats + 2 * MARGIN,))
         column, row = equirect_edges(width, height)
@@ -109,7 +117,6 @@ class Surfaces:
         edges = self._stride + LANES
         self._invert = device.kernel("world/real/inverse.cl", "invert_depth").fixed(
             width=width,
-            rows=self._band,
             depth=self._depth,
             marks=self._marks,
             lines=self.lines,
@@ -125,16 +132,14 @@ class Surfaces:
         self._fit = device.kernel("world/real/planes.cl", "fit_planes", wide).fixed(
             size,
             along,
-            rows=self._band + 2,
             taps=device.upload("panorama.taps", lines.taps.view(np.float32)),
         )
         self._take = device.kernel("world/real/planes.cl", "take_planes", wide).fixed(
-            size, along, rows=self._band + 2, azimuth=self.grid["azimuth"]
+            size, along, azimuth=self.grid["azimuth"]
         )
         self._build = device.kernel("world/real/surface.cl", "build_surface", wide).fixed(
             size,
             along,
-            rows=self._band,
             edges=edges,
             column=device.upload("panorama.columns", _images(column, edges)),
             row=self.grid["row"],
@@ -148,47 +153,110 @@ class Surfaces:
         normal: NDArray[np.float32] | None,
         tolerance: float,
         range_: cla.Array,
-    ) -> None:
+    ) -> tuple[Mask | None, Mask, slice]:
         """Fill `inverse`, `surface`, and level 0 of the pyramid `range_`.
+
+        Rows far from all changes since the last frame keep what they have, which is the same.
 
         Parameters
         ----------
         depth, opening, normal
-            As in `Frame`.
+            As in `Frame`; they must not change afterwards.
         tolerance : float
             `Frame.fit_tolerance`.
         range_ : (cells, 2) float32
-            `Panorama.range`.
+            `Panorama.range`, the same each time.
+
+        Returns
+        -------
+        tiles : (rows, columns) bool or None
+            Tiles whose depth, openings or normals have changed; None: all.
+        rows : (H,) bool
+            Rows in which `surface` may have changed.
+        columns : slice
+            Columns in which it may have changed.
         """
-        device, band = self._device, self._band
+        device = self._device
+        given = depth, opening, normal, tolerance
+        tiles, self._given = self._changed(given), given
         marks = opening.view(np.uint8)
-        for first in bands(self.height, self.width):
-            rows = slice(first, first + band)
-            device.write(self._depth, depth[rows])
-            device.write(self._marks, marks[rows])
-            self._invert((self.width, band), first=first)
-        for first in bands(self.height, self.width):
-            # One more row beyond either end, to join the rows at the ends with.
-            self._fit(self.items(band + 2), first=first - 1, tolerance=tolerance)
+        rows = np.ones(self.height, bool)
+        if tiles is not None:
+            rows = tiles.any(axis=1).repeat(tile_side(self.height))[: self.height]
+        for first, count in self._pieces(rows):
+            part = slice(first, first + count)
+            device.write(self._depth[:count], depth[part])
+            device.write(self._marks[:count], marks[part])
+            self._invert((self.width, count), first=first, rows=count)
+        reached = binary_dilation(rows, iterations=REACH)
+        columns = self._columns(tiles, reached)
+        wide = self._beside(columns)
+        for first, count in self._pieces(reached):
+            # One more row, and texel, beyond either end, to join those at the ends with.
+            beyond = {"first": first - 1, "rows": count + 2, "left": wide.start}
+            self._fit(self._items(wide, count + 2), beyond, tolerance=tolerance)
             if normal is not None:
-                self._take_given(normal, first - 1)
-            fitted = int(normal is None)
-            self._build(self.items(band), first=first, fitted=fitted, range=range_)
+                self._take_given(normal, first - 1, count + 2)
+            own = {"first": first, "rows": count, "left": columns.start}
+            size = self._items(columns, count)
+            self._build(size, own, fitted=int(normal is None), range=range_)
+        return tiles, reached, columns
+
+    def _columns(self, tiles: Mask | None, rows: Mask) -> slice:
+        """Return the columns in which `surface` may change; all if the seam is among them."""
+        if tiles is None or not rows.any():
+            return slice(0, self.width)
+        side = tile_side(self.height)
+        span = span_of(np.asarray(tiles.any(axis=0)))
+        reach = REACH * int(column_spread(self.width, self.height)[rows].max())
+        low, high = span.start * side - reach, span.stop * side + reach
+        high = low + -(-(high - low) // LANES) * LANES
+        inside = low >= LANES and high + LANES <= self.width
+        return slice(low, high) if inside else slice(0, self.width)
+
+    def _beside(self, columns: slice) -> slice:
+        """Return columns with a vector's more at either end, if these are not all."""
+        if columns.stop - columns.start >= self.width:
+            return columns
+        return slice(columns.start - LANES, columns.stop + LANES)
+
+    def _changed(self, given: Given) -> Mask | None:
+        """Return tiles in which the frame's depth, openings or normals differ from the last's."""
+        if self._given is None:
+            return None
+        depth, opening, normal, tolerance = self._given
+        if tolerance != given[3]:
+            return None
+        tiles = changed_tiles(depth, given[0]) | changed_tiles(opening, given[1])
+        if normal is None or given[2] is None:
+            return tiles if normal is given[2] else None
+        return np.asarray(tiles | changed_tiles(normal, given[2]), bool)
+
+    def _pieces(self, rows: Mask) -> Iterator[tuple[int, int]]:
+        """Yield first row and number of rows, at most a band, of runs of True in `rows` (H,)."""
+        for run in runs(rows):
+            for first in range(run.start, run.stop, self._band) if rows[run.start] else ():
+                yield first, min(self._band, run.stop - first)
+
+    def _items(self, columns: slice, rows: int) -> tuple[int, int]:
+        """Return the work items of these columns, as in `items`."""
+        width = columns.stop - columns.start
+        return -(-width // LANES) if self._device.wide else width, rows
 
     def items(self, rows: int) -> tuple[int, int]:
         """Return the work items, over some rows, of kernels built with WIDE."""
-        return -(-self.width // LANES) if self._device.wide else self.width, rows
+        return self._items(slice(0, self.width), rows)
 
-    def _take_given(self, normal: NDArray[np.float32], first: int) -> None:
-        """Replace planes of the rows from `first` on by planes of given normals."""
-        device, rows = self._device, self._band + 2
+    def _take_given(self, normal: NDArray[np.float32], first: int, rows: int) -> None:
+        """Replace planes of `rows` rows from `first` on by planes of given normals."""
+        device = self._device
         if self._normal is None:
-            self._normal = device.empty("panorama.normal", (rows, self.width, 3))
-        given = np.zeros(self._normal.shape, np.float32)
+            self._normal = device.empty("panorama.normal", (self._band + 2, self.width, 3))
+        given = np.zeros((rows, self.width, 3), np.float32)
         low, high = max(first, 0), min(first + rows, self.height)
         given[low - first : high - first] = normal[low:high]
-        device.write(self._normal, given)
-        self._take((self.width, rows), first=first, normals=self._normal)
+        device.write(self._normal[:rows], given)
+        self._take((self.width, rows), first=first, rows=rows, normals=self._normal)
 
 
 def band_rows(height: int, width: int) -> int:

@@ -33,7 +33,9 @@ def test_places_are_kept_while_depth_stays(monkeypatch: pytest.MonkeyPatch) -> N
     places: list[Frame] = []
     place = RealMaterial.place
     monkeypatch.setattr(
-        RealMaterial, "place", lambda self, frame: (places.append(frame), place(self, frame))[1]
+        RealMaterial,
+        "place",
+        lambda self, frame, rows: (places.append(frame), place(self, frame, rows))[1],
     )
     brown = RealMaterial("brown", COAT, color=(0.4, 0.2, 0.1), color_tolerance=0.01)
     stage = Glossy((brown,))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.settings.features import Features
 from iprt.settings.model import Settings
-from iprt.world.real import highlight as module
 from iprt.world.real.highlight import Highlight
 from iprt.world.real.highlight_gain import highlight_gain
 from iprt.world.real.panorama import Panorama
@@ -40,16 +38,14 @@ class Split:
     gain: NDArray[np.float32]
 
 
-def split(
-    device: ComputeDevice, frame: Frame, rays: int = 256, alone: Frame | None = None
-) -> Split:
+def split(device: ComputeDevice, frame: Frame, rays: int = 256) -> Split:
     settings = Settings.model_validate({"gloss": {"rays": rays}})
     view = View(8, 8)
     needs = Features.of([Material()], view, settings, Footage(real_materials=frame.real_materials))
     panorama = Panorama(device, frame.width, frame.height, gloss=True)
     panorama.load(frame)
     highlight = Highlight(device, panorama, needs)
-    highlight.run(alone)
+    highlight.run()
     buffers = (panorama.color, panorama.highlight, panorama.radiated, highlight.gain)
     return Split(*(device.read(buffer)[..., :3] for buffer in buffers))
 
@@ -163,35 +159,6 @@ def test_any_size(device: ComputeDevice, width: int, height: int) -> None:
     frame = room_frame(ROOM, width, height, bright_walls)
     found = split(device, glossy(frame, COAT, np.ones((height, width), bool)), rays=1)
     assert np.isfinite(found.radiated).all()
-
-
-def test_kept_highlights_have_the_same_bits(
-    device: ComputeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """They are kept for one frame and one number of rays."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    frame = glossy(room_frame(ROOM, WIDTH, HEIGHT, bright_walls), COAT)
-    made = split(device, frame, 8)
-    monkeypatch.setattr(module, "WORTH_KEEPING", 1)
-    first = split(device, frame, 8, alone=frame)
-    found: list[object] = []
-    find = Highlight._find
-
-    def counted(self: Highlight, glossy: NDArray[np.int32]) -> None:
-        found.append(glossy)
-        find(self, glossy)
-
-    monkeypatch.setattr(Highlight, "_find", counted)
-    read = split(device, frame, 8, alone=frame)
-    assert not found
-    for one in (first, read):
-        for name, values in vars(made).items():
-            np.testing.assert_array_equal(getattr(one, name), values)
-    for other, rays in ((frame, 16), (replace(frame, color=2 * frame.color), 8)):
-        fresh = split(device, other, rays)
-        one = split(device, other, rays, alone=other)
-        np.testing.assert_array_equal(one.radiated, fresh.radiated)
-    assert len(found) == 4
 
 
 def mirrored_room(material: Material) -> Frame:
