@@ -98,12 +98,6 @@ class ComputeDevice:
         """Name of the device and its platform."""
         return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
 
-    @cached_property
-    def identity(self) -> tuple[str, ...]:
-        """Device, driver and versions, on which the bits that kernels compute depend."""
-        device = self.device
-        return (self.name, device.version, device.driver_version, str(self.wide))
-
     @property
     def is_cpu(self) -> bool:
         """True for a CPU."""

@@ -55,8 +55,6 @@ def kept(
     code: str,
     inputs: Iterable[object],
     make: Callable[[], Arrays],
-    *,
-    kernels: bool = False,
 ) -> Arrays:
     """Return the result of `make` for these inputs, from the disk if possible.
 
@@ -67,14 +65,13 @@ def kept(
     kind : str
         Kind of result, a part of the file's name.
     code : str
-        Module whose text, with the modules that it imports, decides what `make` returns.
+        Module whose text, with the modules that it imports and `cl/`, decides what `make`
+        returns.
     inputs : iterable
         All else that decides it: arrays, text, numbers, None, and sequences, mappings and
         dataclasses of these.
     make : callable
         Returns arrays by name.
-    kernels : bool
-        The text of kernels decides it, too.
 
     Returns
     -------
@@ -86,7 +83,7 @@ def kept(
     TypeError
         The content of an input is unknown.
     """
-    key = code_digest(code, kernels=kernels)
+    key = code_digest(code)
     if key is None:
         return make()
     digest = hashlib.sha256(key)
@@ -100,14 +97,14 @@ def kept(
 
 
 @cache
-def code_digest(module: str, *, kernels: bool = False) -> bytes | None:
+def code_digest(module: str) -> bytes | None:
     """Return the hash of the files of `code_files`, of `cl/`, and of the versions of `LIBRARIES`.
 
     None if a file is newer than this process, which may run an older one.
     """
     files = code_files(module)
-    if kernels:
-        files |= {str(file): file for file in CL.rglob("*") if file.is_file()}
+    # Modules take constants from cl/.
+    files |= {str(file): file for file in CL.rglob("*") if file.is_file()}
     if any(file.stat().st_mtime > STARTED for file in files.values()):
         return None
     digest = hashlib.sha256(" ".join(map(version, LIBRARIES)).encode())

@@ -140,25 +140,23 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 DECIDES = ("iprt/a.py", "iprt/b.py", "iprt/c.py", "iprt/d.py", "iprt/sub/__init__.py")
 
 
-@pytest.mark.parametrize("kernels", [False, True])
 @pytest.mark.parametrize(
     ("name", "decides"),
     [
-        *[(name, True) for name in (*DECIDES, "iprt/sub/e.py")],
+        *[(name, True) for name in (*DECIDES, "iprt/sub/e.py", "cl/f.cl", "cl/lib/g.h")],
         *[(name, False) for name in ("iprt/__init__.py", "iprt/apart.py")],
-        *[(name, None) for name in ("cl/f.cl", "cl/lib/g.h")],
     ],
 )
 def test_it_is_made_again_by_other_code(
-    package: Path, folder: Path, made: Made, name: str, decides: bool | None, kernels: bool
+    package: Path, folder: Path, made: Made, name: str, decides: bool
 ) -> None:
-    kept("kind", "iprt.a", [INPUT], made, kernels=kernels)
+    kept("kind", "iprt.a", [INPUT], made)
     with (package / name).open("a") as stream:
         stream.write("VALUE = 1\n")
     os.utime(package / name, (0, 0))
     for _ in range(2):
-        kept("kind", "iprt.a", [INPUT], made, kernels=kernels)
-    assert made.count == (2 if (kernels if decides is None else decides) else 1)
+        kept("kind", "iprt.a", [INPUT], made)
+    assert made.count == (2 if decides else 1)
 
 
 def test_it_is_made_again_with_another_library(
