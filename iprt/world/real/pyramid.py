@@ -88,7 +88,7 @@ class Pyramid:
         `rows` are the rows of level 0 outside of which coarser levels are filled already.
         """
         first, end, _ = rows.indices(shape.rows[0])
-        for level in range(shape.levels - 1):
+        for level in range(shape.levels - 1 if first < end else 0):
             first, end = first // 2, (end + 1) // 2
             self._reduce(
                 (shape.columns[level + 1], end - first),
