@@ -15,7 +15,6 @@ from tests.meshes import sphere
 
 SHRINKING = {
     "high - low > 1": "halves what it searches",
-    "as_float(stack[top].y & ~3) >= hit->t": "takes from the stack, and ends when that is empty",
 }
 """Conditions of loops that count nothing, and why they end."""
 FILES = sorted(path.relative_to(CL).as_posix() for path in CL.rglob("*") if path.is_file())

@@ -35,7 +35,7 @@ def test_places_are_kept_while_depth_stays(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(
         RealMaterial,
         "place",
-        lambda self, frame, rows: (places.append(frame), place(self, frame, rows))[1],
+        lambda self, frame, *rows: (places.append(frame), place(self, frame, *rows))[1],
     )
     brown = RealMaterial("brown", COAT, color=(0.4, 0.2, 0.1), color_tolerance=0.01)
     stage = Glossy((brown,))
