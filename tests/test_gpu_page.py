@@ -115,4 +115,4 @@ def test_the_page_names_what_misses_the_goal_and_kernels_that_there_are() -> Non
     table = text.partition(gpu.START)[2].partition(gpu.END)[0]
     named = set(re.findall(r"^\| [\w ]+ \| `(\w+)`", table, re.MULTILINE))
     assert named - {FILL} <= entry_points()
-    assert {"trace_delta", "trace_virtual", "filter_real", "composite", "fit_planes"} <= named
+    assert {"trace_delta", "trace_virtual", "filter_real", "composite", "remember"} <= named
