@@ -40,7 +40,7 @@ STARTED = time.time()
 LIBRARIES = ("numpy", "scipy", "trimesh")
 """Packages that results depend on."""
 HEADER, ALIGNMENT = 4096, 64
-"""Bytes of a file before its arrays, and what the places of these are multiples of."""
+"""Bytes of a file before its arrays, and the alignment of their places."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _IMPORT = re.compile(
@@ -170,7 +170,7 @@ def _feed(digest: Any, value: object) -> None:
 
 
 def _read(file: Path) -> Arrays | None:
-    """Read an entry; None if there is none, or if a byte of it differs from what was written."""
+    """Read an entry; None if there is none, or if it is damaged."""
     try:
         if not file.is_file() or file.stat().st_size > MOST_BYTES:
             return None

@@ -1,4 +1,4 @@
-"""Trees on disk: the same as those that are built."""
+"""Trees on disk equal new ones."""
 
 from __future__ import annotations
 

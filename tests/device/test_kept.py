@@ -22,7 +22,7 @@ CODE = "iprt.device.kept"
 
 @dataclass(frozen=True)
 class Input:
-    """What a result may depend on."""
+    """An input of each kind that results depend on."""
 
     values: NDArray[np.float32]
     name: str = "a"

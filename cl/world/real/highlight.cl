@@ -11,7 +11,7 @@
 //                                                 luminance
 //   filter_sites      samples, surface            samples
 //   measure_cells     samples, paths of cells     highlight of glossy texels: interpolated; means over
-//                                                 those of a cell: color (w: their gloss, 0 none),
+//                                                 a cell's: color (w: their gloss, 0 none),
 //                                                 highlight, irradiance / pi
 //   remove_highlight  color, highlight, gain, min_base (per cell)  highlight, all texels: the specular
 //                                                 part, within [0, color]; radiated: the radiance for

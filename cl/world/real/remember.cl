@@ -88,7 +88,7 @@ __kernel void remember(
         const int texel = y * width + x;
         const float now = lane(&depth, x - x0);
         const float3 seen = vload3(texel, radiance);
-        // What has never been different has only another color.
+        // A texel that has never been different has only another color.
         if (steady && now == kept_depth[texel] && now == kept_around[texel]
             && !(lane(&mixed, x - x0) > 0.0f) && !(kept_marks[texel] & SURFACE_HIDDEN)) {
             vstore3(seen, texel, kept_color);

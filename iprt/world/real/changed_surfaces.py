@@ -72,13 +72,13 @@ class ChangedSurfaces:
         self._tiles |= True if tiles is None else tiles
 
     def taken(self) -> NDArray[np.float32] | None:
-        """Return cones around the changed tiles, and begin anew.
+        """Return cones around the changed tiles, and begin a new list.
 
         Returns
         -------
         (N, 4) float32 or None
-            Axis, and cosine of half the angle, which is at most a right one. A tile beside a
-            changed one is inside, for what filters and starts of rays reach. None: everywhere.
+            Axis, and cosine of half the angle, which is at most a right one. Tiles beside a
+            changed one are inside: filters and starts of rays reach them. None: everywhere.
         """
         tiles, self._tiles = self._tiles, np.zeros_like(self._tiles)
         if tiles.mean() > MOST_CHANGED:

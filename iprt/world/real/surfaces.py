@@ -156,7 +156,7 @@ class Surfaces:
     ) -> tuple[Mask | None, Mask, slice]:
         """Fill `inverse`, `surface`, and level 0 of the pyramid `range_`.
 
-        Rows far from all changes since the last frame keep what they have, which is the same.
+        Rows far from all changes since the last frame stay as they are.
 
         Parameters
         ----------

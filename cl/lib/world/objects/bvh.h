@@ -63,8 +63,8 @@ typedef struct {
     int kx, ky, kz;
 } BvhRay;
 
-// Return the components kx, ky, kz of v, without branches, which CPUs would predict wrong, and without indexed
-// components, which GPUs would put on the stack.
+// Return the components kx, ky, kz of v. CPUs would mispredict branches, and GPUs would put indexed components
+// on the stack.
 static inline float3 bvh_permuted(float3 v, int kz)
 {
     return select(select(v.yzx, v.zxy, (int3)(-(kz == 1))), v, (int3)(-(kz == 2)));
@@ -88,7 +88,7 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
     return ray;
 }
 
-// Lengthens the way through a box by what the distances to its planes may be off. Errors in proportion to
+// Lengthens the way through a box by the error of the distances to its planes. Errors in proportion to
 // the box's coordinates are in its padding (iprt/bvh/build.py).
 #define BVH_ROUNDING 1.000001f
 #define BVH_NO_CHILD 0x7f800000
@@ -285,7 +285,7 @@ static inline float3 bvh_transform(__global const float4 *rows, float3 v, float 
     return (float3)(dot(rows[0], p), dot(rows[1], p), dot(rows[2], p));
 }
 
-// Fetches what comes next on the stack into the cache while the ray is below the nearest child. Nothing
+// Fetches the next node of the stack into the cache while the ray is below the nearest child. Nothing
 // happens where the address is not valid.
 #if defined(BVH_WIDE) && defined(__has_builtin)
 #if __has_builtin(__builtin_prefetch)
