@@ -175,7 +175,7 @@ class Kernel:
         TypeError
             A parameter has no argument, or `own` names an unknown parameter.
         """
-        assert min(size) > 0, (self.name, size)  # drivers before OpenCL 2.1 refuse none
+        assert min(size) > 0, (self.name, size)  # OpenCL before 2.1 refuses an empty range
         self._bind(groups, own)
         device = self.device
         if size != self._size:

@@ -17,6 +17,8 @@ TILE_ROWS = 64
 """Most rows of tiles in which changes are found: 2.8 degrees each."""
 MOST_CONES = 16
 """Most cones that rays are compared with; of more changes, everything counts as changed."""
+REACH = 8
+"""Texels from a change at which rays may begin elsewhere, in its block or cell of the gain."""
 MOST_CHANGED = 0.25
 """Share of changed tiles above which comparing rays does not pay."""
 
@@ -66,6 +68,7 @@ class ChangedSurfaces:
 
     def __init__(self, width: int, height: int) -> None:
         self._tiles = np.ones(tile_shape(height, width), bool)
+        self._reach = -(-REACH // tile_side(height))
 
     def add(self, tiles: Mask | None) -> None:
         """Add changed tiles; None: all of them."""
@@ -77,14 +80,15 @@ class ChangedSurfaces:
         Returns
         -------
         (N, 4) float32 or None
-            Axis, and cosine of half the angle, which is at most a right one. Tiles beside a
-            changed one are inside: filters and starts of rays reach them. None: everywhere.
+            Axis, and cosine of half the angle, which is at most a right one. Tiles within `REACH`
+            of a changed one are inside, at least those beside it. None: everywhere.
         """
         tiles, self._tiles = self._tiles, np.zeros_like(self._tiles)
         if tiles.mean() > MOST_CHANGED:
             return None
-        around = np.pad(tiles, ((0, 0), (1, 1)), mode="wrap")
-        wide = binary_dilation(around, np.ones((3, 3)))[:, 1:-1]
+        reach = self._reach
+        around = np.pad(tiles, ((0, 0), (reach, reach)), mode="wrap")
+        wide = binary_dilation(around, np.ones((3, 3)), iterations=reach)[:, reach:-reach]
         # A group across the seam counts as two.
         groups, count = label(wide, np.ones((3, 3)))
         if count > MOST_CONES:

@@ -137,6 +137,19 @@ def test_the_mirror_image_of_a_ball_follows_it(
     assert np.abs(before["highlight"] - anew["highlight"]).max() > 1e-2
 
 
+def test_gloss_that_ends_elsewhere_is_split_as_in_a_first_frame(device: ComputeDevice) -> None:
+    """Rays of a cell begin at other texels of it, however small tiles are."""
+    before = frame_at(0.0)
+    gloss = before.gloss.copy()
+    row, column = HEIGHT - 40, WIDTH // 2  # first texel of a cell
+    assert gloss[row, column]
+    gloss[row, column] = 0
+    after = before.recolored(gloss=gloss)
+    require_equal(
+        split(device, world_of(device, before, after)), split(device, world_of(device, after))
+    )
+
+
 def test_a_cut_and_a_camera_that_moves_leave_nothing_as_it_was(device: ComputeDevice) -> None:
     first = replace(frame_at(0.0), pose=pose_at())
     other = World(low=(-3.0, -1.2, -2.0), high=(1.5, 2.0, 2.0))
