@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 import pytest
+from numpy.typing import NDArray
 
 from iprt import cli
 from iprt.device.budget import PICTURE, REMEDIES, remedy, what_to_lower
@@ -64,6 +65,10 @@ class Idle(ComputeDevice):
 
     def kernel(self, *_: Any, **__: Any) -> Any:
         return UnbuiltKernel()
+
+    def read(self, array: Any) -> NDArray[Any]:
+        """Return zeros, as a `PlanDevice` does: no kernel has written what is read."""
+        return np.zeros(array.shape, array.dtype)
 
 
 @pytest.mark.thorough
