@@ -17,7 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,6 +32,8 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
+from iprt.methods.iprt import IprtSettings
+from iprt.settings.model import Settings
 from iprt.trace import voxels
 from tests.films import entry_points, films, launches, play
 
@@ -42,6 +44,8 @@ MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {L
 TIMEOUT_S = 1800.0
 PREFILTERED_ROWS = 16
 """Those of the finest level here, about as many as the films' panoramas have."""
+GRID_ROWS = 8
+"""Rows of the grid of E_R and of the map of shadows off screen here: half of the least allowed."""
 ROOT = Path(__file__).resolve().parents[1]
 
 NO_FINDING = re.compile(
@@ -172,11 +176,23 @@ def reports(text: str) -> list[str]:
 
 def play_film(name: str) -> None:
     """Play a film on Oclgrind, in a process that `watch` has started."""
-    # More bounces, and larger levels of the prefiltered panorama, cost minutes and are the same
-    # accesses.
+    # More bounces and larger grids cost minutes and are the same accesses.
+    film = films(trace={"bounces": 2})[name]
     with launches() as names, mock.patch.object(voxels, "PREFILTERED_ROWS", PREFILTERED_ROWS):
-        play(SimulatedDevice(), films(trace={"bounces": 2})[name])
+        play(SimulatedDevice(), replace(film, settings=with_small_grids(film.settings)))
     print(json.dumps(sorted(names)))
+
+
+def with_small_grids(settings: Settings) -> Settings:
+    """The settings with `GRID_ROWS`, which they would refuse."""
+    irradiance = settings.irradiance.model_copy(update={"rows": GRID_ROWS})
+    of_methods = tuple(
+        group.model_copy(update={"ratio_rows": GRID_ROWS})
+        if isinstance(group, IprtSettings)
+        else group
+        for group in settings.of_methods
+    )
+    return settings.model_copy(update={"irradiance": irradiance, "of_methods": of_methods})
 
 
 def watch_film(name: str) -> Watched:
