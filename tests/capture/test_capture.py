@@ -79,10 +79,11 @@ def test_what_was_never_seen_is_marked(tmp_path: Path) -> None:
 @pytest.mark.thorough
 def test_a_thing_that_went_away_is_removed(tmp_path: Path) -> None:
     ball = with_ball(np.array([0.3, -0.2, -1.2]), 0.3)
+    once = looking_around(10, (0.0,))
     # Depth is missing in places: to be sure of what is gone, the camera looks twice.
-    poses = [*AROUND, *AROUND, *AROUND]
+    poses = [*once, *once, *once]
     stays = captured(tmp_path / "a", poses, ball)
-    goes = captured(tmp_path / "b", poses, [ball] * len(AROUND) + 2 * [room] * len(AROUND))
+    goes = captured(tmp_path / "b", poses, [ball] * len(once) + 2 * [room] * len(once))
     _, empty = expected()
     _, full = expected(trace=ball)
     there = (full < empty - 0.5) & (stays.seen == MEASURED) & (goes.seen == MEASURED)
