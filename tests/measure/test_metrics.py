@@ -174,6 +174,7 @@ def test_flip_needs_its_package(monkeypatch: pytest.MonkeyPatch, pair: tuple[Ima
     assert metrics.flip_map(*pair) is None
 
 
+@pytest.mark.flip
 def test_the_map_of_flip_shows_where_images_differ() -> None:
     pytest.importorskip("flip_evaluator")
     truth = np.full((64, 128, 3), 0.5)
@@ -188,6 +189,7 @@ def test_the_map_of_flip_shows_where_images_differ() -> None:
     assert (np.abs(found - same)[:, :28].max(axis=-1) > 0.1).all()
 
 
+@pytest.mark.flip
 def test_flip_grows_with_the_error(pair: tuple[Image, Image]) -> None:
     pytest.importorskip("flip_evaluator")
     test, truth = pair

@@ -244,7 +244,7 @@ def test_labels_say_what_was_changed() -> None:
     assert [raced_iprt(c, None).label for c in (base, changed)] == ["iprt", "iprt, trace.rays=2"]
 
 
-@pytest.mark.parametrize("module", ["mitsuba", "pyoidn"])
+@pytest.mark.parametrize("module", ["mitsuba", pytest.param("pyoidn", marks=pytest.mark.mitsuba)])
 def test_what_is_not_installed_is_one_line(
     module: str, scene: Path, monkeypatch: pytest.MonkeyPatch, fails: Callable[..., str]
 ) -> None:

@@ -110,6 +110,7 @@ def test_bad_arguments_are_one_line(
     assert "\n" not in error
 
 
+@pytest.mark.mitsuba
 def test_an_unknown_model_is_one_line(chart: Path, capsys: Any, tmp_path: Path) -> None:
     pytest.importorskip("mitsuba", reason="needs the `reference` extra")
     out = str(tmp_path / "out.exr")
