@@ -8,6 +8,7 @@ played by a process that has no other one. Exits with 1 if there is any finding.
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import re
@@ -18,7 +19,6 @@ from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -95,7 +95,7 @@ class SimulatedDevice(ComputeDevice):
         return self.upload(name, values)
 
 
-@cache
+@functools.cache
 def mended_core() -> bytes | None:
     """Oclgrind's core without the fault that crashes its search for what nobody has written.
 
@@ -123,8 +123,12 @@ def oclgrind_environment(folder: Path, **variables: str) -> dict[str, str]:
     }
 
 
-def watch(program: str) -> Watched:
-    """Run Python code that prints the names of the kernels that it launched, as JSON."""
+def watch(program: str, cache: str | None = None) -> Watched:
+    """Run Python code that prints the names of the kernels that it launched, as JSON.
+
+    The folder `cache` keeps built programs for other runs; the reports of those name lines of
+    kernels, but do not show them.
+    """
     with TemporaryDirectory() as name:
         folder = Path(name)
         core = mended_core()
@@ -139,6 +143,7 @@ def watch(program: str) -> Watched:
             OCLGRIND_MAX_ERRORS="1000000",
             OCLGRIND_NUM_THREADS="1",
             OCLGRIND_LOG=str(folder / "log"),
+            **({} if cache is None else {"XDG_CACHE_HOME": cache, "PYOPENCL_NO_CACHE": "0"}),
         )
         child = subprocess.run(
             [sys.executable, "-c", program],
@@ -195,9 +200,9 @@ def with_small_grids(settings: Settings) -> Settings:
     return settings.model_copy(update={"irradiance": irradiance, "of_methods": of_methods})
 
 
-def watch_film(name: str) -> Watched:
+def watch_film(name: str, cache: str) -> Watched:
     start = time.perf_counter()
-    watched = watch(f"from tests.oclgrind import play_film; play_film({name!r})")
+    watched = watch(f"from tests.oclgrind import play_film; play_film({name!r})", cache)
     print(f"{name}: {len(watched.findings)} findings, {time.perf_counter() - start:.0f} s")
     for finding in watched.findings:
         print(finding)
@@ -211,8 +216,8 @@ def main(names: list[str]) -> int:
         return 0
     if mended_core() is None:
         print("values that nobody has written are not looked for: Oclgrind is not the known build")
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        results = list(pool.map(watch_film, names or films()))
+    with TemporaryDirectory() as cache, ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = list(pool.map(functools.partial(watch_film, cache=cache), names or films()))
     kernels = set().union(*(watched.kernels for watched in results))
     unwatched = set() if names else entry_points() - kernels
     if unwatched:
