@@ -177,8 +177,8 @@ def test_every_frame_does_all_that_a_new_direction_asks_for(device: ComputeDevic
     rows = {row.name: row for row in result.passes}
     assert rows["draw objects"].host_ms > 0.0
     once_a_frame = {"trace real", "trace virtual", "relight", "composite"}
-    # The panorama is resampled in two kernels, sharpened at edges, and split into highlights and the
-    # rest. The drawn objects are uploaded and unpacked.
+    # The panorama is resampled in two kernels, sharpened at edges, and split into highlights and
+    # the rest. The drawn objects are uploaded and unpacked.
     launches = {"resample": 4.0, "draw objects": 2.0, **dict.fromkeys(once_a_frame, 1.0)}
     assert {name: rows[name].launches for name in launches} == launches
     assert all(rows[name].device_ms > 0.0 for name in launches)
