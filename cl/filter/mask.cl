@@ -18,7 +18,6 @@
 #include "filter/surface.h"
 #include "trace/rays.h"
 
-
 // Return the pixel of the last picture that showed this pixel's surface; -1: none.
 static inline int pixel_before(
     __global const float *restrict motion, int p, int width, int height, int seam)
@@ -81,7 +80,7 @@ __kernel void carry_touched(
     const bool seen =
         q >= 0 && shows_surface(guide_previous, surface, normal_agreement, size, q);
     // What slept has no influence that would need a ray for each pixel at once.
-    const bool slept = q >= 0 && !(guide_previous[GUIDE_ID * size + q] > 0.0f);
+    const bool slept = q >= 0 && guide_previous[GUIDE_ID * size + q] < 0.0f;
     const float frames = seen ? fmax(before[q] - 1.0f, 0.0f) : slept ? -unseen : unseen;
     store_wrapped(touched, p, x, width, seam, surface.id > 0.0f ? frames : 0.0f);
 }

@@ -4,7 +4,7 @@
 // capture centre.
 //
 //   in    normal (3 planes), depth (1, m, 0 = no surface), id (1, 0 = nothing to trace), tiles
-//   out   guide (7); id 0 without depth, and in tiles that sleep
+//   out   guide (7); id 0 without depth
 #include "gbuffer/tiles.h"
 #include "gbuffer/view.h"
 
@@ -32,5 +32,6 @@ __kernel void build_guide(
     store_wrapped(guide + GUIDE_POSITION * size, p, x, width, seam, depth[p] * direction.x);
     store_wrapped(guide + (GUIDE_POSITION + 1) * size, p, x, width, seam, depth[p] * direction.y);
     store_wrapped(guide + (GUIDE_POSITION + 2) * size, p, x, width, seam, depth[p] * direction.z);
-    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, depth[p] > 0.0f && awake ? fmax(id[p], 0.0f) : 0.0f);
+    const float shown = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
+    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, awake || !(shown > 0.0f) ? shown : SLEEPING);
 }

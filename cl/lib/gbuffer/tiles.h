@@ -1,5 +1,5 @@
 // States of the tiles of a layer. A tile is awake while passes work on it. In layers of real surfaces, tiles
-// on which objects have no visible influence fall asleep: they have no surfaces in the guide, so that their
+// on which objects have no visible influence fall asleep: passes find no surfaces there, so that their
 // pixels keep the panorama's radiance, and a few probes a frame look for influence.
 #pragma once
 
