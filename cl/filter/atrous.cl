@@ -61,62 +61,6 @@
     store_stored(plane, p, x, width, seam, value)
 #endif
 
-// Finds the columns of each row between which objects may have an effect.
-__kernel void find_extent(
-    __global const float *restrict signal,   // 6 planes
-    __global const float *restrict variance, // of the mean of the guide scalar
-    __global int *restrict extent,           // out: per row first column and end; (width, 0): none
-    int width,
-    int height)
-{
-    int y = get_global_id(0);
-    if (y >= height)
-        return;
-    int size = plane_size(width, height), first = width, end = 0;
-    for (int x = 0; x < width; x++) {
-        int p = plane_index(x, y, width);
-        bool active = variance[p] > 0.0f;
-        #pragma unroll
-        for (int c = 0; c < REAL_PLANES; c++)
-            active = active || signal[c * size + p] != 0.0f;
-        first = active ? min(first, x) : first;
-        end = active ? x + 1 : end;
-    }
-    extent[2 * y] = first;
-    extent[2 * y + 1] = end;
-}
-
-// Finds the columns that the levels may change: within reach of active ones. Columns changed in the
-// previous picture are included, because they return to 0 unless still within reach.
-__kernel void grow_extent(
-    __global const int *restrict found,    // per row first column and end, from find_extent
-    __global const int *restrict previous, // `grown` of the previous picture
-    __global int *restrict grown,          // out: per row
-    __global int *restrict extent,         // out: per row, columns to filter: spans of filter_level
-    int reach,                             // of all levels together
-    int width,
-    int height,
-    int seam)
-{
-    int y = get_global_id(0);
-    if (y >= height)
-        return;
-    int first = width, end = 0;
-    for (int row = max(y - reach, 0); row <= min(y + reach, height - 1); row++) {
-        first = min(first, found[2 * row]);
-        end = max(end, found[2 * row + 1]);
-    }
-    bool any = first < end;
-    bool everywhere = seam && any && (first < reach || end > width - reach); // across the seam
-    first = !any ? width : everywhere ? 0 : max(first - reach, 0);
-    end = !any ? 0 : everywhere ? width : min(end + reach, width);
-    grown[2 * y] = first;
-    grown[2 * y + 1] = end;
-    bool before = previous[2 * y] < previous[2 * y + 1];
-    extent[2 * y] = before ? min(first, previous[2 * y]) : first;
-    extent[2 * y + 1] = before ? max(end, previous[2 * y + 1]) : end;
-}
-
 // Return the weight of a tap in a row over the middle one's.
 static inline ALWAYS_INLINE float tap_weight(int taps, int d)
 {
@@ -213,7 +157,7 @@ __kernel void filter_real(
     STORED_IN variance[1],       // 1 plane, of the mean of its guide scalar
     SIGNAL_OUT signal_out[1],    // out: its planes
     STORED_OUT variance_out[1],  // out: 1 plane
-    __global const int *restrict spans, // columns with surfaces; the rest is 0
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     STORED_IN turned[1], // from smooth_real
     int step,                      // tap distance in pixels: 1, 2, 4, 8, 16
@@ -225,7 +169,7 @@ __kernel void filter_real(
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
 #ifdef GUIDED
     const float least = load_stored(turned, plane_index(x, y, width));
 #else
@@ -242,7 +186,7 @@ __kernel void filter_reflected(
     STORED_IN variance[MOST_ENTRIES],            // 1 plane, of the mean of its guide scalar
     SIGNAL_OUT signal_out[MOST_ENTRIES],         // out: its planes
     STORED_OUT variance_out[MOST_ENTRIES],       // out: 1 plane
-    __global const int *restrict spans, // columns with surfaces; the rest is 0
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     STORED_IN widened[MOST_ENTRIES],             // GGX alpha, from smooth_reflected; < 1e-4: copied
     int specular,                // number of specular signals
@@ -256,7 +200,7 @@ __kernel void filter_reflected(
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     const float alpha = load_stored(widened, plane_index(x, y, width));
     filter_pixel(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, alpha, lobe_fraction, 0.0f,
                  guide, signal, variance, signal_out,
@@ -335,7 +279,7 @@ __kernel void smooth_real(
     PLANES_IN guide[1],      // 7 planes
     PLANES_IN variance[1],   // 1 plane
     STORED_OUT smooth[1],    // out: 1 plane
-    __global const int *restrict spans,
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     STORED_OUT turned[1], // out: 1 plane
     float unit,                    // of signals in half precision
@@ -343,7 +287,7 @@ __kernel void smooth_real(
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     const int size = plane_size(width, height), p = plane_index(x, y, width);
     smooth_variance(guide, variance, smooth, unit, x, width, size, p, seam);
     store_stored(turned, p, x, width, seam, least_turn(guide, size, plane_stride(width), p));
@@ -353,7 +297,7 @@ __kernel void smooth_reflected(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
     PLANES_IN variance[MOST_ENTRIES],            // 1 plane
     STORED_OUT smooth[MOST_ENTRIES],             // out: 1 plane
-    __global const int *restrict spans,
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN roughness[MOST_ENTRIES],           // GGX alpha
     STORED_OUT widened[MOST_ENTRIES],            // out: 1 plane; mirrors stay mirrors
@@ -363,7 +307,7 @@ __kernel void smooth_reflected(
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     const int size = plane_size(width, height), p = plane_index(x, y, width);
     smooth_variance(guide, variance, smooth, unit, x, width, size, p, seam);
     if (entry < specular)

@@ -12,13 +12,11 @@
 //                     length of the history
 //   list_traced       level                                       list of y * width + x, its length
 //
-// list_traced runs over CHUNK pixels of a row per work item: one atomic per chunk, and neighbouring rays in
-// the list are neighbours in the picture. Its order differs between runs.
+// list_traced runs over a tile's row per work item: one atomic per row, and neighbouring rays in the list are
+// neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
 #include "filter/surface.h"
 #include "trace/rays.h"
-
-#define CHUNK 64
 
 // Return the pixel of the last picture that showed this pixel's surface; -1: none.
 static inline int pixel_before(
@@ -63,7 +61,7 @@ __kernel void carry_touched(
     PLANES_IN guide_previous[MOST_ENTRIES],      // the last picture's
     PLANES_IN motion[MOST_ENTRIES],              // previous pixel, 2 planes; -1e9 = nowhere
     PLANES_IN before[MOST_ENTRIES],              // 1 plane, touched of the last picture
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_OUT touched[MOST_ENTRIES],            // out: 1 plane
     const float unseen[MOST_ENTRIES],            // touched where the last picture did not show it
@@ -74,14 +72,16 @@ __kernel void carry_touched(
     int seam,
     const Camera camera)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     const Surface surface =
         surface_before(guide, plane_tolerance, size, p, camera);
     const int q = pixel_before(motion, p, width, height, seam);
     const bool seen =
         q >= 0 && shows_surface(guide_previous, surface, normal_agreement, size, q);
-    const float frames = seen ? fmax(before[q] - 1.0f, 0.0f) : unseen;
+    // What slept has no influence that would need a ray for each pixel at once.
+    const bool slept = q >= 0 && guide_previous[GUIDE_ID * size + q] < 0.0f;
+    const float frames = seen ? fmax(before[q] - 1.0f, 0.0f) : slept ? -unseen : unseen;
     store_wrapped(touched, p, x, width, seam, surface.id > 0.0f ? frames : 0.0f);
 }
 
@@ -91,7 +91,7 @@ __kernel void choose_level(
     PLANES_IN touched[MOST_ENTRIES],             // 1 plane, border wrapped
     PLANES_IN length[MOST_ENTRIES],              // 1 plane, of the previous histories
     const int keep[MOST_ENTRIES],                // where histories are long, a quarter of the rays
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     __global uchar *restrict level[MOST_ENTRIES], // out: 1 plane
     __global int *restrict count[MOST_ENTRIES],  // out: 0
@@ -106,7 +106,7 @@ __kernel void choose_level(
 {
     if (get_global_id(0) == 0 && get_global_id(1) == 0)
         count[0] = 0;
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), stride = plane_stride(width);
     int p = plane_index(x, y, width);
     float id = guide[GUIDE_ID * size + p];
@@ -131,17 +131,23 @@ __kernel void choose_level(
 
 __kernel void list_traced(
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane
+    __global const int *restrict tiles,
+    const int layer[MOST_ENTRIES],
     __global int *restrict list[MOST_ENTRIES],   // out: pixels that get a ray
     __global int *restrict count[MOST_ENTRIES],  // in, out: length of the list, 0 at the start
     __global const int *restrict origin,            // x y of the tracing grid in this frame
     int width,
     int height)
 {
-    int x0 = get_global_id(0) * CHUNK, y = get_global_id(1);
-    if (x0 >= width || y >= height)
+    const int row = get_global_id(0), place = get_global_id(1);
+    __global const int *restrict listed = tile_list(tiles, layer, width, height);
+    if (row >= TILE || place >= listed[0])
+        return;
+    const int tile = listed[1 + place], across = tiles_across(width);
+    const int x0 = tile % across * TILE, x1 = min(x0 + TILE, width), y = tile / across * TILE + row;
+    if (y >= height)
         return;
     int2 offset = vload2(0, origin);
-    int x1 = min(x0 + CHUNK, width);
     int traced = 0;
     for (int x = x0; x < x1; x++)
         traced += is_traced(level[plane_index(x, y, width)], x - offset.x, y - offset.y);

@@ -50,7 +50,7 @@ static inline int traced_at(
 
 __kernel void interpolate(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane
     __global float *signal[MOST_ENTRIES],        // in, out: its planes
@@ -62,7 +62,7 @@ __kernel void interpolate(
     int seam,
     int planes)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     int own = level[p];
     int2 offset = vload2(0, origin);
@@ -132,7 +132,7 @@ __kernel void interpolate(
 
 __kernel void fix_history(
     __global const float *restrict guide,    // 7 planes
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     __global const float *restrict signal,   // its planes
     __global const float *restrict variance, // 1 plane
@@ -149,7 +149,7 @@ __kernel void fix_history(
     int seam,
     int planes)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];

@@ -38,7 +38,7 @@ __kernel void accumulate(
     PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
     const float plane_tolerance,                 // plane distance / depth within one surface
     const float normal_agreement,                // least cosine between its normals
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN samples[MOST_ENTRIES],             // its planes; -DPUBLISHED: border too
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
@@ -53,7 +53,7 @@ __kernel void accumulate(
     int planes,
     const Camera camera)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
                                     plane_tolerance, normal_agreement, p, width, height, seam, camera);
@@ -76,7 +76,7 @@ __kernel void follow(
     PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
     const float plane_tolerance,                 // plane distance / depth within one surface
     const float normal_agreement,                // least cosine between its normals
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN samples[MOST_ENTRIES],             // its planes
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
@@ -90,7 +90,7 @@ __kernel void follow(
     int planes,
     const Camera camera)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
                                     plane_tolerance, normal_agreement, p, width, height, seam, camera);
@@ -111,7 +111,7 @@ __kernel void fetch(
     PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
     const float plane_tolerance,                 // plane distance / depth within one surface
     const float normal_agreement,                // least cosine between its normals
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
     PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
@@ -122,7 +122,7 @@ __kernel void fetch(
     int planes,
     const Camera camera)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
                                     plane_tolerance, normal_agreement, p, width, height, seam, camera);
@@ -156,7 +156,7 @@ static inline ALWAYS_INLINE void correct_pixel(
 // One kernel per kind: PoCL does not vectorize loops over a number of planes known only at run time.
 __kernel void correct_real(
     PLANES_IN guide[1],          // 7 planes
-    __global const int *restrict spans,          // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN fast_signal[1],    // the fast history, with g of the slow one, borders wrapped
     PLANES_IN fast_length[1],
@@ -173,14 +173,14 @@ __kernel void correct_real(
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     correct_pixel(REAL_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y,
                   antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
 }
 
 __kernel void correct_reflected(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
-    __global const int *restrict spans,          // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN fast_signal[MOST_ENTRIES],         // the fast history, with g of the slow one, borders wrapped
     PLANES_IN fast_length[MOST_ENTRIES],
@@ -197,14 +197,14 @@ __kernel void correct_reflected(
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y,
                   antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
 }
 
 __kernel void estimate_variance(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
-    __global const int *restrict spans,             // where there are surfaces
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN signal[MOST_ENTRIES],              // its planes and two more, border wrapped
     PLANES_IN length[MOST_ENTRIES],              // 1 plane
@@ -214,7 +214,7 @@ __kernel void estimate_variance(
     int seam,
     int planes)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int stride = plane_stride(width), size = plane_size(width, height), p = plane_index(x, y, width);
     PLANES_IN ids = guide + GUIDE_ID * size;
     PLANES_IN spread = signal + (planes + SPREAD_PLANE) * size;

@@ -3,62 +3,27 @@
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top. World: +Y up, metres, origin at the
 // capture centre.
 //
-//   kernel        in                                           out
-//   find_spans    depth (1, m, 0 = no surface), id (1, 0 =     spans: columns where there are surfaces
-//                 nothing to trace), past
-//   build_guide   normal (3), depth, id, spans                 guide (7); id 0 without depth
-//
-// Work groups may have any size.
-#include "gbuffer/batch.h"
-#include "gbuffer/guide.h"
+//   in    normal (3 planes), depth (1, m, 0 = no surface), id (1, 0 = nothing to trace), tiles
+//   out   guide (7); id 0 without depth
+#include "gbuffer/tiles.h"
 #include "gbuffer/view.h"
-
-// Finds the columns of each row between which a layer has surfaces in this picture or had some in the two
-// before. Passes that work on these columns alone have written 0 to all others, also with double buffers.
-__kernel void find_spans(
-    PLANES_IN depth[MOST_ENTRIES],               // radial distance in metres, 0 = no surface
-    PLANES_IN id[MOST_ENTRIES],                  // 0 = nothing to trace, else the surface's id
-    const int layer[MOST_ENTRIES],
-    const int layers,                            // layers of the batch
-    __global int *restrict past,                 // in, out: per layer and row first column and end in
-                                                 // the last picture, and in the one before
-    __global int *restrict spans,                // out: per layer and row first column and end
-    int width,
-    int height)
-{
-    int y = get_global_id(0);
-    // Work groups may extend beyond the rows, beyond one in the second dimension, and beyond the layers.
-    if (y >= height || get_global_id(1) > 0 || entry >= layers)
-        return;
-    const int row = layer * height + y;
-    int first = width, end = 0;
-    for (int x = 0; x < width; x++) {
-        int p = plane_index(x, y, width);
-        bool surface = depth[p] > 0.0f && id[p] > 0.0f;
-        first = surface ? min(first, x) : first;
-        end = surface ? x + 1 : end;
-    }
-    const int4 before = vload4(row, past);
-    vstore4((int4)(first, end, before.xy), row, past);
-    first = min(first, min(before.x, before.z));
-    end = max(end, max(before.y, before.w));
-    vstore2((int2)(first, end), row, spans);
-}
 
 __kernel void build_guide(
     __global const float *restrict view,            // projection and rotation, view.h
     PLANES_IN normal[MOST_ENTRIES],              // world-space unit normals, 3 planes
     PLANES_IN depth[MOST_ENTRIES],               // radial distance in metres, 0 = no surface
     PLANES_IN id[MOST_ENTRIES],                  // 0 = nothing to trace, else the surface's id
-    __global const int *restrict spans,             // where there are surfaces; the rest is 0
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
+    __global const int *restrict states,
     PLANES_OUT guide[MOST_ENTRIES],              // out: 7 planes
     int width,
     int height,
     int seam)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
+    const int awake = is_awake(states[layer * tiles_of(width, height) + tile]);
     const float3 direction = direction_unbranched(view, (float2)(x + 0.5f, y + 0.5f));
     // Without loops over all planes: PoCL vectorizes it.
     #pragma unroll
@@ -67,5 +32,6 @@ __kernel void build_guide(
     store_wrapped(guide + GUIDE_POSITION * size, p, x, width, seam, depth[p] * direction.x);
     store_wrapped(guide + (GUIDE_POSITION + 1) * size, p, x, width, seam, depth[p] * direction.y);
     store_wrapped(guide + (GUIDE_POSITION + 2) * size, p, x, width, seam, depth[p] * direction.z);
-    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f);
+    const float shown = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
+    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, awake || !(shown > 0.0f) ? shown : SLEEPING);
 }

@@ -8,7 +8,7 @@
 //   out  ratio, float4 per pixel (height x width, no border, row 0 the top), w = 1; exactly 1 where
 //        E_R and E_RV are equal or nothing is blocked or bounced, where E_R is black or not finite,
 //        and where no real surface is lit (no surface, or an opening: id 0); not written outside
-//        the spans.
+//        the listed tiles
 //
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the excess is due to
 // light that the panorama lacks (a clipped window) or to a highlight. Objects are assumed to block the same
@@ -41,7 +41,7 @@ static inline float channel_ratio(
 }
 
 __kernel void relight(
-    __global const int *restrict spans,    // where the signal is nonzero, in this picture or the last
+    __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     __global const float *restrict guide,  // 7 planes
     __global const float *restrict signal, // 6 planes
@@ -54,7 +54,7 @@ __kernel void relight(
     int width,
     int height)
 {
-    SPAN_ITEM;
+    TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     float3 seen = load_planes(color, size, p);
     const float black = cache.black;

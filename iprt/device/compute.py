@@ -134,10 +134,15 @@ class ComputeDevice:
         return reported(self.name, what, self.buffers)
 
     def group_size(self, dimensions: int) -> tuple[int, ...]:
-        """Return the work-group size. It is fixed, so that PoCL compiles each kernel once."""
+        """Return the work-group size. It is fixed, so that PoCL compiles each kernel once.
+
+        Kernels in three dimensions work on tiles (`iprt.gbuffer.tiles`).
+        """
         if dimensions == 1:
             return (64,) if self.is_cpu else (128,)
-        return ((64, 1) if self.is_cpu else (16, 8)) + (1,) * (dimensions - 2)
+        if dimensions == 2:
+            return (64, 1) if self.is_cpu else (16, 8)
+        return (16, 16, 1) if self.is_cpu else (16, 8, 1)
 
     def kernel(
         self,

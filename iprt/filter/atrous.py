@@ -10,16 +10,12 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.device.kernel_source import constant
 from iprt.device.program import Define
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.guide import span_arguments
+from iprt.gbuffer.tiles import tile_arguments
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
-
-RELAX_TAPS = constant("filter/atrous.cl", "RELAX_TAPS")
-SPLINE_TAPS = constant("filter/atrous.cl", "SPLINE_TAPS")
 
 
 class Atrous:
@@ -27,9 +23,6 @@ class Atrous:
 
     Attributes
     ----------
-    spans : dict
-        Arguments of `SPAN_ITEM` for the columns where filtered signals are not 0, or were not in
-        the last picture.
     variances : list of 1 plane
         Variance of each filtered signal's displayed scalar, as `STORED_IN` of
         `cl/lib/gbuffer/stored.h`; none where `levels` is 0 or without `guided`.
@@ -49,6 +42,7 @@ class Atrous:
         self._device = device
         first = signals[0]
         self._layout = layout = first.guide.layout
+        self._tiles = tile_arguments([signal.guide for signal in signals])
         self._specular = sum(signal.kind == "specular" for signal in signals)
         self._real = first.kind in ("ratio", "delta")
         assert not self._real or len(signals) == 1
@@ -57,16 +51,9 @@ class Atrous:
         self._half = device.half_planes and first.kind != "ratio"
         defines["HALF_PLANES"] = self._half
         self._stored = np.float16 if self._half else np.float32
-        self.spans = span_arguments([signal.guide for signal in signals])
         self.variances: list[cla.Array] = []
         if not settings.levels:
             return
-        self._extent = None
-        if first.kind == "delta":
-            taps = RELAX_TAPS if guided else SPLINE_TAPS
-            reach = taps // 2 * ((1 << settings.levels) - 1)
-            self._extent = Extent(device, layout, defines, name=first.name, reach=reach)
-            self.spans = {"spans": self._extent.used, **batched(layer=[0])}
         if not guided:
             self._nothing = self._planes("no variance")
         channels = signal_planes(first.kind)
@@ -84,7 +71,7 @@ class Atrous:
             self._filtered = self._planes("filtered", channels)
         self._own = self._of_kind()
         self._smooth = device.kernel("filter/atrous.cl", f"smooth_{self._kind}", defines).fixed(
-            layout.arguments(), self.spans, self._own, batched(smooth=self._scratch[-1][1])
+            layout.arguments(), self._tiles, self._own, batched(smooth=self._scratch[-1][1])
         )
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
 
@@ -139,7 +126,7 @@ class Atrous:
             defines = {**defines, "FIRST": level == 0, "LAST": last}
         kernel = self._device.kernel("filter/atrous.cl", f"filter_{self._kind}", defines).fixed(
             self._layout.arguments(),
-            self.spans,
+            self._tiles,
             self._own,
             batched(variance=variance, signal_out=signal_out, variance_out=variance_out),
             step=1 << level,
@@ -169,60 +156,14 @@ class Atrous:
         radiance : float
             Mean of the panorama, the scale of signals that are radiance.
         """
-        settings, layout = self.settings, self._layout
-        size = (*layout.size, len(signals))
-        if settings.levels == 0:
+        if self.settings.levels == 0:
             return signals
+        size = self._signals[0].guide.tiles.grid(len(signals))
         variances = self._nothing if variances is None else variances
         guide = batched(guide=[signal.guide.current for signal in self._signals])
-        if self._extent is not None:
-            self._extent.run(signals[0], variances[0])
         lobes = {} if self._real else batched(roughness=roughness or [None] * len(signals))
         unit = {"unit": half_unit(self._signals[0].kind, radiance)}
         self._smooth(size, guide, lobes, unit, batched(variance=variances))
         for kernel in self._levels:
             kernel(size, guide, unit, batched(signal=signals))
         return self._filtered
-
-
-class Extent:
-    """Columns of each row that the filter may change; the rest is 0 before and after.
-
-    Attributes
-    ----------
-    used : (rows, 2) int32
-        First column and end that `filter_real` has to write.
-    """
-
-    def __init__(
-        self,
-        device: ComputeDevice,
-        layout: PlaneLayout,
-        defines: dict[str, Define],
-        *,
-        name: str,
-        reach: int,
-    ) -> None:
-        """Create the kernels; `reach` is in pixels, of all levels together."""
-        self._layout = layout
-        rows = layout.height
-
-        def columns(label: str) -> cla.Array:
-            return device.zeros(f"{name} {label}", (rows, 2), np.int32)
-
-        self._found, self.used = columns("extent found"), columns("extent used")
-        self._now, self._before = columns("extent"), columns("extent before")
-        size = layout.arguments()
-        self._find = device.kernel("filter/atrous.cl", "find_extent", defines).fixed(
-            size, extent=self._found
-        )
-        self._grow = device.kernel("filter/atrous.cl", "grow_extent", defines).fixed(
-            size, found=self._found, extent=self.used, reach=reach
-        )
-
-    def run(self, signal: cla.Array, variance: cla.Array) -> None:
-        """Find the columns and fill `used`."""
-        rows = (self._layout.height,)
-        self._now, self._before = self._before, self._now
-        self._find(rows, signal=signal, variance=variance)
-        self._grow(rows, previous=self._before, grown=self._now)

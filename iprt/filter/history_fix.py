@@ -7,7 +7,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.filter.temporal import Accumulated
-from iprt.gbuffer.guide import span_arguments
+from iprt.gbuffer.tiles import tile_arguments
 from iprt.settings.filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0
@@ -33,7 +33,7 @@ class HistoryFix:
         defines = signal_defines([signal])
         self._fix = device.kernel("filter/neighbours.cl", "fix_history", defines).fixed(
             layout.arguments(),
-            span_arguments([guide]),
+            tile_arguments([guide]),
             planes=planes,
             signal_out=self._signal,
             variance_out=self._variance,
@@ -46,7 +46,7 @@ class HistoryFix:
     def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
         """Return the same signal, in buffers of this object; `level` is `Mask.level`."""
         self._fix(
-            self._guide.layout.size,
+            self._guide.tiles.grid(),
             guide=self._guide.current,
             signal=accumulated.signal,
             variance=accumulated.variance,

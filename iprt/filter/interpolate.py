@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.guide import span_arguments
+from iprt.gbuffer.tiles import tile_arguments
 from iprt.settings.filter import InterpolateSettings
 
 
@@ -25,7 +25,7 @@ class Interpolate:
             "filter/neighbours.cl", "interpolate", signal_defines(signals)
         ).fixed(
             signals[0].guide.layout.arguments(),
-            span_arguments([signal.guide for signal in signals]),
+            tile_arguments([signal.guide for signal in signals]),
             planes=signal_planes(signals[0].kind),
             normal_sharpness=settings.normal_sharpness,
             plane_sharpness=settings.plane_sharpness,
@@ -48,9 +48,8 @@ class Interpolate:
         grid : (2,) int32
             As for `Masks.run`.
         """
-        layout = self._guides[0].layout
         self._kernel(
-            (*layout.size, len(samples)),
+            self._guides[0].tiles.grid(len(samples)),
             batched(
                 guide=[guide.current for guide in self._guides],
                 level=levels,

@@ -10,7 +10,8 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant, float_constant
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.guide import Guide, span_arguments
+from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.tiles import TILE, tile_arguments
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings, TemporalSettings
 
@@ -29,8 +30,6 @@ SAME_SURFACE = TemporalSettings()
 
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
-
-_CHUNK = constant("filter/mask.cl", "CHUNK")
 
 
 def grid_offset(frame: int) -> tuple[int, int]:
@@ -108,13 +107,13 @@ class Masks:
         self._masks = masks
         defines = masks[0].guide.defines()
         size = masks[0].guide.layout.arguments()
-        spans = span_arguments([mask.guide for mask in masks])
+        tiles = tile_arguments([mask.guide for mask in masks])
         guide = masks[0].guide
         self._carry = device.kernel(
             "filter/mask.cl", "carry_touched", {**defines, **guide.camera_define}
         ).fixed(
             size,
-            spans,
+            tiles,
             guide.camera_argument,
             batched(unseen=[mask.unseen for mask in masks]),
             normal_agreement=SAME_SURFACE.normal_agreement,
@@ -125,7 +124,7 @@ class Masks:
         )
         self._choose = device.kernel("filter/mask.cl", "choose_level", defines).fixed(
             size,
-            spans,
+            tiles,
             listed,
             batched(
                 low=[mask.low for mask in masks],
@@ -134,7 +133,7 @@ class Masks:
             ),
         )
         self._list = device.kernel("filter/mask.cl", "list_traced", defines).fixed(
-            size, listed, batched(list=[mask.traced for mask in masks])
+            size, tiles, listed, batched(list=[mask.traced for mask in masks])
         )
 
     def run(
@@ -163,11 +162,11 @@ class Masks:
             The last picture showed another place, or other light.
         """
         masks = self._masks
-        layout = masks[0].guide.layout
+        tiles = masks[0].guide.tiles
         lengths = histories or [None] * len(masks)
         for mask in masks:
             mask.touched, mask.before = mask.before, mask.touched
-        size = (*layout.size, len(masks))
+        size = tiles.grid(len(masks))
         carried = batched(
             guide=[mask.guide.current for mask in masks],
             motion=motions,
@@ -199,7 +198,4 @@ class Masks:
             ),
             origin=grid,
         )
-        self._list(
-            (-(-layout.width // _CHUNK), layout.height, len(masks)),
-            origin=grid,
-        )
+        self._list((TILE, tiles.across * tiles.down, len(masks)), origin=grid)

@@ -45,7 +45,7 @@ class SignalFilter:
 
     Attributes
     ----------
-    spans, variances
+    variances : list of 1 plane
         As in `Atrous`.
     accumulated : list of Accumulated
         The signals before the spatial filter, after the first frame; with `published`, after it.
@@ -73,7 +73,7 @@ class SignalFilter:
             device, signals, settings.temporal, rays=rays, published=published
         )
         self._atrous = Atrous(device, signals, settings.atrous, guided=not published)
-        self.spans, self.variances = self._atrous.spans, self._atrous.variances
+        self.variances = self._atrous.variances
         self.accumulated: list[Accumulated] = []
         self.filtered: Sequence[cla.Array] = []
         self._frame: Sequence[Samples] = []

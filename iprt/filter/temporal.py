@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.guide import span_arguments
+from iprt.gbuffer.tiles import tile_arguments
 from iprt.settings.filter import TemporalSettings
 
 HISTORY_PLANES = 2
@@ -128,7 +128,7 @@ class Temporal:
         fixed = {
             **guide.layout.arguments(),
             **guide.camera_argument,
-            **span_arguments([signal.guide for signal in signals]),
+            **tile_arguments([signal.guide for signal in signals]),
             **batched(variance=self._variance),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,
@@ -253,5 +253,9 @@ class Temporal:
 
     def _run(self, kernel: Kernel, *groups: Mapping[str, Any], **own: Any) -> None:
         guides = [signal.guide for signal in self._signals]
-        size = (*guides[0].layout.size, len(guides))
-        kernel(size, batched(guide=[guide.current for guide in guides]), *groups, **own)
+        kernel(
+            guides[0].tiles.grid(len(guides)),
+            batched(guide=[guide.current for guide in guides]),
+            *groups,
+            **own,
+        )

@@ -15,6 +15,7 @@ from iprt.device.kernel_source import constant
 from iprt.device.program import Define
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.layout import PAD, PlaneLayout
+from iprt.gbuffer.tiles import Tiles, tile_arguments
 
 PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 """Normal x y z, world position x y z in metres, id (0 nothing to trace, -1 outside)."""
@@ -32,42 +33,6 @@ class CameraArgs(Block):
     rows: Floats = when("CAMERA_MOTION")
 
 
-class Spans:
-    """Columns of the layers of a view that have surfaces. `Guides` fills it.
-
-    Attributes
-    ----------
-    rows : (layers, H, 2) int32
-        First column and end of each row between which there are surfaces, or were in one of the
-        last two pictures.
-    past : (layers, H, 4) int32
-        The same of these two alone.
-    """
-
-    def __init__(
-        self, device: ComputeDevice, layout: PlaneLayout, *, name: str, layers: int = 1
-    ) -> None:
-        self.rows = device.zeros(f"{name} spans", (layers, layout.height, 2), np.int32)
-        nothing = np.tile(np.array([layout.width, 0] * 2, np.int32), (layers, layout.height, 1))
-        self.past = device.upload(f"{name} past spans", nothing)
-        self._taken = 0
-
-    def take(self) -> int:
-        """Reserve one more layer and return its index."""
-        self._taken += 1
-        assert self._taken <= self.rows.shape[0]
-        return self._taken - 1
-
-
-def span_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
-    """Return the arguments of `SPAN_ITEM` of `cl/lib/gbuffer/batch.h`."""
-    assert all(guide.spans is guides[0].spans for guide in guides)
-    return {
-        "spans": guides[0].spans.rows,
-        **batched(layer=[guide.layer for guide in guides]),
-    }
-
-
 class Guide:
     """G-buffer of a layer as planes of `cl/lib/gbuffer/guide.h`, for this and the previous picture.
 
@@ -77,9 +42,9 @@ class Guide:
     ----------
     current, previous : planes of 7 channels, float32
         Before the second picture, `previous` holds no surface.
-    spans : Spans
+    tiles : Tiles
     layer : int
-        Index of its layer in `spans`.
+        Index of its layer in `tiles`.
     camera : (12,) float32 or None
         `CameraMotion.rows`, from the axes of `current` to the axes of `previous`; None: equal axes.
     """
@@ -91,11 +56,11 @@ class Guide:
         *,
         name: str,
         camera: cla.Array | None = None,
-        spans: Spans | None = None,
+        tiles: Tiles | None = None,
     ) -> None:
         """Create the planes.
 
-        `name` prefixes their buffers. Layers whose passes share launches share `spans`.
+        `name` prefixes their buffers. Layers whose passes share launches share `tiles`.
         """
         self.layout = layout
         self.camera = camera
@@ -106,8 +71,8 @@ class Guide:
         layout.bordered(nothing)[-1, PAD:-PAD, columns] = 0.0
         self.current = device.upload(f"{name} guide", nothing)
         self.previous = device.upload(f"{name} guide before", nothing)
-        self.spans = spans or Spans(device, layout, name=name)
-        self.layer = self.spans.take()
+        self.tiles = tiles or Tiles(device, layout, name=name)
+        self.layer = self.tiles.take()
         self._wide = device.wide
 
     def arguments(self) -> dict[str, Any]:
@@ -142,48 +107,87 @@ class Layer:
         Radial metres, 0 = no surface.
     ids : 1 plane
         0 = nothing to trace; surfaces of different ids never mix.
+    motion : 2 planes or None
+        Previous position of each pixel's surface in pixels, -1e9 = nowhere. With it, tiles on which
+        objects have no visible influence may sleep.
     """
 
     normal: cla.Array
     depth: cla.Array
     ids: cla.Array
+    motion: cla.Array | None = None
 
 
 class Guides:
-    """Pass that gathers the layers of a view into their guides, and finds their spans."""
+    """Pass that lists the tiles of the layers of a view, and gathers these into their guides."""
 
     def __init__(
-        self, device: ComputeDevice, guides: Sequence[Guide], layers: Sequence[Layer]
+        self,
+        device: ComputeDevice,
+        guides: Sequence[Guide],
+        layers: Sequence[Layer],
+        *,
+        objects: int = 0,
     ) -> None:
-        """Create the kernels for one layer per guide."""
+        """Create the kernels for one layer per guide.
+
+        `objects` is the layer of the objects: tiles of other layers around them never sleep.
+        """
         self._guides = guides
+        self._tiles = tiles = guides[0].tiles
         defines = guides[0].defines()
-        size, spans = guides[0].layout.arguments(), span_arguments(guides)
+        size, listed = guides[0].layout.arguments(), tile_arguments(guides)
         of_surfaces = batched(
             depth=[layer.depth for layer in layers],
             id=[layer.ids for layer in layers],
         )
-        self._find_spans = device.kernel("gbuffer/guide.cl", "find_spans", defines).fixed(
-            size, spans, of_surfaces, layers=len(guides), past=guides[0].spans.past
+        self._scan = device.kernel("gbuffer/tiles.cl", "scan_tiles", defines).fixed(
+            size, listed, of_surfaces, seen=tiles.seen
+        )
+        motions = [layer.depth if layer.motion is None else layer.motion for layer in layers]
+        self._list = device.kernel("gbuffer/tiles.cl", "list_tiles", defines).fixed(
+            size,
+            listed,
+            of_surfaces,
+            batched(motion=motions, sleeps=[layer.motion is not None for layer in layers]),
+            objects=objects,
+            seen=tiles.seen,
+            states=tiles.states,
         )
         self._build = device.kernel("gbuffer/guide.cl", "build_guide", defines).fixed(
-            size, spans, of_surfaces, batched(normal=[layer.normal for layer in layers])
+            size,
+            listed,
+            of_surfaces,
+            batched(normal=[layer.normal for layer in layers]),
+            states=tiles.states,
         )
 
-    def run(self, view: cla.Array) -> None:
+    def run(self, view: cla.Array, *, least: float = 0.0, wake: bool = True) -> None:
         """Fill each `current` with this picture's guide, after moving the last one to `previous`.
 
         Parameters
         ----------
         view : (16,) float32
             `View.kernel_constants()`.
+        least : float
+            Influence of objects that is visible, as a change of radiance.
+        wake : bool
+            No tile sleeps in this picture.
         """
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
-        layout = self._guides[0].layout
-        self._find_spans((layout.height, 1, len(self._guides)))
+        tiles, entries = self._tiles, len(self._guides)
+        tiles.influence, tiles.before = tiles.before, tiles.influence
+        self._scan((tiles.across, self._guides[0].layout.height, entries))
+        self._list(
+            (tiles.across, tiles.down, entries),
+            before=tiles.before,
+            influence=tiles.influence,
+            least=least,
+            wake=wake,
+        )
         self._build(
-            (*layout.size, len(self._guides)),
+            tiles.grid(entries),
             batched(guide=[guide.current for guide in self._guides]),
             view=view,
         )

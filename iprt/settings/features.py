@@ -153,6 +153,11 @@ class Features:
         return self.tracing and self.needs.irradiance
 
     @property
+    def sleeping(self) -> bool:
+        """True if tiles of real surfaces sleep on which objects have no visible influence."""
+        return self.delta and not self.needs.published_filter
+
+    @property
     def light_sampling(self) -> bool:
         """True if rays sample the lights."""
         return self.tracing and self.settings.trace.light_sampling

@@ -80,7 +80,6 @@ class RealPixels:
         self.relight = Relight(
             device,
             guide,
-            self._filter.spans,
             next(iter(self._filter.variances), None),
             delta=features.delta,
             name=name,
@@ -90,6 +89,11 @@ class RealPixels:
     def accumulated(self) -> Accumulated | None:
         """`change` before the spatial filter; None before the first frame."""
         return self._filter.accumulated[0] if self._filter.accumulated else None
+
+    @property
+    def samples(self) -> cla.Array:
+        """`RealTracer.signal`, with values at the pixels traced in this frame."""
+        return self._trace.signal
 
     @property
     def change(self) -> cla.Array | None:
@@ -195,6 +199,11 @@ class ReflectingPixels:
     def hit(self) -> cla.Array | None:
         """`VirtualTracer.hit`."""
         return self._trace.hit
+
+    @property
+    def gloss_samples(self) -> cla.Array:
+        """`GlossTracer.change`, with values at the pixels traced in this frame."""
+        return self._trace_gloss.change
 
     @property
     def accumulated(self) -> list[Accumulated]:

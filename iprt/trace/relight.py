@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.guide import Guide
+from iprt.gbuffer.tiles import tile_arguments
 from iprt.world.real.irradiance import BLACK, IrradianceCache, IrradianceCacheArgs
 from iprt.world.world import World
 
@@ -29,7 +27,6 @@ class Relight:
         self,
         device: ComputeDevice,
         guide: Guide,
-        spans: Mapping[str, Any],
         variance: cla.Array | None,
         *,
         delta: bool,
@@ -39,8 +36,6 @@ class Relight:
 
         Parameters
         ----------
-        spans : mapping
-            `Atrous.spans` of the signal. Outside them the ratio stays 1.
         variance : Array or None
             `Atrous.variances` of the signal, if any.
         delta : bool
@@ -58,7 +53,7 @@ class Relight:
         one = np.broadcast_to(np.float32(1.0), (pixels, 4))
         self.ratio = device.upload(f"{name} relighting ratio", one)
         self._kernel = device.kernel("trace/relight.cl", "relight", defines).fixed(
-            guide.layout.arguments(), spans, variance=noise, ratio=self.ratio
+            guide.layout.arguments(), tile_arguments([guide]), variance=noise, ratio=self.ratio
         )
 
     def run(
@@ -88,7 +83,7 @@ class Relight:
         black = BLACK * world.panorama.mean_radiance
         known = IrradianceCacheArgs(plane=None, irradiance=None, columns=0, rows=0, black=black)
         self._kernel(
-            self._guide.layout.size,
+            self._guide.tiles.grid(),
             cache=known if cache is None else cache.arguments(world.panorama),
             touched=touched,
             guide=self._guide.current,

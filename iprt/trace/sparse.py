@@ -8,10 +8,12 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl.array as cla
 
+from iprt.filter.influence import VISIBLE, Influence, Probes
 from iprt.filter.mask import LEVEL_WAITING, Mask, Masks
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
-from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
+from iprt.gbuffer.guide import Guide, Guides, Layer
+from iprt.gbuffer.tiles import Tiles
 from iprt.method import Image, Method, Setup, Signals, in_front
 from iprt.passes import Clock, Pass
 from iprt.trace.pixels import RealPixels, ReflectingPixels
@@ -39,7 +41,7 @@ class SparseMethod(Method):
         self._world: World | None = None
         self._guides: list[Guide] = []
         count = 1 + features.tracing + (real.gloss is not None)
-        self._spans = Spans(device, setup.layout, name="view", layers=count)
+        self._tiles = Tiles(device, setup.layout, name="view", layers=count)
         self._motions: list[cla.Array] = []
         layers: list[Layer] = []
         masks: list[Mask] = []
@@ -47,13 +49,15 @@ class SparseMethod(Method):
         self.real_pixels: RealPixels | None = None
         if features.tracing:
             guide = self._guide("real", real.motion)
-            layers.append(Layer(real.normal, real.depth, real.id))
+            motion = real.motion if features.sleeping else None
+            layers.append(Layer(real.normal, real.depth, real.id, motion))
             self.real_pixels = RealPixels(device, real, guide, features, kernels.real, name="real")
             masks.append(self.real_pixels.mask)
         gloss_guide = None
         if real.gloss is not None:
             gloss_guide = self._guide("gloss", real.motion)
-            layers.append(Layer(real.normal, real.depth, real.gloss))
+            motion = real.motion if features.sleeping else None
+            layers.append(Layer(real.normal, real.depth, real.gloss, motion))
         guide = self._guide("object", objects.motion)
         layers.append(Layer(objects.normal, objects.depth, objects.id))
         self.reflecting_pixels = pixels = ReflectingPixels(
@@ -68,8 +72,14 @@ class SparseMethod(Method):
         if pixels.gloss_mask is not None:
             masks.append(pixels.gloss_mask)
         masks.append(pixels.mask)
-        self._gather = Guides(device, self._guides, layers)
+        self._gather = Guides(device, self._guides, layers, objects=guide.layer)
         self._masks = Masks(device, masks)
+        self._probes: Probes | None = None
+        if features.sleeping:
+            self._probes = Probes(device, masks[:-1], layers[:-1])
+            self._influence = Influence(device, masks[0], "judge_relit")
+            if pixels.gloss_mask is not None:
+                self._gloss_influence = Influence(device, pixels.gloss_mask, "judge_gloss")
 
     def kernels(self) -> RayKernels:
         """Return the method's kernels; called once, when the method is built."""
@@ -83,7 +93,7 @@ class SparseMethod(Method):
             setup.layout,
             name=name,
             camera=setup.camera,
-            spans=self._spans,
+            tiles=self._tiles,
         )
         self._guides.append(guide)
         self._motions.append(motion)
@@ -96,14 +106,18 @@ class SparseMethod(Method):
         guides = "real guide", "reflected guide"
         passes = [
             *self.prepare(world),
-            Pass("guide", Clock.FRAME, lambda c: self._gather.run(c.view), surfaces, guides),
+            Pass("guide", Clock.FRAME, lambda c: self._gather_layers(world, c), surfaces, guides),
             Pass("mask", Clock.FRAME, lambda c: self._choose(world, c), guides, chosen),
         ]
         if self.real_pixels is not None:
             passes += self.real_pixels.passes(world)
             if self.setup.features.relit_reflections:
                 passes += self._relit_reflections(world, self.real_pixels.relight.ratio)
-        return passes + self.reflecting_pixels.passes(world)
+        passes += self.reflecting_pixels.passes(world)
+        if self._probes is not None:
+            shown, found = ("ratio", "reflected light", "real samples"), ("influence",)
+            passes.append(Pass("influence", Clock.FRAME, self._measure, shown, found))
+        return passes
 
     def _relit_reflections(self, world: World, ratio: cla.Array) -> list[Pass[FrameContext]]:
         """Return the passes that let virtual surfaces reflect relit real ones."""
@@ -126,6 +140,24 @@ class SparseMethod(Method):
         """
         return None, []
 
+    def _gather_layers(self, world: World, context: FrameContext) -> None:
+        """Fill the guides. A mean of all frames is one of all pixels, too."""
+        wake = context.index == 0 or context.cut or not context.fading > 0.0
+        least = VISIBLE * world.panorama.mean_radiance
+        self._gather.run(context.view, least=least, wake=wake)
+
+    def _measure(self, context: FrameContext) -> None:
+        """Measure the influence of the objects on the real surfaces of tiles."""
+        real, pixels = self.real_pixels, self.reflecting_pixels
+        if not context.fading > 0.0 or real is None:
+            return
+        layer = real.layer
+        self._influence.measure(ratio=real.relight.ratio, color=layer.diffuse, signal=real.samples)
+        if pixels.gloss_mask is not None:
+            self._gloss_influence.measure(
+                change=pixels.filtered("gloss"), signal=pixels.gloss_samples
+            )
+
     def _choose(self, world: World, context: FrameContext) -> None:
         """Select the pixels to trace."""
         histories = [] if self.real_pixels is None else [self.real_pixels.start(context)]
@@ -136,6 +168,8 @@ class SparseMethod(Method):
             metre=world.panorama.scale,
             cut=context.cut,
         )
+        if self._probes is not None and context.fading > 0.0:
+            self._probes.place(context.view, context.index)
 
     @property
     def signals(self) -> Signals:

@@ -13,6 +13,7 @@ from iprt.filter.mask import tracing_grids
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.layout import PAD, PlaneLayout
+from iprt.gbuffer.tiles import TILE
 from iprt.geometry.camera import View
 
 Array = NDArray[np.float64]
@@ -42,11 +43,9 @@ class GBuffer:
         return np.where(self.depth > 0.0, self.ids, 0.0)
 
     @property
-    def spanned(self) -> NDArray[np.bool_]:
-        """Pixels between the first and the last surface of their row: signals are 0 elsewhere."""
-        surface = self.seen_ids > 0.0
-        from_left = np.logical_or.accumulate(surface, 1)
-        return from_left & np.logical_or.accumulate(surface[:, ::-1], 1)[:, ::-1]
+    def listed(self) -> NDArray[np.bool_]:
+        """Pixels of tiles that show surfaces: signals are 0 elsewhere."""
+        return in_tiles(self.seen_ids > 0.0)
 
     @property
     def position(self) -> Array:
@@ -80,6 +79,16 @@ class GBuffer:
             depth=np.roll(self.depth, columns, -1),
             ids=np.roll(self.ids, columns, -1),
         )
+
+
+def in_tiles(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels of all tiles that hold one of `pixels`, (H, W)."""
+    height, width = pixels.shape
+    rows, columns = -(-height // TILE), -(-width // TILE)
+    padded = np.zeros((rows * TILE, columns * TILE), bool)
+    padded[:height, :width] = pixels
+    held = padded.reshape(rows, TILE, columns, TILE).any((1, 3))
+    return np.kron(held, np.ones((TILE, TILE), bool))[:height, :width]
 
 
 def tracing_grid(device: ComputeDevice, offset: tuple[int, int]) -> cla.Array:

@@ -79,8 +79,8 @@ def random_case(
 ) -> tuple[GBuffer, np.ndarray, np.ndarray, np.ndarray | None]:
     rng = np.random.default_rng(2)
     gbuffer = random_gbuffer(width, height, equirect=equirect)
-    signal = gbuffer.spanned * rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
-    variance = gbuffer.spanned * rng.gamma(2.0, 0.05, (height, width))
+    signal = gbuffer.listed * rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
+    variance = gbuffer.listed * rng.gamma(2.0, 0.05, (height, width))
     roughness = None
     if kind == "specular":
         roughness = rng.choice([0.0, 5e-5, 0.05, 0.3, 1.0], (height, width))

@@ -14,7 +14,8 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask, Masks
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal
-from iprt.gbuffer.guide import Guide, Guides, Layer, Spans
+from iprt.gbuffer.guide import Guide, Guides, Layer
+from iprt.gbuffer.tiles import Tiles
 from iprt.settings.filter import MaskSettings
 from iprt.settings.model import Settings
 from tests.filter.gbuffer import GBuffer, random_gbuffer, read, still_frame, still_motion, upload
@@ -59,8 +60,8 @@ class Frames:
         device = self.device
         used = sorted({LAYERS[i] for i in chosen})
         layout = self.gbuffers[0].layout
-        spans = Spans(device, layout, name="test", layers=len(self.gbuffers))
-        guides = [Guide(device, layout, name="test", spans=spans) for _ in self.gbuffers]
+        tiles = Tiles(device, layout, name="test", layers=len(self.gbuffers))
+        guides = [Guide(device, layout, name="test", tiles=tiles) for _ in self.gbuffers]
         masks = self.masks(guides, used)
         layers = [layer_of(self, self.gbuffers[i]) for i in used]
         gather = Guides(device, [guides[i] for i in used], layers)

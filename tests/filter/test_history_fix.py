@@ -81,8 +81,8 @@ def test_equals_twin(
 ) -> None:
     rng = np.random.default_rng(4)
     gbuffer = random_gbuffer(width, height, equirect=equirect)
-    signal = gbuffer.spanned * rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
-    variance = gbuffer.spanned * rng.gamma(2.0, 0.05, (height, width))
+    signal = gbuffer.listed * rng.gamma(4.0, 0.25, (signal_planes(kind), height, width))
+    variance = gbuffer.listed * rng.gamma(2.0, 0.05, (height, width))
     length = rng.choice([0.0, 1 / 16, 0.2, 0.3, 1.0, 2.0, 40.0], (height, width))
     level = rng.choice([0, 1, 2, 3, 255], (height, width))
     fixed = run(device, gbuffer, kind, signal, variance, length, level)

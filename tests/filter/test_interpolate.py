@@ -47,7 +47,7 @@ def scene(
     gbuffer = random_gbuffer(width, height, equirect=equirect)
     level = np.kron(rng.integers(0, 4, (height // 6 + 1, width // 6 + 1)), np.ones((6, 6)))
     level = np.where(gbuffer.seen_ids > 0.0, level[:height, :width], 255).astype(np.uint8)
-    return gbuffer, level, gbuffer.spanned * (rng.random((6, height, width)) + 0.5)
+    return gbuffer, level, gbuffer.listed * (rng.random((6, height, width)) + 0.5)
 
 
 @pytest.mark.parametrize("equirect", [False, True])

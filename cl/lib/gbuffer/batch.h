@@ -8,26 +8,33 @@
 #define PLANES_IN __global const float *restrict
 #define PLANES_OUT __global float *restrict
 
-// Kernels take the spans (gbuffer/guide.cl) of all layers in one buffer, `spans`, and the `layer` of each
-// entry. CPU compilers do not vectorize accesses to further buffers unless they know that nothing aliases
-// them.
+// Kernels run over listed tiles (gbuffer/tiles.cl) of TILE x TILE pixels. `tiles` holds the lists of all
+// layers, one buffer: CPU compilers do not vectorize accesses to further buffers unless they know that
+// nothing aliases them. A launch has TILE x (TILE * tiles of the picture) work items for each `entry`, whose
+// `layer` chooses the list.
+#define TILE 16
 
-// Return the first and end column of a work group's row; the first group starts at the span's start. Empty
-// below the picture.
-static inline int2 group_span(__global const int *restrict spans, int layer, int y, int height)
+static inline int tiles_across(int width) { return (width + TILE - 1) / TILE; }
+static inline int tiles_of(int width, int height)
 {
-    const int2 span = vload2(layer * height + min(y, height - 1), spans);
-    return (int2)(span.x + (int)(get_group_id(0) * get_local_size(0)), y < height ? span.y : 0);
+    return tiles_across(width) * ((height + TILE - 1) / TILE);
 }
 
-// Define the pixel x, y of a work item inside the row's span; the others return. A group
-// outside returns by a condition uniform over its items: with a condition per item, vectorized groups would
-// run on.
-#define SPAN_ITEM                                                                                  \
-    const int y = get_global_id(1);                                                                \
-    const int2 columns = group_span(spans, layer, y, height);                                      \
-    if (columns.x >= columns.y)                                                                    \
+// Return the list of a layer: its length, then the tiles, numbered row by row.
+static inline __global const int *tile_list(__global const int *tiles, int layer, int width, int height)
+{
+    return tiles + layer * (tiles_of(width, height) + 1);
+}
+
+// Define the pixel x, y of a work item inside a listed tile; the others return. A group beyond the list
+// returns by a condition uniform over its items: with a condition per item, vectorized groups would run on.
+#define TILE_ITEM                                                                                  \
+    const int place = ((int)get_global_id(1) - (int)get_local_id(1)) / TILE;                       \
+    __global const int *restrict listed = tile_list(tiles, layer, width, height);                  \
+    if (place >= listed[0])                                                                        \
         return;                                                                                    \
-    const int x = columns.x + get_local_id(0);                                                     \
-    if (x >= columns.y)                                                                            \
+    const int tile = listed[1 + place];                                                            \
+    const int x = tile % tiles_across(width) * TILE + (int)get_global_id(0);                       \
+    const int y = tile / tiles_across(width) * TILE + (int)get_global_id(1) % TILE;                \
+    if (x >= width || y >= height)                                                                 \
         return

@@ -1,6 +1,6 @@
 // The guide of a layer: the features by which image-space passes compare pixels. Seven padded planes
 // (planes.h), written by guide.cl: normal x y z, world position x y z (metres from the capture centre), id.
-// id > 0: a surface; 0: nothing to trace; -1: outside the picture. In equirect views the left and right
+// id > 0: a surface; 0: nothing to trace; -1: outside the picture; other negative ones: asleep (tiles.h). In equirect views the left and right
 // border hold copies from across the seam, so neighbours need no wrapping.
 #pragma once
 
@@ -11,6 +11,8 @@
 #define GUIDE_POSITION 3
 #define GUIDE_ID 6
 #define GUIDE_PLANES 7
+
+#define SLEEPING -2.0f // id of pixels that sleep
 
 // Tracing levels beyond 0, 1, 2: a pixel of level 0 that waits for its turn because its history is long
 // enough; nothing to trace.

@@ -20,7 +20,7 @@ typedef struct {
     int size;
     float3 n;    // normal
     float3 p;    // position, metres
-    int id;      // of the surface, from 1 on
+    int id;      // of the surface, from 1 on; negative in the guide at probes (filter/influence.cl)
     uint seed;
 } TracedPixel;
 
@@ -35,7 +35,7 @@ static inline TracedPixel traced_pixel(const Pixels pixels, int item, uint strea
     at.size = plane_size(width, pixels.height);
     at.n = load_planes(pixels.guide, at.size, at.pixel);
     at.p = load_planes(pixels.guide + 3 * at.size, at.size, at.pixel);
-    at.id = (int)pixels.guide[6 * at.size + at.pixel];
+    at.id = abs((int)pixels.guide[6 * at.size + at.pixel]);
     at.seed = hash_combine(hash_combine((uint)listed, stream), (uint)pixels.frame_seed);
     return at;
 }

@@ -1,0 +1,99 @@
+"""Pixels on which objects have no visible influence keep the panorama's radiance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from iprt.device.compute import ComputeDevice
+from iprt.filter.influence import VISIBLE
+from iprt.gbuffer.guide import Guides
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.renderer import Renderer
+from iprt.settings.model import Settings
+from iprt.trace.sparse import SparseMethod
+from tests.oracles.worlds import World
+from tests.worlds import ball, ceiling_lamp, room_frame
+
+VIEW = View(256, 128, projection="equirect")
+FRAME = room_frame(World(), 128, 64, ceiling_lamp)
+BALL = ball((0.4, -1.25, -1.2), 0.12, Material("diffuse", (0.5, 0.3, 0.2)))
+SETTINGS = Settings(fading=0.1)
+
+
+def sleeping(renderer: Renderer) -> NDArray[np.bool_]:
+    """Pixels of the real layer that sleep."""
+    method = renderer.method
+    assert isinstance(method, SparseMethod)
+    assert method.real_pixels is not None
+    guide = method.real_pixels.guide
+    planes = guide.layout.interior(renderer.device.read(guide.current))
+    return np.asarray(planes[-1] < 0.0)
+
+
+def ratio(renderer: Renderer) -> NDArray[np.float32]:
+    return renderer.render(1, ["ratio"]).aovs["ratio"]
+
+
+@pytest.fixture
+def wide_awake(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Return a function after which no tile sleeps any more."""
+    run = Guides.run
+    return lambda: monkeypatch.setattr(Guides, "run", lambda self, view, **_: run(self, view))
+
+
+def test_what_sleeps_is_the_panorama(
+    device: ComputeDevice, wide_awake: Callable[[], None]
+) -> None:
+    with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
+        picture = renderer.render(24).color
+        # Pixels at edges of surfaces show what is beyond, too.
+        asleep = ~maximum_filter(~sleeping(renderer), 5)
+    assert 0.3 < asleep.mean() < 0.97
+    with Renderer(device, FRAME, [], VIEW, SETTINGS) as renderer:
+        panorama = renderer.render(1).color
+    assert (picture[asleep] == panorama[asleep]).all()
+    wide_awake()
+    with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
+        everywhere = renderer.render(24).color
+        assert not sleeping(renderer).any()
+    change = np.abs(everywhere - panorama).max(-1)
+    visible = VISIBLE * np.average(FRAME.color.mean(-1))
+    assert change[asleep].mean() < visible
+    assert np.quantile(change[asleep], 0.99) < 4.0 * visible
+
+
+def test_a_shadow_on_sleeping_surfaces_wakes_them(
+    device: ComputeDevice, wide_awake: Callable[[], None]
+) -> None:
+    """An object that appears elsewhere has its shadow after a few frames."""
+    moved = replace(BALL, to_world=BALL.to_world.copy())
+    moved.to_world[:3, 3] = 0.2, -0.6, -1.4  # in the air: its shadow lies apart from it
+
+    def after_the_jump() -> list[NDArray[np.float32]]:
+        with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
+            renderer.render(24)
+            renderer.move([moved])
+            return [ratio(renderer) for _ in range(6)]
+
+    found = after_the_jump()
+    wide_awake()
+    truth = after_the_jump()
+    shadow = truth[-1].mean(-1) < 0.95
+    assert shadow.sum() > 100
+    depth = [(1.0 - one.mean(-1))[shadow].mean() for one in found]
+    expected = (1.0 - truth[-1].mean(-1))[shadow].mean()
+    assert depth[2] > 0.7 * expected
+    assert depth[5] > 0.9 * expected
+
+
+def test_a_mean_of_all_frames_has_no_sleeping_pixels(device: ComputeDevice) -> None:
+    with Renderer(device, FRAME, [BALL], VIEW, Settings(fading=0.0)) as renderer:
+        renderer.render(12)
+        assert not sleeping(renderer).any()
