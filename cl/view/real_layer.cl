@@ -38,6 +38,7 @@
 // static surfaces; else they stay in place.
 #include "gbuffer/camera.h"
 #include "gbuffer/planes.h"
+#include "maths/lanes.h"
 #include "world/brdf.h"
 #include "world/real/color_map.h"
 #include "world/real/edges.h"
@@ -52,8 +53,7 @@
         return
 
 // Write the surface that a pixel shows of a texel's plane in direction v. The plane may leave the texel's
-// depths by a share `slack`. Returns its distance, 0 without a surface. Scalars only: PoCL vectorizes
-// resampling.
+// depths by a share `slack`. Returns its distance, 0 without a surface. For lane loops.
 static inline ALWAYS_INLINE float show_surface(
     const RealPlanes layer, int texel, float3 v, float slack, int pixel, int size)
 {
@@ -105,7 +105,7 @@ static inline ALWAYS_INLINE int is_panorama(const RealPlanes layer)
 }
 
 // Write all but the radiance of a pixel, and return the texel whose surface it shows.
-// `sharp`: edges are marked. Scalars only: PoCL vectorizes it, without the colors, whose channels are merged.
+// `sharp`: edges are marked. For lane loops: without the colors, whose channels are one vector.
 static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
@@ -124,8 +124,8 @@ static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlan
         + min((int)(uv.x * layer.panorama_width), layer.panorama_width - 1);
     const Taps around = equirect_taps(layer.panorama_width, layer.panorama_height, uv);
     __global const float *restrict marks = (__global const float *)layer.panorama_surface + 3;
-    const int gap = at_gap((int)marks[4 * around.a]) || at_gap((int)marks[4 * around.b])
-        || at_gap((int)marks[4 * around.below_a]) || at_gap((int)marks[4 * around.below_b]);
+    const int gap = at_gap((int)marks[4 * around.a]) | at_gap((int)marks[4 * around.b])
+        | at_gap((int)marks[4 * around.below_a]) | at_gap((int)marks[4 * around.below_b]);
     const int mark = gap ? y * layer.width + x : is_uneven(layer.panorama_surface, around) ? UNEVEN : -1;
     layer.other_pixel[y * layer.width + x] = sharp ? mark : -1;
     show_motion(layer, direction, show_surface(layer, texel, direction, 0.0f, pixel, size), pixel, size);
@@ -140,8 +140,11 @@ static inline ALWAYS_INLINE int is_sharp(const RealPlanes layer)
 
 __kernel void resample_panorama(const RealPlanes layer)
 {
-    PIXEL_ITEM(layer.width, layer.height);
-    resample(x, y, is_sharp(layer), layer);
+    LANES_ITEM(layer.width, layer.height);
+    const int sharp = is_sharp(layer);
+    LANE_LOOP
+    for (int x = first; x < end; x++)
+        resample(x, y, sharp, layer);
 }
 
 __kernel void resample_glossy(
@@ -151,12 +154,16 @@ __kernel void resample_glossy(
     __global float *restrict gloss,
     __global float *restrict roughness)
 {
-    PIXEL_ITEM(layer.width, layer.height);
-    const int pixel = plane_index(x, y, layer.width);
-    const int index = panorama_gloss[resample(x, y, is_sharp(layer), layer)];
-    const Material material = load_material(real_materials, max(index - 1, 0));
-    gloss[pixel] = index;
-    roughness[pixel] = index ? material.alpha : 0.0f;
+    LANES_ITEM(layer.width, layer.height);
+    const int sharp = is_sharp(layer);
+    LANE_LOOP
+    for (int x = first; x < end; x++) {
+        const int pixel = plane_index(x, y, layer.width);
+        const int index = panorama_gloss[resample(x, y, sharp, layer)];
+        const Material material = load_material(real_materials, max(index - 1, 0));
+        gloss[pixel] = index;
+        roughness[pixel] = index ? material.alpha : 0.0f;
+    }
 }
 
 static inline ALWAYS_INLINE Footprint resampled_footprint(int pixel, const RealPlanes layer)

@@ -22,7 +22,11 @@
 // deforming meshes, the previous position is the displaced point moved by the object's motion.
 #include "world/objects/objects_bvh.h"
 #include "maths/kernel_attributes.h"
+#include "maths/lanes.h"
 #include "gbuffer/view.h"
+
+#define STEPS_AROUND {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}
+#define MARGIN 1.001f // beyond the distance up to which an object can be in front of the real surface
 
 // Largest relative change of distance of a surface borrowed by the adjacent pixel.
 #define LENDING_RANGE 0.03f
@@ -33,14 +37,13 @@ static inline int outlines_only(const Objects world, int samples)
     return samples < 4 && !world.bvh.texels;
 }
 
-// Return 1 / distance of the real surface along d.
-static inline float real_nearness(
+// Return 1 / distance of the real surface along d. For lane loops.
+static inline ALWAYS_INLINE float real_nearness(
     __global const float4 *restrict surface, int surface_width, int surface_height, float3 d)
 {
-    const float2 uv = equirect_uv(d);
-    const int texel = min((int)(uv.y * surface_height), surface_height - 1) * surface_width
-        + min((int)(uv.x * surface_width), surface_width - 1);
-    return dot(surface[texel].xyz, d);
+    __global const float *restrict plane = (__global const float *)surface
+        + 4 * equirect_texel(equirect_uv(d), surface_width, surface_height);
+    return plane[0] * d.x + plane[1] * d.y + plane[2] * d.z;
 }
 
 TRACING_KERNEL void see_objects(
@@ -90,64 +93,164 @@ TRACING_KERNEL void see_objects(
     displaced[pixel] = (float4)(bvh_transform(rows + 3, step, 0.0f), 0.0f);
 }
 
-// Return whether the ray along d meets a triangle of the packet of `hit`, as bvh_trace() would.
-static inline int meets_packet_again(const Objects world, float3 d, ObjectHit *hit)
+// Samples of a pixel, LANES of them.
+typedef struct {
+    float x[LANES], y[LANES], z[LANES]; // world directions of their rays
+    float nearness[LANES];              // of the real surface
+    int state[LANES];
+} Samples;
+
+// States of samples.
+#define KNOWN 0
+#define UNKNOWN 1
+#define BEHIND 2 // meets an object behind the real surface; maybe another one in front
+
+// Return the samples from number `first` on.
+static inline ALWAYS_INLINE Samples aim_samples(
+    __global const float *restrict view, int x, int y, int samples, int first,
+    __global const float4 *restrict surface, int surface_width, int surface_height)
 {
-    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit->instance;
-    const BvhRay ray = bvh_ray(bvh_transform(rows, (float3)(0.0f), 1.0f),
-                               bvh_transform(rows, d, 0.0f));
+    Samples rays;
+    LANE_LOOP
+    for (int i = 0; i < LANES; i++) {
+        const int number = first + i, row = number / samples, column = number - row * samples;
+        const float right = (column + 0.5f) / samples, down = (row + 0.5f) / samples;
+        const float3 d = direction_unbranched(view, (float2)(x + right, y + down));
+        rays.x[i] = d.x;
+        rays.y[i] = d.y;
+        rays.z[i] = d.z;
+        rays.nearness[i] = real_nearness(surface, surface_width, surface_height, d);
+        rays.state[i] = number < samples * samples ? UNKNOWN : KNOWN;
+    }
+    return rays;
+}
+
+// Find the samples that meet a triangle of a packet, by bvh_packet()'s test. Returns how many become known to
+// meet one in front of the real surface, and any. `ahead`: direction of the pixel.
+static inline ALWAYS_INLINE int2 meet_packet(
+    const Objects world, int instance, int packet, float3 ahead, Samples *rays)
+{
+#pragma OPENCL FP_CONTRACT OFF
     COUNT_STEPS(world.bvh.work, WORK_OBJECTS, 1);
-    hit->t = INFINITY;
-    return bvh_packet(world.bvh, ray, hit->triangle >> 2, hit);
+    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * instance;
+    __global const float *corners
+        = (__global const float *)(world.bvh.packets + BVH_PACKET_ROWS * packet);
+    const BvhRay middle
+        = bvh_ray(bvh_transform(rows, (float3)(0.0f), 1.0f), bvh_transform(rows, ahead, 0.0f));
+    // Scalars, for the loop.
+    const float4 row_x = rows[middle.kx], row_y = rows[middle.ky], row_z = rows[middle.kz];
+    const float xx = row_x.x, xy = row_x.y, xz = row_x.z;
+    const float yx = row_y.x, yy = row_y.y, yz = row_y.z;
+    const float zx = row_z.x, zy = row_z.y, zz = row_z.z;
+    const float ox = middle.o.x, oy = middle.o.y, oz = middle.o.z;
+    __global const float *cx = corners + 4 * middle.kx, *cy = corners + 4 * middle.ky;
+    __global const float *cz = corners + 4 * middle.kz;
+    int visible = 0, any = 0;
+    LANE_LOOP
+    for (int i = 0; i < LANES; i++) {
+        const float x = rays->x[i], y = rays->y[i], z = rays->z[i];
+        const float inverse = 1.0f / (zx * x + zy * y + zz * z);
+        const float shear_x = (xx * x + xy * y + xz * z) * inverse;
+        const float shear_y = (yx * x + yy * y + yz * z) * inverse;
+        int met = 0, front = 0;
+        #pragma unroll
+        for (int column = 0; column < 4; column++) {
+            const float az = cz[column] - oz, bz = cz[column + 12] - oz;
+            const float dz = cz[column + 24] - oz;
+            const float ax = (cx[column] - ox) - shear_x * az;
+            const float bx = (cx[column + 12] - ox) - shear_x * bz;
+            const float dx = (cx[column + 24] - ox) - shear_x * dz;
+            const float ay = (cy[column] - oy) - shear_y * az;
+            const float by = (cy[column + 12] - oy) - shear_y * bz;
+            const float dy = (cy[column + 24] - oy) - shear_y * dz;
+            const float u = dx * by - dy * bx, v = ax * dy - ay * dx, w = bx * ay - by * ax;
+            const int inside = ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f))
+                | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));
+            const float t = (u * az + v * bz + w * dz) * inverse / (u + v + w);
+            met |= inside & (t > 0.0f);
+            front |= inside & (t > 0.0f) & (t * rays->nearness[i] <= 1.0f + COVERAGE_TOLERANCE);
+        }
+        const int state = rays->state[i];
+        rays->state[i] = state == KNOWN | front ? KNOWN : met ? BEHIND : state;
+        visible += front & (state != KNOWN);
+        any += met & (state == UNKNOWN);
+    }
+    return (int2)(visible, any);
+}
+
+// Find the samples of a pixel that meet packets which its centre and the adjacent pixels' meet.
+static inline ALWAYS_INLINE int2 meet_nearby(const Objects world, __global const int2 *restrict met,
+                                             int4 rectangle, int x, int y, int width, float3 ahead,
+                                             Samples *rays)
+{
+    const int2 steps[9] = {STEPS_AROUND, {0, 0}};
+    int2 count = (int2)(0);
+    int last = -1;
+    for (int i = 8; i >= 0 && count.x < LANES; i--) {
+        const int column = x + steps[i].x, row = y + steps[i].y;
+        if (column < rectangle.x || row < rectangle.y || column >= rectangle.z || row >= rectangle.w)
+            continue;
+        const int2 there = met[row * width + column];
+        const int packet = there.y >> 2;
+        if (there.x == -1 || packet == last)
+            continue;
+        count += meet_packet(world, there.x < 0 ? -2 - there.x : there.x, packet, ahead, rays);
+        last = packet;
+    }
+    return count;
 }
 
 // Return the number of rays that meet an object in front of the real surface, and of rays that meet any.
 // `albedo` gets the mean over rays that meet material `index` - 1, which averages textures finer than
-// pixels. `near`: instance and triangle that an adjacent ray meets.
-static inline int2 visible_samples(const Objects world, __global const float *restrict view, int x,
-                                   int y, int samples, int index, int2 near,
+// pixels. `ahead`: direction of the pixel.
+static inline int2 visible_samples(const Objects world, __global const float *restrict view,
+                                   __global const int2 *restrict met, int4 rectangle, int x, int y,
+                                   int width, float3 ahead, int samples, int index,
                                    __global const float4 *restrict surface, int surface_width,
                                    int surface_height, float3 *albedo)
 {
-    int visible = 0, any = 0, same = 0;
+    int2 count = (int2)(0);
+    int same = 0;
     float3 sum = (float3)(0.0f);
-    ObjectHit hit;
-    hit.instance = near.x < 0 ? -2 - near.x : near.x;
-    hit.triangle = near.y;
-    for (int i = 0; i < samples * samples; i++) {
-        const float2 within = ((float2)(i % samples, i / samples) + 0.5f) / samples;
-        const float3 d = view_direction(view, (float2)(x, y) + within);
-        const float nearness = real_nearness(surface, surface_width, surface_height, d);
-        // Most rays of a pixel meet the same triangles as its centre or the previous ray. Any object in
-        // front of them is in front of the real surface too and need not be found.
-        if (!world.bvh.texels && meets_packet_again(world, d, &hit)
-            && hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE) {
-            visible++;
-            any++;
-            continue;
-        }
-        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
-            continue;
-        any++;
-        visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
+    for (int first = 0; first < samples * samples; first += LANES) {
+        Samples rays = aim_samples(view, x, y, samples, first, surface, surface_width, surface_height);
+        // Most rays meet triangles that rays nearby meet. Any object in front of them is in front of the real
+        // surface too and need not be found.
         if (!world.bvh.texels)
-            continue;
-        const ObjectSurface at = object_surface(world, hit, d);
-        if (at.material + 1 == index) {
-            sum += object_albedo(world, at.material, at.vertices, at.weights);
-            same++;
+            count += meet_nearby(world, met, rectangle, x, y, width, ahead, &rays);
+        for (int i = 0; i < LANES; i++) {
+            if (rays.state[i] == KNOWN)
+                continue;
+            const int behind = rays.state[i] == BEHIND;
+            const float limit = (1.0f + COVERAGE_TOLERANCE) / rays.nearness[i];
+            const float3 d = (float3)(rays.x[i], rays.y[i], rays.z[i]);
+            rays.state[i] = KNOWN;
+            ObjectHit hit;
+            if (!trace_objects(world, (float3)(0.0f), d, behind ? MARGIN * limit : INFINITY, &hit))
+                continue;
+            count.x += hit.t * rays.nearness[i] <= 1.0f + COVERAGE_TOLERANCE;
+            count.y += !behind;
+            if (!world.bvh.texels) {
+                count += meet_packet(world, hit.instance, hit.triangle >> 2, ahead, &rays);
+                continue;
+            }
+            const ObjectSurface at = object_surface(world, hit, d);
+            if (at.material + 1 == index) {
+                sum += object_albedo(world, at.material, at.vertices, at.weights);
+                same++;
+            }
         }
     }
     if (same > 0)
         *albedo = sum / (float)same;
-    return (int2)(visible, any);
+    return count;
 }
 
 // Return a neighbour with a surface, -1: none.
 static inline int nearest_covered_neighbour(__global const float4 *restrict front, int x, int y,
                                             int width, int height, int wraps)
 {
-    const int2 steps[8] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
+    const int2 steps[8] = {STEPS_AROUND};
     for (int i = 0; i < 8; i++) {
         int column = x + steps[i].x;
         const int row = y + steps[i].y;
@@ -207,9 +310,8 @@ TRACING_KERNEL void show_objects(
     float3 albedo = its_material.xyz;
     int2 visible = (int2)(samples * samples);
     if (!(outlines_only(world, samples) && is_inside(met, rectangle, x, y, width)))
-        visible = visible_samples(world, view, x, y, samples, (int)its_material.w,
-                                  met[from < 0 ? pixel : from], surface, surface_width,
-                                  surface_height, &albedo);
+        visible = visible_samples(world, view, met, rectangle, x, y, width, d, samples,
+                                  (int)its_material.w, surface, surface_width, surface_height, &albedo);
     its_material.xyz = albedo;
     from = visible.y > 0 ? from : -1;
     if (from >= 0) {

@@ -14,6 +14,8 @@ from iprt.geometry.camera import View
 PAD = constant("lib/gbuffer/planes.h", "PLANE_PAD")
 """Border in pixels."""
 
+WIDE_LANES = constant("lib/maths/lanes.h", "WIDE_LANES")
+
 WAY = constant("lib/gbuffer/planes.h", "PLANE_WAY")
 SHIFT = constant("lib/gbuffer/planes.h", "PLANE_SHIFT")
 """Planes start `SHIFT` floats more than a multiple of `WAY` apart."""
@@ -42,6 +44,13 @@ class PlaneLayout:
     def size(self) -> tuple[int, int]:
         """Width and height, over which kernels are enqueued."""
         return self.width, self.height
+
+    def items(self, *, wide: bool) -> tuple[int, int]:
+        """Return the size over which kernels of `cl/lib/maths/lanes.h` are enqueued.
+
+        `wide`: work items process several pixels (`ComputeDevice.wide`).
+        """
+        return -(-self.width // WIDE_LANES) if wide else self.width, self.height
 
     def arguments(self) -> dict[str, int]:
         """Return `width` and `height` of kernels for these planes, and `seam`.

@@ -30,7 +30,9 @@ class DiffusePart:
         self._planes: cla.Array | None = None
         if gloss or color_map:
             self._planes = device.zeros(f"{name} diffuse", layout.shape(3))
-            self._kernel = device.kernel("view/real_layer.cl", "diffuse_part").fixed(
+            # The program of the real layer's other kernels.
+            defines = {"WIDE": device.wide}
+            self._kernel = device.kernel("view/real_layer.cl", "diffuse_part", defines).fixed(
                 layout.arguments(), diffuse=self._planes
             )
 

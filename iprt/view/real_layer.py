@@ -125,7 +125,7 @@ class RealLayer:
             self.gloss = device.zeros(f"{name} gloss", layout.shape(1))
             self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
             self._highlight = device.zeros(f"{name} highlight", layout.shape(3))
-        defines = {"CAMERA_MOTION": camera is not None}
+        defines = {"CAMERA_MOTION": camera is not None, "WIDE": device.wide}
         self._camera = camera
         pixels = layout.width * layout.height
         self.other = device.zeros(f"{name} other", (pixels, 4)) if edges else None
@@ -212,12 +212,10 @@ class RealLayer:
         )
         kernels = self._plain if shown.clipped is None else self._clipped
         assert kernels is not None, "no kernels for it"
-        for kernel in kernels:
-            kernel(
-                self._layout.size,
-                gloss,
-                layer=planes,
-            )
+        surfaces, *colors = kernels
+        surfaces(self._layout.items(wide=self._device.wide), gloss, layer=planes)
+        for kernel in colors:
+            kernel(self._layout.size, gloss, layer=planes)
         self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 
     def show(self, world: RealWorld, context: FrameContext) -> None:

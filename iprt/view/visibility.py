@@ -57,8 +57,9 @@ class Visibility:
         materials = sum(len(instance.mesh.materials) for instance in instances)
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         bvh.follow_vertices()
-        self._see = device.kernel("view/visibility.cl", "see_objects", BVH_DEFINES)
-        self._show = device.kernel("view/visibility.cl", "show_objects", BVH_DEFINES)
+        defines = {**BVH_DEFINES, "WIDE": device.wide}
+        self._see = device.kernel("view/visibility.cl", "see_objects", defines)
+        self._show = device.kernel("view/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
         self._met = device.empty(MET, (view.height, view.width, 2), np.int32)

@@ -1,4 +1,5 @@
-// SIMD lanes: a work item processes LANES adjacent texels of a row as the elements of vectors.
+// SIMD lanes: a work item processes LANES adjacent texels of a row, as the elements of vectors or in a
+// LANE_LOOP.
 //
 // -D WIDE: 16 lanes, for runtimes such as PoCL that fill vector units only from vectors in the source, at
 // least in kernels with more than a few branches. Otherwise one: GPUs have a lane per work item.
@@ -13,6 +14,10 @@ typedef int16 ints;
 #define load_floats(from) vload16(0, from)
 #define store_floats(values, to) vstore16(values, 0, to)
 #define bits_of(values) as_int16(values)
+// Precedes a loop over the texels of a work item, which becomes vectors. Its code is of scalars, without
+// conditional loads: | in place of ||. PoCL merges similar operations of a work item into short vectors
+// before it vectorizes over work items, which it then no longer can. It vectorizes such a loop before.
+#define LANE_LOOP _Pragma("clang loop vectorize(assume_safety) unroll(disable)")
 #else
 #define LANES 1
 typedef float floats;
@@ -20,7 +25,15 @@ typedef int ints;
 #define load_floats(from) (*(from))
 #define store_floats(values, to) (*(to) = (values))
 #define bits_of(values) as_int(values)
+#define LANE_LOOP
 #endif
+
+// Define row y and columns `first` to `end` of a work item in a picture; work items outside return.
+#define LANES_ITEM(width, height)                                                                  \
+    const int first = get_global_id(0) * LANES, y = get_global_id(1);                              \
+    if (first >= (width) || y >= (height))                                                         \
+        return;                                                                                    \
+    const int end = min(first + LANES, (width))
 
 // Return a where the comparison `chosen` holds, else b.
 static inline floats either(ints chosen, floats a, floats b)

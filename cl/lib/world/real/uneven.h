@@ -2,7 +2,7 @@
 // rough depth and around objects of a few texels. Relit by their central texel alone, they would show its
 // outline.
 //
-// Scalars only: PoCL vectorizes resampling.
+// is_uneven() is for lane loops (maths/lanes.h).
 #pragma once
 
 #include "world/real/real.h"
