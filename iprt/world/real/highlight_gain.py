@@ -11,7 +11,6 @@ highlight.
 from __future__ import annotations
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 Cells = NDArray[np.float64]
@@ -73,11 +72,10 @@ def highlight_gain(
 def _averaged(irradiance: Cells, gloss: NDArray[np.integer]) -> Cells:
     """Return the mean over 3 x 3 cells of the same material; 0 where there is none."""
     mean = np.zeros(irradiance.shape)
-    mode = "nearest", "wrap", "nearest"
     for index in range(1, int(gloss.max(initial=0)) + 1):
         there = (gloss == index)[..., None].astype(np.float64)
-        share = scipy.ndimage.uniform_filter(there, (3, 3, 1), mode=mode)
-        sums = scipy.ndimage.uniform_filter(there * irradiance, (3, 3, 1), mode=mode)
+        share = _filtered(there, np.full(3, 1.0 / 3.0))
+        sums = _filtered(there * irradiance, np.full(3, 1.0 / 3.0))
         mean += there * sums / np.maximum(share, 1e-9)
     return mean
 
@@ -92,7 +90,20 @@ def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
 
 
 def _blurred(cells: Cells) -> Cells:
-    """Return the Gaussian mean; wraps around in azimuth, not over the poles."""
-    return np.asarray(
-        scipy.ndimage.gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
-    )
+    """Return the Gaussian mean."""
+    reach = round(4.0 * REACH)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / REACH) ** 2)
+    return _filtered(cells, weights / weights.sum())
+
+
+def _filtered(cells: Cells, weights: Cells) -> Cells:
+    """Return means with these weights along both axes; they wrap around in azimuth only.
+
+    Sums of slices, as the import of `scipy.ndimage` would take longer than the filter.
+    """
+    rows, columns, _ = cells.shape
+    reach = len(weights) // 2
+    padded = np.pad(cells, ((reach, reach), (0, 0), (0, 0)), mode="edge")
+    down = sum(weight * padded[i : i + rows] for i, weight in enumerate(weights))
+    padded = np.pad(down, ((0, 0), (reach, reach), (0, 0)), mode="wrap")
+    return sum(weight * padded[:, i : i + columns] for i, weight in enumerate(weights))
