@@ -14,7 +14,7 @@ import pyopencl as cl
 
 from iprt.device.compilers import POCL
 from iprt.device.kept import Arrays, kept
-from iprt.device.program import Program, build
+from iprt.device.program import Program, build, device_key
 
 
 def build_kept(context: cl.Context, program: Program) -> Any:
@@ -36,7 +36,7 @@ def build_kept(context: cl.Context, program: Program) -> Any:
         (binary,) = built.get_info(cl.program_info.BINARIES)
         return {"binary": np.frombuffer(binary, np.uint8)}
 
-    of = [program.text, program.options, device.name, device.driver_version, device.version]
+    of = [device_key(device), program.text, program.options]
     binary = kept("program", __name__, of, make)["binary"].tobytes()
     if built is None:
         try:

@@ -21,7 +21,7 @@ from iprt.device.budget import amount, what_to_lower
 from iprt.device.compilers import Compilers
 from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
-from iprt.device.program import Define, PlannedKernel, Program
+from iprt.device.program import Define, PlannedKernel, Program, device_key
 from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
@@ -98,6 +98,11 @@ class ComputeDevice:
     def name(self) -> str:
         """Name of the device and its platform."""
         return f"{self.device.name.strip()} ({self.device.platform.name.strip()})"
+
+    @cached_property
+    def key(self) -> str:
+        """Text that results which depend on the device, and its driver, are kept under."""
+        return device_key(self.device)
 
     @property
     def is_cpu(self) -> bool:

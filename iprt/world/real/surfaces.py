@@ -145,6 +145,11 @@ class Surfaces:
             surface=self.surface,
         )
 
+    @property
+    def given(self) -> Given | None:
+        """Depth, openings, normals and tolerance of the loaded frame."""
+        return self._given
+
     def load(
         self,
         depth: NDArray[np.float32],
