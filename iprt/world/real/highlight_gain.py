@@ -101,9 +101,12 @@ def _filtered(cells: Cells, weights: Cells) -> Cells:
 
     Sums of slices, as the import of `scipy.ndimage` would take longer than the filter.
     """
-    rows, columns, _ = cells.shape
     reach = len(weights) // 2
-    padded = np.pad(cells, ((reach, reach), (0, 0), (0, 0)), mode="edge")
-    down = sum(weight * padded[i : i + rows] for i, weight in enumerate(weights))
-    padded = np.pad(down, ((0, 0), (reach, reach), (0, 0)), mode="wrap")
-    return sum(weight * padded[:, i : i + columns] for i, weight in enumerate(weights))
+    for axis, mode in enumerate(("edge", "wrap")):
+        around = [(reach, reach) if axis == one else (0, 0) for one in range(3)]
+        padded = np.moveaxis(np.pad(cells, around, mode=mode), axis, 0)  # type: ignore[call-overload]
+        means = np.zeros(np.moveaxis(cells, axis, 0).shape)
+        for first, weight in enumerate(weights):
+            means += weight * padded[first : first + len(means)]
+        cells = np.moveaxis(means, 0, axis)
+    return cells
