@@ -21,7 +21,7 @@ from typing import IO, Any, NamedTuple
 import pyopencl as cl
 
 from iprt.device.caches import cache_folder
-from iprt.device.program import Program
+from iprt.device.program import Program, device_key
 
 POCL, INTEL = "Portable Computing Language", "Intel(R) OpenCL"
 """Names of the supported platforms."""
@@ -74,7 +74,7 @@ class Compilers:
         platforms = cl.get_platforms()
         platform = platforms.index(device.platform)
         self._place = (platform, platforms[platform].get_devices().index(device))
-        self._device_key = "\0".join([device.name, device.driver_version, device.version])
+        self._device_key = device_key(device)
         self._folder = _pocl_cache() / "iprt"
         self._processes = processes
         self._changed = threading.Condition()

@@ -94,6 +94,11 @@ def _program(file: str, text: str | None, defines: tuple[tuple[str, str], ...]) 
 _signature = cache(signature)
 
 
+def device_key(device: cl.Device) -> str:
+    """Return a text that tells devices, and versions of their drivers, apart."""
+    return "\0".join([device.name, device.driver_version, device.version])
+
+
 def build(context: cl.Context, program: Program, tries: int = BUILD_TRIES) -> Any:
     """Build a program for the only device of a context; returns what `pyopencl.Kernel` takes.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -69,12 +70,18 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
         the base below a coat; then the coat's transmittance at cosines (i / 31)², i = 0..31.
     """
     rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
-    cosine = np.linspace(0, 1, _NODES) ** 2
     for row, material in zip(rows, materials, strict=True):
         alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
         row[0, :3] = _KINDS[material.kind], alpha, material.ior
         if material.kind == "plastic":
             escaping = 1 - internal_reflectance(alpha, material.ior)
             row[0, 3] = 1 / (material.ior**2 * escaping)
-            row[1:] = rough_transmittance(cosine, alpha, material.ior).reshape(-1, 4)
+            row[1:] = _transmittance(alpha, material.ior)
     return rows.reshape(-1, 4)
+
+
+@lru_cache(maxsize=256)
+def _transmittance(alpha: float, ior: float) -> NDArray[np.float32]:
+    """Return the rows of the table with a coat's transmittance; they must not be changed."""
+    cosine = np.linspace(0, 1, _NODES) ** 2
+    return rough_transmittance(cosine, alpha, ior).astype(np.float32).reshape(-1, 4)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from iprt.device.block import Block, Float2s, Float4s, Floats
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
-from iprt.world.real.changed_surfaces import runs, span_of
+from iprt.world.real.changed_surfaces import runs, span_of, widened
 from iprt.world.real.pyramid import PyramidShape
 from iprt.world.real.surfaces import Surfaces
 
@@ -146,7 +145,7 @@ class Background:
                 hidden_light=self.hidden_light,
             )
         # Elsewhere the background is the frame, as it was.
-        self._touched |= binary_dilation(changed)
+        self._touched |= widened(changed)
         rows = span_of(self._touched)
         if rows.stop > rows.start:
             self._join(

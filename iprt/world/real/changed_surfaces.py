@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, label
 
 from iprt.footage.differences import differing
 from iprt.geometry.equirect import texel_directions
@@ -57,6 +57,12 @@ def span_of(flags: Mask) -> slice:
     return slice(int(found[0]), int(found[-1]) + 1) if len(found) else slice(0, 0)
 
 
+def widened(flags: Mask, reach: int = 1) -> Mask:
+    """Return flags (N,) that are also set up to `reach` places beside a set one."""
+    near = np.convolve(flags, np.ones(2 * reach + 1, np.intp))
+    return np.asarray(near[reach : reach + len(flags)] > 0)
+
+
 class ChangedSurfaces:
     """Tiles whose surfaces have changed since they were last looked at.
 
@@ -88,9 +94,10 @@ class ChangedSurfaces:
             return None
         reach = self._reach
         around = np.pad(tiles, ((0, 0), (reach, reach)), mode="wrap")
-        wide = binary_dilation(around, np.ones((3, 3)), iterations=reach)[:, reach:-reach]
+        box = np.ones((3, 3))
+        wide = scipy.ndimage.binary_dilation(around, box, iterations=reach)[:, reach:-reach]
         # A group across the seam counts as two.
-        groups, count = label(wide, np.ones((3, 3)))
+        groups, count = scipy.ndimage.label(wide, box)
         if count > MOST_CONES:
             return None
         rows, columns = tiles.shape

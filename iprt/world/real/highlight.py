@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
+from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
 from iprt.geometry.material import material_table
@@ -82,6 +83,13 @@ class Highlight:
         def kernel(name: str, items: int = 0) -> Kernel:
             return device.kernel("world/real/highlight.cl", name, defines, items=items)
 
+        trace, table = self._settings.trace, material_table(materials)
+        self._of_paths = (
+            *(table, layout.table, rays, self._settings.seed, defines),
+            *(trace.thickness, trace.thickness_ratio, trace.back_faces),
+            panorama.outside is not None,
+        )
+        self._traced = False
         self._layout = layout
         self._trace = kernel("trace_sites", blocks)
         self._trace_cells = kernel("trace_cells")
@@ -104,7 +112,7 @@ class Highlight:
         self._cells = [
             device.empty(f"highlight {name}", cells) for name in ("seen", "specular", "irradiance")
         ]
-        self.table = device.upload("real materials", material_table(materials))
+        self.table = device.upload("real materials", table)
         # A conductor only reflects: it has no diffuse part to compare with.
         self._coated = np.array([False, *(material.kind == "plastic" for material in materials)])
         reflectance = [(*material.albedo, 0.0) for material in materials]
@@ -163,14 +171,13 @@ class Highlight:
             "columns": columns,
             "rows": rows,
         }
-        if cones is None or len(cones):
-            changes = {"cones": self._cones, "cone_count": -1 if cones is None else len(cones)}
-            if cones is not None:
-                self._device.write(self._cones[: len(cones)], cones)
-            if count:
-                self._trace((count,), real, changes, paths=self._paths)
-            paths = self._cell_paths
-            self._trace_cells((columns, rows), real, changes, rays=CELL_RAYS, paths=paths)
+        first, self._traced = not self._traced, True
+        background = panorama.background
+        alone = background is None or background.first
+        if first and alone and panorama.marks.size >= WORTH_KEEPING:
+            self._trace_first(real)
+        elif cones is None or len(cones):
+            self._trace_rays(real, cones)
         samples, filtered = self._samples
         if count:
             self._gather((count,), real, paths=self._paths, samples=samples)
@@ -179,6 +186,36 @@ class Highlight:
             self._filter((count,), real, step=step, samples=samples, filtered=filtered)
             samples, filtered = filtered, samples
         self._calibrate(real, samples)
+
+    def _trace_rays(self, real: Mapping[str, Any], cones: NDArray[np.float32] | None) -> None:
+        """Fill the paths of sites and cells that cross the cones; None: all."""
+        changes = {"cones": self._cones, "cone_count": -1 if cones is None else len(cones)}
+        if cones is not None:
+            self._device.write(self._cones[: len(cones)], cones)
+        if self._count:
+            self._trace((self._count,), real, changes, paths=self._paths)
+        rows, columns, _ = self.gain.shape
+        paths = self._cell_paths
+        self._trace_cells((columns, rows), real, changes, rays=CELL_RAYS, paths=paths)
+
+    def _trace_first(self, real: Mapping[str, Any]) -> None:
+        """Fill all paths, which are kept from process to process."""
+        device, panorama = self._device, self._panorama
+        marks = panorama.marks
+        buffers = {"sites": self._paths, "cells": self._cell_paths}
+        glossy = np.logical_or.reduceat(marks > 0, np.arange(0, panorama.height, CELL), axis=0)
+        glossy = np.logical_or.reduceat(glossy, np.arange(0, panorama.width, CELL), axis=1)
+        used = {"sites": self._layout.sites(marks) >= 0, "cells": glossy}
+
+        def make() -> Arrays:
+            self._trace_rays(real, None)
+            return {name: device.read(paths)[used[name]] for name, paths in buffers.items()}
+
+        inputs = [device.key, panorama.surfaces.given, marks, *self._of_paths]
+        for name, found in kept("paths", __name__, inputs, make).items():
+            paths = np.zeros(buffers[name].shape, np.float32)
+            paths[used[name]] = found
+            device.write(buffers[name], paths)
 
     def arguments(self) -> GlossArgs:
         """Return the glossy surfaces for rays."""

@@ -11,7 +11,6 @@ highlight.
 from __future__ import annotations
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 Cells = NDArray[np.float64]
@@ -73,11 +72,10 @@ def highlight_gain(
 def _averaged(irradiance: Cells, gloss: NDArray[np.integer]) -> Cells:
     """Return the mean over 3 x 3 cells of the same material; 0 where there is none."""
     mean = np.zeros(irradiance.shape)
-    mode = "nearest", "wrap", "nearest"
     for index in range(1, int(gloss.max(initial=0)) + 1):
         there = (gloss == index)[..., None].astype(np.float64)
-        share = scipy.ndimage.uniform_filter(there, (3, 3, 1), mode=mode)
-        sums = scipy.ndimage.uniform_filter(there * irradiance, (3, 3, 1), mode=mode)
+        share = _filtered(there, np.full(3, 1.0 / 3.0))
+        sums = _filtered(there * irradiance, np.full(3, 1.0 / 3.0))
         mean += there * sums / np.maximum(share, 1e-9)
     return mean
 
@@ -92,7 +90,23 @@ def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
 
 
 def _blurred(cells: Cells) -> Cells:
-    """Return the Gaussian mean; wraps around in azimuth, not over the poles."""
-    return np.asarray(
-        scipy.ndimage.gaussian_filter(cells, (REACH, REACH, 0), mode=("nearest", "wrap", "nearest"))
-    )
+    """Return the Gaussian mean."""
+    reach = round(4.0 * REACH)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / REACH) ** 2)
+    return _filtered(cells, weights / weights.sum())
+
+
+def _filtered(cells: Cells, weights: Cells) -> Cells:
+    """Return means with these weights along both axes; they wrap around in azimuth only.
+
+    Sums of slices, as the import of `scipy.ndimage` would take longer than the filter.
+    """
+    reach = len(weights) // 2
+    for axis, mode in enumerate(("edge", "wrap")):
+        around = [(reach, reach) if axis == one else (0, 0) for one in range(3)]
+        padded = np.moveaxis(np.pad(cells, around, mode=mode), axis, 0)  # type: ignore[call-overload]
+        means = np.zeros(np.moveaxis(cells, axis, 0).shape)
+        for first, weight in enumerate(weights):
+            means += weight * padded[first : first + len(means)]
+        cells = np.moveaxis(means, 0, axis)
+    return cells

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
 from iprt.footage.normals import WINDOW_REACH, Tap, column_spread, window_taps
-from iprt.world.real.changed_surfaces import Mask, changed_tiles, runs, span_of, tile_side
+from iprt.world.real.changed_surfaces import Mask, changed_tiles, runs, span_of, tile_side, widened
 from iprt.world.real.pyramid import equirect_centres, equirect_edges
 
 BAND_TEXELS = 2**19
@@ -146,6 +145,11 @@ class Surfaces:
             surface=self.surface,
         )
 
+    @property
+    def given(self) -> Given | None:
+        """Depth, openings, normals and tolerance of the loaded frame."""
+        return self._given
+
     def load(
         self,
         depth: NDArray[np.float32],
@@ -188,7 +192,7 @@ class Surfaces:
             device.write(self._depth[:count], depth[part])
             device.write(self._marks[:count], marks[part])
             self._invert((self.width, count), first=first, rows=count)
-        reached = binary_dilation(rows, iterations=REACH)
+        reached = widened(rows, REACH)
         columns = self._columns(tiles, reached)
         wide = self._beside(columns)
         for first, count in self._pieces(reached):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
@@ -15,8 +18,9 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.settings.features import Features
 from iprt.settings.model import Settings
+from iprt.world.real import highlight as module
 from iprt.world.real.highlight import Highlight
-from iprt.world.real.highlight_gain import highlight_gain
+from iprt.world.real.highlight_gain import REACH, _blurred, highlight_gain
 from iprt.world.real.panorama import Panorama
 from tests.oracles.brdf import fresnel, specular_albedo
 from tests.oracles.worlds import World
@@ -234,3 +238,34 @@ def test_textures_do_not_pass_for_highlights() -> None:
     boards = 1.0 + 0.3 * np.sign(np.sin(np.arange(32) * 2.0))[None, :, None]
     gain, _ = highlight_gain((seen - specular) * boards + specular, specular, irradiance, gloss)
     assert gain[10:15, 8:13, :3].min() > 0.9
+
+
+def test_paths_of_a_first_frame_are_kept(
+    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Another process finds the same highlights without tracing."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(module, "WORTH_KEEPING", 1)
+    frame = glossy(room_frame(ROOM, WIDTH, HEIGHT, bright_walls), COAT)
+    traced = split(device, frame, rays=4)
+
+    def refuse(*_: Any) -> None:
+        raise AssertionError("traced again")
+
+    monkeypatch.setattr(Highlight, "_trace_rays", refuse)
+    found = split(device, frame, rays=4)
+    for name, picture in vars(traced).items():
+        np.testing.assert_array_equal(getattr(found, name), picture)
+    with pytest.raises(AssertionError, match="traced again"):
+        split(device, frame, rays=5)
+    nearer = replace(frame, depth=frame.depth * np.float32(0.999))
+    with pytest.raises(AssertionError, match="traced again"):
+        split(device, nearer, rays=4)
+
+
+@pytest.mark.parametrize("shape", [(9, 18, 3), (2, 4, 3)])
+def test_means_wrap_around_in_azimuth_only(shape: tuple[int, ...]) -> None:
+    cells = np.random.default_rng(0).random(shape)
+    mode = ("nearest", "wrap", "nearest")
+    expected = scipy.ndimage.gaussian_filter(cells, (REACH, REACH, 0), mode=mode)
+    np.testing.assert_allclose(_blurred(cells), expected, rtol=1e-12)
