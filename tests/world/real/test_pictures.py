@@ -29,26 +29,30 @@ def picture(size: tuple[int, int], seed: int) -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("size", SIZES, ids=str)
-@pytest.mark.parametrize("way", ["shared", "copied", "mapped"])
+@pytest.mark.parametrize("share", [False, True], ids=["copied", "shared"])
+@pytest.mark.parametrize("mapped", ["--", "mm", "-m-m", "-mm-"])
 def test_texels_and_flux_are_those_of_numpy(
-    device: ComputeDevice, size: tuple[int, int], way: str, monkeypatch: pytest.MonkeyPatch
+    device: ComputeDevice,
+    size: tuple[int, int],
+    share: bool,
+    mapped: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(surfaces, "BAND_TEXELS", 256 * size[0])
-    mapped = way == "mapped"
-    color_map = np.array([[1.2, -0.3, 0.0], [0.1, 0.9, 0.1], [0.0, 0.2, 0.7]]) if mapped else None
-    frames = [replace(frame_of(np.ones(size[::-1])), color=picture(size, i)) for i in range(2)]
-    frames = [replace(frame, color_map=color_map) for frame in frames]
+    color_map = np.array([[1.2, -0.3, 0.0], [0.1, 0.9, 0.1], [0.0, 0.2, 0.7]])
     width, height = size
-    loader = PictureLoader(device, width, height, share=way == "shared")
-    shown = loader.picture("picture")
+    loader = PictureLoader(device, width, height, share=share, color_map="m" in mapped)
     before = None
-    for frame in frames:
-        loader.load(shown, frame.color, color_map)
-        found = device.read(shown.texels)
-        if mapped:
-            np.testing.assert_allclose(found, frame.radiance, rtol=1e-5, atol=1e-6)
-        else:
-            np.testing.assert_array_equal(found, frame.color)
+    for seed, way in enumerate(mapped):
+        frame = replace(
+            frame_of(np.ones(size[::-1])),
+            color=picture(size, seed),
+            color_map=color_map if way == "m" else None,
+        )
+        loader.load(frame.color, frame.color_map)
+        np.testing.assert_array_equal(device.read(loader.color), frame.color)
+        found = device.read(loader.radiance)
+        np.testing.assert_allclose(found, frame.radiance, rtol=1e-5, atol=1e-6)
         rows = np.sin((np.arange(height) + 0.5) / height * np.pi)
         mean = np.average(frame.radiance.mean(axis=(1, 2)), weights=rows)
         flux = loader.flux()
@@ -60,11 +64,25 @@ def test_texels_and_flux_are_those_of_numpy(
 
 
 def test_without_light_there_is_no_change(device: ComputeDevice) -> None:
-    loader = PictureLoader(device, 16, 8, share=True)
-    black = loader.picture("picture")
+    loader = PictureLoader(device, 16, 8, share=True, color_map=False)
     for _ in range(2):
-        loader.load(black, np.zeros((8, 16, 3), np.float32))
+        loader.load(np.zeros((8, 16, 3), np.float32))
         assert (loader.flux().mean, loader.flux().change) == (0.0, 0.0)
+
+
+def test_strips_tell_which_texels_have_changed(device: ComputeDevice) -> None:
+    size = width, height = 70, 8
+    loader = PictureLoader(device, width, height, share=False, color_map=False)
+    color = picture(size, 0)
+    loader.load(color)
+    assert (device.read(loader.sums)[..., 3] == 1.0).all()
+    other = color.copy()
+    other[2, 31, 1] += 0.5
+    other[5, 64:] *= 2.0
+    loader.load(other)
+    wanted = np.zeros((height, 3))
+    wanted[2, 0] = wanted[5, 2] = 1.0
+    np.testing.assert_array_equal(device.read(loader.sums)[..., 3], wanted)
 
 
 @pytest.mark.parametrize("size", [*SIZES, (1024, 300)], ids=str)
