@@ -7,9 +7,7 @@
 // Where the device shares the host's memory, load_texels sums the decoded picture in place. Otherwise it is
 // launched for some rows at a time, so that the device never holds the decoded picture besides the texels.
 #include "maths/maths.h"
-
-// Adjacent texels per work item of load_texels.
-#define STRIP 32
+#include "world/real/strips.h"
 
 // Floats that a work item takes at a time, whatever channels they are.
 #ifdef WIDE

@@ -250,10 +250,12 @@ class Panorama:
             self.changed.add(None)
         rows = background.load(
             radiance=self.radiance,
+            strips=self._pictures.sums,
             range_=self.range,
             scale=self.scale,
             farthest=self.farthest,
             changed=self.changed_rows,
+            columns=self.changed_columns,
             forget=forget,
         )
         self._pyramid.run(background.range, self.shape, rows)

@@ -13,7 +13,8 @@ from iprt.device.kernel_source import constant
 from iprt.geometry.equirect import texel_polar_angles
 from iprt.world.real.surfaces import band_rows, bands
 
-STRIP = constant("world/real/pictures.cl", "STRIP")
+STRIP = constant("lib/world/real/strips.h", "STRIP")
+"""Texels of a row per work item."""
 
 
 @dataclass(frozen=True)
