@@ -105,12 +105,6 @@ class Frame:
         vars(other).update(kept)
         return other
 
-    def measured(self) -> Self:
-        """Compute and cache the slow properties of depth; return the frame itself."""
-        for name in OF_DEPTH:
-            getattr(self, name)
-        return self
-
     @property
     def height(self) -> int:
         """Number of rows."""

@@ -169,33 +169,51 @@ def window_taps(width: int, height: int) -> list[Tap]:
 
 def fit_tolerance(depth: Picture) -> float:
     """Return the largest distance from the local plane in a window, relative to depth (H, W)."""
-    return float(np.clip(_NOISE_FACTOR * _noise(depth), *GAP_TOLERANCE))
+    departure, surfaces = plane_departure(depth, len(depth))
+    count = int(surfaces.sum())
+    return tolerance_of(median_of_smallest(departure, count) if count else 0.0)
 
 
-def _noise(depth: Picture) -> float:
-    """Return the median deviation of inverse depth from a plane over three rows, relative to it.
+def tolerance_of(departure: float) -> float:
+    """Return `fit_tolerance` from the median of `plane_departure`."""
+    return float(np.clip(_NOISE_FACTOR * departure, *GAP_TOLERANCE))
+
+
+def plane_departure(depth: Picture, height: int) -> tuple[Picture, NDArray[np.intp]]:
+    """Return deviations of inverse depth from a plane over three rows, relative to it.
 
     Along a meridian, a plane's inverse depth is a cosine of the angle. The sum of a texel's two
     neighbours is then exactly 2 cos(step) times its own value.
+
+    Parameters
+    ----------
+    depth : (N, W) float32
+        Adjacent rows of a panorama.
+    height : int
+        Number of the panorama's rows.
+
+    Returns
+    -------
+    departure : (N - 2, W) float32
+        Of the rows between the first and the last; infinite in open sky.
+    surfaces : (N - 2,) int
+        Number of texels of each row that are not open sky.
     """
-    height, width = depth.shape
-    if height < 3:
-        return 0.0
     twice = np.float32(2.0 * np.cos(np.pi / height))
-    departure = np.empty((height - 2, width), np.float32)
-    surfaces = 0
-    for first in range(0, height - 2, _NOISE_ROWS):
-        rows = depth[first : first + _NOISE_ROWS + 2]
+    departure = np.empty((max(len(depth) - 2, 0), depth.shape[1]), np.float32)
+    surfaces = np.zeros(len(departure), np.intp)
+    for first in range(0, len(departure), _NOISE_ROWS):
+        block = slice(first, min(first + _NOISE_ROWS, len(departure)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.minimum(np.float32(1.0) / rows, _NEAREST)
+            inverse = np.minimum(np.float32(1.0) / depth[first : block.stop + 2], _NEAREST)
             middle = inverse[1:-1]
             bend = np.abs(inverse[:-2] + inverse[2:] - twice * middle)
-            np.divide(bend, middle, out=departure[first : first + _NOISE_ROWS])
+            np.divide(bend, middle, out=departure[block])
         # Open sky is no surface, and is sorted behind all surfaces.
         empty = middle == 0.0
-        departure[first : first + _NOISE_ROWS][empty] = np.inf
-        surfaces += empty.size - int(np.count_nonzero(empty))
-    return median_of_smallest(departure, surfaces) if surfaces else 0.0
+        departure[block][empty] = np.inf
+        surfaces[block] = depth.shape[1] - np.count_nonzero(empty, axis=1)
+    return departure, surfaces
 
 
 def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:

@@ -71,6 +71,12 @@ __kernel void relight_cells(
     const int column = get_global_id(0), row = get_global_id(1);
     if (column >= columns || row >= rows)
         return;
+    const int cells = rows * columns, entries = CACHE_SURFACES * cells;
+    int known = 0;
+    for (int entry = row * columns + column; entry < entries; entry += cells)
+        known |= mean[entry].w > 0.0f || smooth[entry].w > 0.0f;
+    if (!known)
+        return;
     const int x0 = first_of(column, columns, width, step);
     const int x1 = first_of(column + 1, columns, width, step);
     const int y0 = first_of(row, rows, height, step), y1 = first_of(row + 1, rows, height, step);
@@ -92,8 +98,7 @@ __kernel void relight_cells(
         fmax(DISTRUST * fabs(log(relit / lit)) * (1.0f - unknown) + changed * unknown, LEAST_ERROR);
     // As many samples as correspond to that error.
     const float most = 1.0f / (error * error);
-    const int entries = CACHE_SURFACES * rows * columns;
-    for (int entry = row * columns + column; entry < entries; entry += rows * columns) {
+    for (int entry = row * columns + column; entry < entries; entry += cells) {
         relight(mean, entry, entries, factor);
         relight(smooth, entry, entries, factor);
         const float samples = mean[entry].w, left = fmin(samples, most);
