@@ -53,9 +53,7 @@ class MedianOfRows:
         self._below = np.zeros(height, np.intp)
         self._among: list[NDArray[np.float32]] = []
 
-    def of(
-        self, values: NDArray[np.float32], rows: NDArray[np.intp], count: int
-    ) -> float | None:
+    def of(self, values: NDArray[np.float32], rows: NDArray[np.intp], count: int) -> float | None:
         """Return the median; 0 without values, None if it takes all rows to find it.
 
         Parameters

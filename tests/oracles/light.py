@@ -38,9 +38,7 @@ def cell_luminance(
     return np.asarray(sums / np.bincount(cell, minlength=rows * columns)).reshape(rows, columns)
 
 
-def frames_light_change(
-    before: Frame, now: Frame, rows: int
-) -> tuple[Float, Float]:
+def frames_light_change(before: Frame, now: Frame, rows: int) -> tuple[Float, Float]:
     """Factor (cells, 3) of the irradiance between two frames, and its relative error (cells,)."""
     height, width = now.depth.shape
     step = max(1, height // (TEXELS * rows))
@@ -69,7 +67,7 @@ def frames_light_change(
 
 
 def relit_grid(grid: NDArray[np.float32], factor: Float) -> Float:
-    """Irradiance (entries, 4), and then as many fluxes, in light changed by (entries, 3) factors."""
+    """Irradiance (entries, 4), then as many fluxes, in light changed by (entries, 3) factors."""
     light, flux = np.split(grid.astype(np.float64), 2)
     before = light[:, :3] @ LUMINANCE
     light[:, :3] *= factor

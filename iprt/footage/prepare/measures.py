@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from iprt.footage.depth_noise import plane_departure, tolerance_of
 from iprt.footage.differences import differing
 from iprt.footage.frame import Frame
 from iprt.footage.median import MedianOfRows
-from iprt.footage.normals import plane_departure, tolerance_of
 
 Picture = NDArray[np.float32]
 Rows = NDArray[np.intp]
@@ -72,8 +72,6 @@ class Measures:
             return self._departure.of(depth[:0], middle, int(self._surfaces.sum()))
         parts = []
         for run in np.split(middle, np.flatnonzero(np.diff(middle) > 1) + 1):
-            departure, self._surfaces[run] = plane_departure(
-                depth[run[0] : run[-1] + 3], height
-            )
+            departure, self._surfaces[run] = plane_departure(depth[run[0] : run[-1] + 3], height)
             parts.append(departure)
         return self._departure.of(np.concatenate(parts), middle, int(self._surfaces.sum()))

@@ -83,7 +83,6 @@ class HoleFinder:
         self._outlines = last
         return last.kinds(color)
 
-
     def openings(self, stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
         """Find the openings (H, W) of depth in metres, with its color (H, W, 3)."""
         measured = usable(stored)
