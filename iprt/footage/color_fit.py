@@ -133,7 +133,11 @@ def sane(matrix: Values) -> bool:
 
 
 def _quantile(values: Values, share: float, weight: Values) -> float:
-    return float(np.quantile(values, share, weights=weight, method="inverted_cdf"))
+    """Return the least value up to which this share of the weight lies."""
+    order = np.argsort(values)
+    reached = np.cumsum(weight[order])
+    place = np.searchsorted(reached, share * reached[-1])
+    return float(values[order[min(place, len(order) - 1)]])
 
 
 def _ridge(u: Values, r: Values, weight: Values, error: Values) -> Values:

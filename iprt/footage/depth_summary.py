@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.files.message_text import length
-from iprt.footage.normals import estimate_normals, fit_tolerance
+from iprt.footage.depth_noise import fit_tolerance
+from iprt.footage.normals import estimate_normals
 from iprt.footage.readings import Reading, likely_reading, sparse_texels
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.clipped_texels import ClippedTexels
+from iprt.footage.depth_noise import fit_tolerance
 from iprt.footage.median import median_of_smallest
-from iprt.footage.normals import estimate_normals, fit_tolerance, sanitize_normals
+from iprt.footage.normals import estimate_normals, sanitize_normals
 from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -104,12 +105,6 @@ class Frame:
         kept = {name: value for name, value in vars(self).items() if name in OF_DEPTH}
         vars(other).update(kept)
         return other
-
-    def measured(self) -> Self:
-        """Compute and cache the slow properties of depth; return the frame itself."""
-        for name in OF_DEPTH:
-            getattr(self, name)
-        return self
 
     @property
     def height(self) -> int:

@@ -17,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.median import median_of_smallest
+from iprt.footage.depth_noise import GAP_TOLERANCE, NEAREST
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 
@@ -26,15 +26,8 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 WINDOW_REACH = 2
 """Reach of the 5 x 5 window, in texels; columns spread by 1 / sin(theta), so it stays square."""
-GAP_TOLERANCE = (3e-4, 0.05)
-"""Largest distance from the local plane within a window, relative to depth: for clean depth, where
-a tight bound keeps windows from reaching around edges, and for the noisiest."""
-_NOISE_FACTOR = 4.0
 _BLOCK_ROWS = 24
-_NOISE_ROWS = 64
 _MIN_SAMPLES = 3
-_NEAREST = np.float32(1e30)
-"""Largest inverse depth. It keeps products finite, because infinity times 0 is NaN."""
 
 
 def estimate_normals(
@@ -59,7 +52,7 @@ def estimate_normals(
     height, width = depth.shape
     start, stop, _ = rows.indices(height)
     with np.errstate(divide="ignore"):
-        inverse = np.minimum(np.float32(1.0) / depth, _NEAREST).astype(np.float32)
+        inverse = np.minimum(np.float32(1.0) / depth, NEAREST).astype(np.float32)
     spread = column_spread(width, height)
     padded_inverse, padded_same = (over_poles(one, WINDOW_REACH) for one in (inverse, same))
     normal = np.empty((stop - start, width, 3), np.float32)
@@ -165,37 +158,6 @@ def window_taps(width: int, height: int) -> list[Tap]:
         scale, a, b = (table[:, 0] for table in tables)
         taps.append(Tap(row, columns, scale, a, b))
     return taps
-
-
-def fit_tolerance(depth: Picture) -> float:
-    """Return the largest distance from the local plane in a window, relative to depth (H, W)."""
-    return float(np.clip(_NOISE_FACTOR * _noise(depth), *GAP_TOLERANCE))
-
-
-def _noise(depth: Picture) -> float:
-    """Return the median deviation of inverse depth from a plane over three rows, relative to it.
-
-    Along a meridian, a plane's inverse depth is a cosine of the angle. The sum of a texel's two
-    neighbours is then exactly 2 cos(step) times its own value.
-    """
-    height, width = depth.shape
-    if height < 3:
-        return 0.0
-    twice = np.float32(2.0 * np.cos(np.pi / height))
-    departure = np.empty((height - 2, width), np.float32)
-    surfaces = 0
-    for first in range(0, height - 2, _NOISE_ROWS):
-        rows = depth[first : first + _NOISE_ROWS + 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.minimum(np.float32(1.0) / rows, _NEAREST)
-            middle = inverse[1:-1]
-            bend = np.abs(inverse[:-2] + inverse[2:] - twice * middle)
-            np.divide(bend, middle, out=departure[first : first + _NOISE_ROWS])
-        # Open sky is no surface, and is sorted behind all surfaces.
-        empty = middle == 0.0
-        departure[first : first + _NOISE_ROWS][empty] = np.inf
-        surfaces += empty.size - int(np.count_nonzero(empty))
-    return median_of_smallest(departure, surfaces) if surfaces else 0.0
 
 
 def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:

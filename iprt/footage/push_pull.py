@@ -57,10 +57,10 @@ def _halved(image: Image, axis: int) -> Image:
 
     An odd number of cells is padded with the first column (across the seam), or the last row.
     """
-    cells = np.moveaxis(image, axis, 0)
-    if len(cells) % 2:
-        cells = np.concatenate([cells, cells[:1] if axis else cells[-1:]])
-    return np.moveaxis(cells[0::2] + cells[1::2], 0, axis)
+    if image.shape[axis] % 2:
+        beyond = image[:, :1] if axis else image[-1:]
+        image = np.concatenate([image, beyond], axis=axis)
+    return np.asarray(image[:, 0::2] + image[:, 1::2] if axis else image[0::2] + image[1::2])
 
 
 def _doubled(image: Image, axis: int, size: int) -> Image:
@@ -68,11 +68,13 @@ def _doubled(image: Image, axis: int, size: int) -> Image:
 
     Axis 1 wraps around the seam.
     """
-    cells = np.moveaxis(image, axis, 0)
-    before, after = np.roll(cells, 1, 0), np.roll(cells, -1, 0)
-    if axis == 0:
-        before[0], after[-1] = cells[0], cells[-1]
-    doubled = np.empty((2 * len(cells), *cells.shape[1:]))
-    doubled[0::2] = 0.25 * before + 0.75 * cells
-    doubled[1::2] = 0.75 * cells + 0.25 * after
-    return np.moveaxis(doubled[:size], 0, axis)
+    count = image.shape[axis]
+    near, far = 0.75 * image, 0.25 * image
+    doubled = np.empty((*image.shape[:axis], 2 * count, *image.shape[axis + 1 :]))
+    # Views whose first axis is the one along which cells are doubled.
+    twice, near, far = (np.moveaxis(part, axis, 0) for part in (doubled, near, far))
+    first, last = (far[-1], far[0]) if axis else (far[0], far[-1])
+    np.add(far[:-1], near[1:], out=twice[2::2])
+    np.add(near[:-1], far[1:], out=twice[1:-1:2])
+    twice[0], twice[-1] = first + near[0], near[-1] + last
+    return np.asarray(doubled[:, :size] if axis else doubled[:size])

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from iprt.footage.depth_noise import fit_tolerance
 from iprt.footage.frame import Frame
-from iprt.footage.normals import estimate_normals, fit_tolerance, over_poles, sanitize_normals
+from iprt.footage.normals import estimate_normals, over_poles, sanitize_normals
 from tests.scene.files import box_room, directions
 
 

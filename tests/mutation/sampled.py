@@ -63,17 +63,6 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    "iprt/footage/normals.py: return np.clip(np.rint(ratio), 1, max(1, width // 8))"
-    ".astype(np.intp) -> return np.clip(np.rint(ratio), 1, max(1, width // 9)).astype(np.intp)": (
-        "How far windows of the rows next to a pole spread at most: they are no squares either way."
-    ),
-    "iprt/footage/normals.py: if height < 3: -> if height < 4:": (
-        "Panoramas of three rows, of which nothing can be said."
-    ),
-    "iprt/footage/normals.py: self._joined = bool((self._same == self._same[0, 0]).all()) -> "
-    "self._joined = bool((self._same != self._same[0, 0]).all())": (
-        "A shortcut where all texels are alike, to the same normals."
-    ),
     'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", '
     '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
         "Only cells brighter than the mean are in it: it is full where all but one are."

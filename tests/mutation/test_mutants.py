@@ -12,7 +12,7 @@ from tests.mutation.mutant import Mutant, read
 
 ROOT = Path(__file__).resolve().parents[2]
 # Nothing is computed there.
-DECLARATIONS = {"objects.h", "scatterer.h", "kernel_attributes.h"}
+DECLARATIONS = {"objects.h", "scatterer.h", "strips.h", "kernel_attributes.h"}
 
 
 def test_planted_defects_are_where_the_list_says():

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
-from iprt.world.real.cell_light import TEXELS, light_change
+from iprt.world.real.cell_light import DARK, TEXELS
 
 Float = NDArray[np.float64]
-SAME_DISTANCE = 0.02
+SAME_DISTANCE, DISTRUST, LEAST_ERROR = 0.02, 0.5, 1e-4
 
 
 def flux_change(before: NDArray[np.float32], after: NDArray[np.float32]) -> float:
@@ -38,18 +38,16 @@ def cell_luminance(
     return np.asarray(sums / np.bincount(cell, minlength=rows * columns)).reshape(rows, columns)
 
 
-def frames_light_change(
-    before: Frame, now: Frame, rows: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """`CellLight.change` between two frames."""
+def frames_light_change(before: Frame, now: Frame, rows: int) -> tuple[Float, Float]:
+    """Factor (cells, 3) of the irradiance between two frames, and its relative error (cells,)."""
     height, width = now.depth.shape
     step = max(1, height // (TEXELS * rows))
     row = np.arange(0, height, step) * rows // height
     column = np.arange(0, width, step) * 2 * rows // width
     cell = (row[:, None] * 2 * rows + column).ravel()
-    first, second = (frame.depth[::step, ::step] for frame in (before, now))
+    near, far = (frame.depth[::step, ::step] for frame in (before, now))
     with np.errstate(invalid="ignore"):
-        same = np.isfinite(second) & (np.abs(second - first) <= SAME_DISTANCE * second)
+        same = np.isfinite(far) & (np.abs(far - near) <= SAME_DISTANCE * far)
     same = same.ravel()
 
     def light(frame: Frame) -> Float:
@@ -58,5 +56,20 @@ def frames_light_change(
         return np.stack(sums, -1)
 
     count = np.bincount(cell[same], minlength=2 * rows * rows).astype(float)
-    changed = flux_change(before.radiance, now.radiance)
-    return light_change(light(before), light(now), count, changed)
+    first, second = (light(one) / np.maximum(count, 1.0)[:, None] for one in (before, now))
+    weights = np.sin((np.arange(height) + 0.5) / height * np.pi)
+    dark = DARK * np.average(now.radiance.mean(axis=(1, 2)), weights=weights)
+    shown = [mean @ LUMINANCE + dark for mean in (first, second)]
+    unknown = dark / np.minimum(*shown)
+    error = DISTRUST * np.abs(np.log(shown[1] / shown[0])) * (1.0 - unknown)
+    error += flux_change(before.radiance, now.radiance) * unknown
+    return (second + dark) / (first + dark), np.maximum(error, LEAST_ERROR)
+
+
+def relit_grid(grid: NDArray[np.float32], factor: Float) -> Float:
+    """Irradiance (entries, 4), then as many fluxes, in light changed by (entries, 3) factors."""
+    light, flux = np.split(grid.astype(np.float64), 2)
+    before = light[:, :3] @ LUMINANCE
+    light[:, :3] *= factor
+    flux[:, :3] *= (light[:, :3] @ LUMINANCE / before)[:, None]
+    return np.concatenate([light, flux])

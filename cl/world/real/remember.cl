@@ -7,6 +7,8 @@
 //          kept_color                [H*W*3]  radiance
 //          kept_around               [H*W]    its magnitude: the slow mean of kept_depth; negative:
 //                                             the color may be mixed with a nearer surface's
+//          quiet                     per work item: what another frame with the same surfaces and
+//                                             radiance would change
 // out      kept_marks                [H*W]    SURFACE_OPENING, SURFACE_HIDDEN, SURFACE_AIMED
 //          hidden_light              [H*W]    luminance of the background, where it is hidden by a
 //                                             darker surface; else 0
@@ -17,6 +19,12 @@
 #include "maths/lanes.h"
 #include "maths/maths.h"
 #include "world/real/real.h"
+#include "world/real/strips.h"
+
+// Values of `quiet`. PLAIN: nothing is hidden or mixed, so that other radiance changes kept_color alone.
+#define RESTLESS 0
+#define QUIET 1
+#define PLAIN 2
 
 // Share of a difference by which a new measurement moves the mean depth. A faster mean would let an object
 // that approaches slowly drag the background along.
@@ -58,12 +66,23 @@ static inline void find_mixed(__global const float *restrict inverse,
     *mixed = either(near + margin < *now, (floats)(1.0f), (floats)(0.0f));
 }
 
+static inline void copy_colors(__global const float *restrict from, __global float *restrict to,
+                               int floats)
+{
+    int i = 0;
+    for (; i + LANES <= floats; i += LANES)
+        store_floats(load_floats(from + i), to + i);
+    for (; i < floats; i++)
+        to[i] = from[i];
+}
+
 __kernel void remember(
     const int width,
     const int height,
     const int first,                            // row
     const int rows,
-    const int steady,                           // surfaces are the last frame's in these rows
+    const int left,                             // columns from here to `right` are another frame's;
+    const int right,                            // elsewhere surfaces are the last frame's
     const int forget,                           // reset the background
     const float thickness_m,                      // metres, at least
     const float thickness_ratio,                // of the depth, at least
@@ -71,29 +90,35 @@ __kernel void remember(
     __global const int4 *restrict lines,
     __global const float4 *restrict surface,
     __global const float *restrict radiance,    // 3 a texel
+    __global const float4 *restrict strips,     // sums of pictures.cl
     __global float *restrict kept_depth,
     __global float *restrict kept_plane,
     __global float *restrict kept_color,
     __global float *restrict kept_around,
     __global uchar *restrict kept_marks,
-    __global float *restrict hidden_light)
+    __global float *restrict hidden_light,
+    __global uchar *restrict quiet)
 {
     const int x0 = get_global_id(0) * LANES, y = first + get_global_id(1);
     if (x0 >= width || y >= min(first + rows, height))
         return;
+    const int end = min(x0 + LANES, width);
+    const int item = y * ((width + LANES - 1) / LANES) + x0 / LANES;
+    const int was = forget || (end > left && x0 < right) ? RESTLESS : quiet[item];
+    const int same = strips[y * ((width + STRIP - 1) / STRIP) + x0 / STRIP].w == 0.0f;
+    if (was != RESTLESS && (same || was == PLAIN)) {
+        const int from = 3 * (y * width + x0);
+        if (!same)
+            copy_colors(radiance + from, kept_color + from, 3 * (end - x0));
+        return;
+    }
     floats depth, mixed;
     find_mixed(inverse, lines, x0, y, height, thickness_m, thickness_ratio, &depth, &mixed);
-    const int end = min(x0 + LANES, width);
+    int state = PLAIN;
     for (int x = x0; x < end; x++) {
         const int texel = y * width + x;
         const float now = lane(&depth, x - x0);
         const float3 seen = vload3(texel, radiance);
-        // A texel that has never been different has only another color.
-        if (steady && now == kept_depth[texel] && now == kept_around[texel]
-            && !(lane(&mixed, x - x0) > 0.0f) && !(kept_marks[texel] & SURFACE_HIDDEN)) {
-            vstore3(seen, texel, kept_color);
-            continue;
-        }
         const float4 plane = surface[texel];
         const int marks = (int)plane.w & SURFACE_OPENING;
         const float before = forget ? 0.0f : kept_depth[texel];
@@ -114,6 +139,7 @@ __kernel void remember(
             kept_marks[texel] =
                 (known & SURFACE_OPENING) | SURFACE_HIDDEN | (aimed ? SURFACE_AIMED : 0);
             hidden_light[texel] = aimed ? light : 0.0f;
+            state = min(state, QUIET);
             continue;
         }
         const int rim = lane(&mixed, x - x0) > 0.0f;
@@ -129,5 +155,7 @@ __kernel void remember(
             kept_marks[texel] = marks;
         if (forget || (known & SURFACE_HIDDEN))
             hidden_light[texel] = 0.0f;
+        state = min(state, centre != now ? RESTLESS : rim ? QUIET : PLAIN);
     }
+    quiet[item] = state;
 }

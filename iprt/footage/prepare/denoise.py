@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from iprt.footage.cell_planes import find_planes
 from iprt.footage.cells import Cells
-from iprt.footage.normals import GAP_TOLERANCE, window_taps
+from iprt.footage.depth_noise import GAP_TOLERANCE
+from iprt.footage.normals import window_taps
 from iprt.footage.video.depth_code import usable
 from iprt.geometry.equirect import solid_angles, texel_directions, texel_polar_angles
 

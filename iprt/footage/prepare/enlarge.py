@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.normals import estimate_normals, fit_tolerance, over_poles
+from iprt.footage.depth_noise import fit_tolerance
+from iprt.footage.normals import estimate_normals, over_poles
 from iprt.footage.video.depth_code import UNMEASURED, usable
 from iprt.geometry.equirect import texel_azimuths, texel_directions, texel_polar_angles
 

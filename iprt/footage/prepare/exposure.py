@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from iprt.footage.cells import cell_sums, cell_texels
 from iprt.footage.color_fit import Pairs
 from iprt.footage.frame import Frame
+from iprt.footage.median import median_of_smallest
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_texel, solid_angles
 from iprt.geometry.pose import camera_motion
@@ -86,7 +87,7 @@ class Sample:
         start = step // 2
         color = frame.color[start::step, start::step]
         brightest = np.maximum(np.maximum(color[..., 0], color[..., 1]), color[..., 2])
-        median = float(np.median(brightest))
+        median = median_of_smallest(brightest, brightest.size)
         return cls(
             color=np.ascontiguousarray(color),
             depth=np.ascontiguousarray(frame.depth[start::step, start::step]),

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from iprt.footage.prepare.openings import holes_of
+from iprt.footage.prepare.openings import HoleFinder
 from iprt.footage.video.depth_code import usable
 
 Mask = NDArray[np.bool_]
@@ -43,22 +43,30 @@ def sanitize_color(color: Picture) -> Picture:
 
 
 class Filling:
-    """Filled depth of holes, kept while they and their rims stay."""
+    """Holes of a video's depth, sorted and filled again where they or their rims change."""
 
     def __init__(self) -> None:
-        self._last: tuple[Mask, Picture, NDArray[np.float64]] | None = None
+        self.holes = HoleFinder()
+        self._fill: Mask | None = None
+        self._rim = np.zeros((0, 0), bool)
+        self._texel = np.zeros(0, np.intp)
+        self._around = np.zeros(0, np.float32)
+        self._filled = np.zeros(0)
 
-    def __call__(self, inverse: Picture, known: Mask, fill: Mask) -> NDArray[np.float64]:
+    def __call__(self, stored: Picture, known: Mask, fill: Mask) -> NDArray[np.float64]:
         """Return `fill_inverse_depth` of the rim alone, on which nothing else bears."""
-        rim = known & _with_neighbors(fill)
-        around = inverse[rim]
-        if self._last is not None:
-            fill_before, around_before, filled = self._last
-            if np.array_equal(fill_before, fill) and np.array_equal(around_before, around):
-                return filled
-        filled = fill_inverse_depth(np.where(rim, inverse, np.float32(0.0)), rim, fill)
-        self._last = fill, around, filled
-        return filled
+        stays = self._fill is not None and np.array_equal(self._fill, fill)
+        if not stays:
+            self._fill, self._rim = fill, known & _with_neighbors(fill)
+            self._texel = np.flatnonzero(self._rim)
+        around = stored.ravel()[self._texel]
+        if not stays or not np.array_equal(self._around, around):
+            inverse = np.zeros(stored.shape, np.float32)
+            with np.errstate(over="ignore"):
+                inverse.ravel()[self._texel] = np.float32(1.0) / around
+            self._around = around
+            self._filled = fill_inverse_depth(inverse, self._rim, fill)
+        return self._filled
 
 
 def _with_neighbors(mask: Mask) -> Mask:
@@ -85,12 +93,10 @@ def sanitize_depth(stored: Picture, color: Picture, filling: Filling | None = No
     measured = usable(stored)
     if measured.all():
         return CleanDepth(stored, np.zeros_like(measured))
-    holes = holes_of(stored, measured, color)
-    inverse = np.zeros(stored.shape, np.float32)
-    with np.errstate(over="ignore"):
-        np.divide(np.float32(1.0), stored, out=inverse, where=measured)
+    filling = filling or Filling()
+    holes = filling.holes(stored, measured, color)
     fill = holes.opening | holes.dropout
-    filled = (filling or Filling())(inverse, measured, fill)
+    filled = filling(stored, measured, fill)
     depth = np.where(measured, stored, np.float32(np.inf))
     with np.errstate(divide="ignore"):
         depth[fill] = np.where(filled > 0.0, 1.0 / filled, np.inf)

@@ -41,18 +41,9 @@ class Holes:
     dropout: Mask
 
 
-def find_openings(stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
-    """Find the openings (H, W) of depth in metres, with its color (H, W, 3)."""
-    measured = usable(stored)
-    if measured.all():
-        return np.zeros_like(measured)
-    return holes_of(stored, measured, color).opening
-
-
 def holes_of(stored: NDArray[np.float32], measured: Mask, color: NDArray[np.float32]) -> Holes:
     """Classify the texels that are not `measured`; see `classify_holes`."""
-    unmeasured = stored == UNMEASURED
-    return classify_holes(~measured, color, unmeasured if unmeasured.any() else None)
+    return HoleFinder()(stored, measured, color)
 
 
 def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | None = None) -> Holes:
@@ -67,34 +58,83 @@ def classify_holes(hole: Mask, color: NDArray[np.float32], unmeasured: Mask | No
     unmeasured : (H, W) bool or None
         Texels marked as surfaces. Holes mostly marked count as surfaces.
     """
-    height, width = hole.shape
-    texel = np.flatnonzero(hole)
-    of_texel, count = component_of(hole, texel)
-    rows = texel // width
-    sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
-    lowest_row = np.zeros(count)
-    # Texels are in the order of their rows, so the last assignment stays.
-    lowest_row[of_texel] = rows
-    elevation_deg = 90.0 - 180.0 * (lowest_row + 1.0) / height
-    at_zenith, at_nadir = (
-        np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
-    )
-    is_surface = np.zeros(count, np.bool_)
-    if unmeasured is not None:
-        said = np.bincount(of_texel, unmeasured.ravel()[texel], minlength=count)
+    marked = np.zeros_like(hole) if unmeasured is None else unmeasured
+    return _Outlines(hole, marked[hole]).kinds(color)
+
+
+class HoleFinder:
+    """Classification of a video's holes, whose outlines are kept while they stay."""
+
+    def __init__(self) -> None:
+        self._outlines: _Outlines | None = None
+
+    def __call__(
+        self, stored: NDArray[np.float32], measured: Mask, color: NDArray[np.float32]
+    ) -> Holes:
+        """Classify the texels of depth (H, W) in metres that are not `measured`."""
+        last = self._outlines
+        if last is None or not np.array_equal(last.measured, measured):
+            hole = ~measured
+            last = _Outlines(hole, stored[hole] == UNMEASURED)
+        else:
+            marked = stored.ravel()[last.texel] == UNMEASURED
+            if not np.array_equal(marked, last.marked):
+                last = _Outlines(~measured, marked)
+        self._outlines = last
+        return last.kinds(color)
+
+    def openings(self, stored: NDArray[np.float32], color: NDArray[np.float32]) -> Mask:
+        """Find the openings (H, W) of depth in metres, with its color (H, W, 3)."""
+        measured = usable(stored)
+        if measured.all():
+            return np.zeros_like(measured)
+        return self(stored, measured, color).opening
+
+
+class _Outlines:
+    """Holes (H, W), and what their shapes tell of them; `marked` are the surfaces among texels."""
+
+    def __init__(self, hole: Mask, marked: Mask) -> None:
+        height, width = hole.shape
+        self.hole, self.measured, self.marked = hole, ~hole, marked
+        self.texel = np.flatnonzero(hole)
+        self.of_texel, self.count = component_of(hole, self.texel)
+        of_texel, count, rows = self.of_texel, self.count, self.texel // width
+        sr = np.bincount(of_texel, solid_angles(width, height)[rows], minlength=count)
+        lowest_row = np.zeros(count)
+        # Texels are in the order of their rows, so the last assignment stays.
+        lowest_row[of_texel] = rows
+        elevation_deg = 90.0 - 180.0 * (lowest_row + 1.0) / height
+        at_zenith, at_nadir = (
+            np.isin(np.arange(count), of_texel[rows == row]) for row in (0, height - 1)
+        )
+        said = np.bincount(of_texel, marked, minlength=count)
         is_surface = said > 0.5 * np.bincount(of_texel, minlength=count)
-    reaches_down = at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG)
-    is_open = (sr > OPEN_SKY_SR) | (reaches_down & ~is_surface)
-    brightness = _brightness_over_rim(hole, color, texel, of_texel, count)
-    small = (sr < DROPOUT_SR) & (brightness < DROPOUT_BRIGHTNESS)
-    is_dropout = ~is_open & (small | at_nadir | is_surface)
+        reaches_down = at_zenith & (elevation_deg < OPEN_SKY_ELEVATION_DEG)
+        self._open = (sr > OPEN_SKY_SR) | (reaches_down & ~is_surface)
+        self._dropout = ~self._open & (at_nadir | is_surface)
+        # The others of these are openings if they are bright.
+        self._small = ~self._open & ~self._dropout & (sr < DROPOUT_SR)
+        self._kinds: tuple[Mask, Holes] | None = None
 
-    def texels(chosen: Mask) -> Mask:
-        mask = np.zeros_like(hole)
-        mask.ravel()[texel] = chosen[of_texel]
+    def kinds(self, color: NDArray[np.float32]) -> Holes:
+        """Return the holes by kind, with the colors (H, W, 3) of a frame."""
+        is_dropout = self._dropout
+        if self._small.any():
+            chosen = self._small[self.of_texel]
+            brightness = _brightness_over_rim(
+                self.hole, color, self.texel[chosen], self.of_texel[chosen], self.count
+            )
+            is_dropout = is_dropout | (self._small & (brightness < DROPOUT_BRIGHTNESS))
+        if self._kinds is None or not np.array_equal(self._kinds[0], is_dropout):
+            masks = self._open, ~self._open & ~is_dropout, is_dropout
+            self._kinds = is_dropout, Holes(*map(self._texels, masks))
+        return self._kinds[1]
+
+    def _texels(self, chosen: Mask) -> Mask:
+        mask = np.zeros_like(self.hole)
+        mask.ravel()[self.texel] = chosen[self.of_texel]
         return mask
-
-    return Holes(texels(is_open), texels(~is_open & ~is_dropout), texels(is_dropout))
 
 
 def _brightness_over_rim(

@@ -30,7 +30,7 @@ from iprt.footage.prepare.denoise import Noise, smoothed
 from iprt.footage.prepare.exposure import Drift
 from iprt.footage.prepare.fill import CleanDepth, Filling, sanitize_color, sanitize_depth
 from iprt.footage.prepare.gloss import Glossy
-from iprt.footage.prepare.openings import find_openings
+from iprt.footage.prepare.measures import Measures
 from iprt.footage.prepare.reading import Picture, RawFrame
 from iprt.footage.real_material import RealMaterial
 
@@ -61,7 +61,7 @@ class Preparation:
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
-        self._noise, self._filling = Noise(), Filling()
+        self._noise, self._filling, self._measures = Noise(), Filling(), Measures()
         self._last: tuple[Picture, Picture | None, CleanDepth] | None = None
 
     def __call__(self, raw: RawFrame) -> Frame:
@@ -71,7 +71,7 @@ class Preparation:
             frame = self._exposure(frame)
         # Materials are recognised by their hue, in the colors of the reference frame.
         frame = self._gloss(frame)
-        return self._lights(frame).measured()
+        return self._lights(frame)
 
     def frames(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
         """Prepare frames lazily, one by one."""
@@ -88,10 +88,24 @@ class Preparation:
         depth picture, depth may have half the rate of color, or replace an unreadable one.
         """
         color = sanitize_color(raw.color)
-        if self._last is None or not _stays(raw, color, *self._last):
+        if self._last is None or not self._stays(raw, color, *self._last):
             self._last = raw.depth, raw.normal, self._clean(raw.depth, color)
         _, normal, clean = self._last
-        return Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
+        frame = Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
+        return self._measures(frame)
+
+    def _stays(
+        self,
+        raw: RawFrame,
+        color: Picture,
+        depth: Picture,
+        normal: Picture | None,
+        clean: CleanDepth,
+    ) -> bool:
+        """Return whether a frame has the depth, normals and openings of the previous one."""
+        if not (_same(raw.depth, depth) and _same(raw.normal, normal)):
+            return False
+        return np.array_equal(self._filling.holes.openings(raw.depth, color), clean.opening)
 
     def _clean(self, depth: Picture, color: Picture) -> CleanDepth:
         def clean() -> CleanDepth:
@@ -121,14 +135,6 @@ def kept_depth(depth: Picture, color: Picture, clean: Callable[[], CleanDepth]) 
     cleaned = depth.copy()
     cleaned[changed] = found["depth"]
     return CleanDepth(cleaned, opening)
-
-
-def _stays(
-    raw: RawFrame, color: Picture, depth: Picture, normal: Picture | None, clean: CleanDepth
-) -> bool:
-    """Return whether a frame has the depth, normals and openings of the previous one."""
-    same = _same(raw.depth, depth) and _same(raw.normal, normal)
-    return same and np.array_equal(find_openings(raw.depth, color), clean.opening)
 
 
 def _same(plane: Picture | None, other: Picture | None) -> bool:

@@ -86,6 +86,8 @@ class Background:
         self.hidden_light = device.empty("panorama.background light", texels)
         self.surface = device.empty("panorama.background surface", (*texels, 4))
         self.range = device.empty("panorama.background range", (pyramid.offsets[-1], 2))
+        items, lines = surfaces.items(height)
+        self._quiet = device.empty("panorama.background quiet", (lines, items), np.uint8)
         self.farthest = 0.0
         wide = {"WIDE": device.wide}
         self._remember = device.kernel("world/real/remember.cl", "remember", wide)
@@ -97,10 +99,12 @@ class Background:
         self,
         *,
         radiance: cla.Array,
+        strips: cla.Array,
         range_: cla.Array,
         scale: float,
         farthest: float,
         changed: NDArray[np.bool_],
+        columns: slice,
         forget: bool,
     ) -> slice:
         """Load a frame of the video; fills all but the coarser levels of `range`.
@@ -109,8 +113,12 @@ class Background:
         ----------
         radiance, range_, scale, farthest
             As in `Panorama`.
+        strips
+            `PictureLoader.sums`.
         changed : (H,) bool
             Rows in which the frame's surfaces may differ from the last frame's.
+        columns : slice
+            Columns in which they may.
         forget : bool
             Earlier frames are unrelated to this one, or lie elsewhere.
 
@@ -132,7 +140,8 @@ class Background:
                 known,
                 first=rows.start,
                 rows=rows.stop - rows.start,
-                steady=int(not changed[rows.start]),
+                left=columns.start,
+                right=columns.stop if changed[rows.start] else columns.start,
                 forget=self.first,
                 thickness_m=self._trace.thickness * scale,
                 thickness_ratio=self._trace.thickness_ratio,
@@ -140,9 +149,11 @@ class Background:
                 lines=first.lines,
                 surface=first.surface,
                 radiance=radiance,
+                strips=strips,
                 kept_color=self.color,
                 kept_around=self.around,
                 hidden_light=self.hidden_light,
+                quiet=self._quiet,
             )
         # Elsewhere the background is the frame, as it was.
         self._touched |= widened(changed)

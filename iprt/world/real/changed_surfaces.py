@@ -26,11 +26,17 @@ MOST_CHANGED = 0.25
 def changed_tiles(before: NDArray[Any], now: NDArray[Any]) -> Mask:
     """Return the tiles (rows, columns) of two pictures that differ; see `differing`."""
     height, width = now.shape[:2]
+    tiles = np.zeros(tile_shape(height, width), bool)
     if before is now:
-        return np.zeros(tile_shape(height, width), bool)
+        return tiles
     side = tile_side(height)
-    rows = np.logical_or.reduceat(differing(before, now), np.arange(0, height, side), axis=0)
-    return np.asarray(np.logical_or.reduceat(rows, np.arange(0, width, side), axis=1))
+    words = np.uint32 if now.itemsize == 4 else np.uint8
+    for row, first in enumerate(range(0, height, side)):
+        old, new = (picture[first : first + side] for picture in (before, now))
+        if not np.array_equal(old.view(words), new.view(words)):
+            columns = differing(old, new).any(axis=0)
+            tiles[row] = np.logical_or.reduceat(columns, np.arange(0, width, side))
+    return tiles
 
 
 def tile_side(height: int) -> int:

@@ -14,7 +14,6 @@ from iprt.device.block import Block, Float4s, Float32, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
-from iprt.footage.frame import LUMINANCE
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
 from iprt.world.real.changed_surfaces import span_of
@@ -182,7 +181,7 @@ class IrradianceCache:
             self._move(grid, seen, known, self._named(""), kept=kept, camera=self._camera)
         self._light.follow(panorama)
         if still and changed > 0.0 and not cut:
-            self._relight(*self._light.change(changed))
+            self._light.relight(panorama, changed, **self._named(""))
 
     def _changed(self, panorama: Panorama, *, everywhere: bool) -> tuple[slice, slice]:
         """Return rows and columns of cells whose surfaces may have changed."""
@@ -208,27 +207,6 @@ class IrradianceCache:
         """Drop all samples, as in a new cache."""
         for grid in (self.mean, self.irradiance):
             self._device.fill_zero(grid)
-
-    def _relight(self, factor: NDArray[np.float32], error: NDArray[np.float32]) -> None:
-        """Scale E_R by (cells, 3) factors with (cells,) relative errors.
-
-        Each mean's number of samples is limited to one that corresponds to that error.
-        """
-        factor, error = np.tile(factor, (SURFACES, 1)), np.tile(error, SURFACES)
-        plane, mean, smooth = (
-            self._device.read(grid) for grid in (self.plane, self.mean, self.irradiance)
-        )
-        for grid in (mean, smooth):
-            light, flux = np.split(grid[:, :3], 2)
-            before = light @ LUMINANCE
-            light *= factor
-            flux *= (light @ LUMINANCE / np.maximum(before, 1e-30))[:, None]
-        samples = mean[: self._entries, 3]
-        left = np.minimum(samples, 1.0 / np.maximum(error, 1e-4) ** 2)
-        plane[:, 3] += np.where(plane[:, 3] > 0.0, samples - left, 0.0)
-        samples[:] = left
-        for grid, values in ((self.plane, plane), (self.mean, mean), (self.irradiance, smooth)):
-            self._device.write(grid, values)
 
     def _named(self, suffix: str) -> dict[str, cla.Array]:
         """Return the grids by the names of kernel parameters."""

@@ -63,7 +63,8 @@ class Lights:
         self._cell = device.zeros(f"{name} cells", (cells,), np.int32)
         self._density = device.zeros(f"{name} density", (cells,))
         self.luminance = device.empty(f"{name} luminance", (self.rows, self.columns))
-        self._sum = device.kernel("world/real/pictures.cl", "sum_luminance").fixed(
+        wide = {"WIDE": device.wide}
+        self._sum = device.kernel("world/real/pictures.cl", "sum_luminance", wide).fixed(
             columns=self.columns, rows=self.rows, mean=self.luminance
         )
         self.count = 0

@@ -103,7 +103,7 @@ class Panorama:
     color : (H, W, 3) float32
         `Frame.color`.
     radiance : (H, W, 3) float32
-        `Frame.radiance`: `color` itself, or a separate buffer where frames may have a map.
+        `Frame.radiance`: `color` itself, or a separate buffer where the frame has a map.
     clipped : ShownTexels
         Texels of `color` with a different displayed color.
     surfaces : Surfaces
@@ -142,14 +142,12 @@ class Panorama:
         outside: bool = False,
         gloss: bool = False,
         color_map: bool = False,
-        share: bool = False,
         background: TraceSettings | None = None,
     ) -> None:
         """Create the buffers.
 
-        `color_map`: frames may have one. `share`: pictures stay in the host's memory where the
-        device shares it, and no frame has a map. `background`: hidden surfaces are remembered, with
-        the assumed thickness of surfaces.
+        `color_map`: frames may have one. `background`: hidden surfaces are remembered, with the
+        assumed thickness of surfaces.
         """
         # Tiny panoramas are repeated texel by texel until the coarsest cells are narrow enough.
         self._repeat = max(1, -(-COARSEST_COLUMNS // width))
@@ -158,10 +156,9 @@ class Panorama:
         self.shape = PyramidShape.of(self.width, self.height, COARSEST_COLUMNS)
         texels = (self.height, self.width)
         self.surfaces = Surfaces(device, self.width, self.height)
-        self._pictures = PictureLoader(device, self.width, self.height, share=share)
-        self._color = self._radiance = self._pictures.picture("panorama.color")
-        if color_map:
-            self._radiance = self._pictures.picture("panorama.radiance")
+        self._pictures = PictureLoader(
+            device, self.width, self.height, share=device.is_cpu, color_map=color_map
+        )
         self.clipped = ShownTexels(device, self.width, self.height)
         self.range = device.empty("panorama.range", (self.shape.offsets[-1], 2))
         self.outside = None
@@ -235,10 +232,7 @@ class Panorama:
         return outside_radiance(light, frame.opening)
 
     def _load_picture(self, frame: Frame) -> None:
-        color = self._enlarged(frame.color)
-        self._pictures.load(self._color, color)
-        if self._radiance is not self._color:
-            self._pictures.load(self._radiance, color, frame.color_map)
+        self._pictures.load(self._enlarged(frame.color), frame.color_map)
         clipped = frame.clipped
         if clipped is not None and self._repeat > 1:
             clipped = clipped.repeated(self._repeat, frame.width)
@@ -256,10 +250,12 @@ class Panorama:
             self.changed.add(None)
         rows = background.load(
             radiance=self.radiance,
+            strips=self._pictures.sums,
             range_=self.range,
             scale=self.scale,
             farthest=self.farthest,
             changed=self.changed_rows,
+            columns=self.changed_columns,
             forget=forget,
         )
         self._pyramid.run(background.range, self.shape, rows)
@@ -271,13 +267,13 @@ class Panorama:
 
     @property
     def color(self) -> cla.Array:
-        """`Picture.texels` of the frame's color."""
-        return self._color.texels
+        """`PictureLoader.color`."""
+        return self._pictures.color
 
     @property
     def radiance(self) -> cla.Array:
-        """`Picture.texels` of the frame's radiance."""
-        return self._radiance.texels
+        """`PictureLoader.radiance`."""
+        return self._pictures.radiance
 
     @property
     def radiated(self) -> cla.Array:

@@ -13,7 +13,8 @@ from iprt.device.kernel_source import constant
 from iprt.geometry.equirect import texel_polar_angles
 from iprt.world.real.surfaces import band_rows, bands
 
-STRIP = constant("world/real/pictures.cl", "STRIP")
+STRIP = constant("lib/world/real/strips.h", "STRIP")
+"""Texels of a row per work item."""
 
 
 @dataclass(frozen=True)
@@ -32,109 +33,88 @@ class Flux:
     change: float
 
 
-@dataclass
-class Picture:
-    """A picture of the panorama on the device.
-
-    Attributes
-    ----------
-    name : str
-        Name of its buffer.
-    texels : (H, W, 3) float32 or None
-        None: nothing was loaded.
-    loaded : bool
-        Whether `texels` holds a picture.
-    """
-
-    name: str
-    texels: cla.Array | None
-    loaded: bool = False
-
-
 class PictureLoader:
-    """Loader of pictures that also computes their flux (`cl/world/real/pictures.cl`).
+    """Loader of a frame's pictures, with their flux (`cl/world/real/pictures.cl`).
 
     Parameters
     ----------
     device : ComputeDevice
     width, height : int
     share : bool
-        Where the device shares the host's memory, pictures stay there without a map, and occupy
-        it as long as they are loaded. Otherwise they are copied.
+        Pictures stay in the host's memory, and occupy it until the next frame's are loaded.
+        Otherwise they are copied.
+    color_map : bool
+        Frames may have a map.
+
+    Attributes
+    ----------
+    color : (H, W, 3) float32 or None
+        `Frame.color`; None: nothing was loaded.
+    radiance : (H, W, 3) float32 or None
+        `Frame.radiance`; `color` itself without a map.
+    sums : (H, strips, 4) float32
+        By strips of `STRIP` texels; w: 0 where `radiance` is the previous frame's, else 1.
     """
 
-    def __init__(self, device: ComputeDevice, width: int, height: int, *, share: bool) -> None:
+    def __init__(
+        self, device: ComputeDevice, width: int, height: int, *, share: bool, color_map: bool
+    ) -> None:
         self._device = device
         self._width, self._height = width, height
-        self._share = share and device.is_cpu
-        self._band = height if self._share else band_rows(height, width)
+        self._share = share
+        self._band = height if share else band_rows(height, width)
         self._strips = -(-width // STRIP)
-        if not self._share:
-            self._color = device.empty("panorama.decoded", (self._band, width, 3))
-        self._sums = device.empty("panorama.sums", (height, self._strips, 4))
+        texels = (height, width, 3)
+        self.color: cla.Array | None = None
+        self.radiance: cla.Array | None = None
+        if not share:
+            self._staging = device.empty("panorama.decoded", (self._band, width, 3))
+            self._stored = device.empty("panorama.color", texels)
+        if color_map:
+            self._mapped = device.empty("panorama.radiance", texels)
+        self.sums = device.empty("panorama.sums", (height, self._strips, 4))
         self._map = device.zeros("panorama.color map", (3, 4))
-        self._load = device.kernel("world/real/pictures.cl", "load_texels").fixed(
-            width=width, rows=self._band, sums=self._sums
-        )
-
-    def picture(self, name: str) -> Picture:
-        """Return a picture without contents."""
-        shape = self._height, self._width, 3
-        return Picture(name, None if self._share else self._device.empty(name, shape))
+        self._load = device.kernel(
+            "world/real/pictures.cl", "load_texels", {"WIDE": device.wide}
+        ).fixed(width=width, rows=self._band, sums=self.sums)
 
     def load(
-        self,
-        picture: Picture,
-        values: NDArray[np.float32],
-        color_map: NDArray[np.float64] | None = None,
+        self, values: NDArray[np.float32], color_map: NDArray[np.float64] | None = None
     ) -> None:
-        """Load `values` (H, W, 3), mapped by `color_map` (3, 3), into a picture."""
-        before = picture.texels if picture.loaded else None
-        picture.loaded = True
-        if not self._share:
-            self._copy(picture, values, color_map, before)
-            return
-        assert color_map is None, "a map would change the host's picture"
-        picture.texels = self._device.share(picture.name, values)
-        self._load(
-            (self._strips, self._height),
-            first=0,
-            done=0,
-            color=picture.texels,
-            map=None,
-            before=before,
-            texels=None,
-        )
-
-    def _copy(
-        self,
-        picture: Picture,
-        values: NDArray[np.float32],
-        color_map: NDArray[np.float64] | None,
-        before: cla.Array | None,
-    ) -> None:
-        device = self._device
+        """Load `values` (H, W, 3), and what `color_map` (3, 3) makes of them."""
+        device, before = self._device, self.radiance
         if color_map is not None:
             rows = np.zeros((3, 4), np.float32)
             rows[:, :3] = color_map
             device.write(self._map, rows)
+        if self._share:
+            color = self.color = device.share("panorama.color", values)
+            texels, stored = (None if color_map is None else self._mapped), None
+        else:
+            color, self.color = self._staging, self._stored
+            texels, stored = self.color, None
+            if color_map is not None:
+                texels, stored = self._mapped, self.color
+        self.radiance = self.color if color_map is None else self._mapped
         end = 0
-        for first in bands(self._height, self._width):
+        for first in [0] if self._share else bands(self._height, self._width):
             done, end = end - first, first + self._band
-            device.write(self._color, values[first : first + self._band])
+            if not self._share:
+                device.write(color, values[first : first + self._band])
             self._load(
                 (self._strips, self._band),
                 first=first,
                 done=done,
-                color=self._color,
+                color=color,
                 map=None if color_map is None else self._map,
                 before=before,
-                texels=picture.texels,
+                texels=texels,
+                stored=stored,
             )
 
     def flux(self) -> Flux:
         """Wait for the device, and return the flux of the last loaded picture."""
-        sums = self._device.read(self._sums).sum(axis=1, dtype=np.float64)
+        sums = self._device.read(self.sums).sum(axis=1, dtype=np.float64)
         rows = np.sin(texel_polar_angles(self._height))
         apart, larger, total, _ = rows @ sums
         return Flux(

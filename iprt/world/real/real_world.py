@@ -56,7 +56,6 @@ class RealWorld:
             outside=features.opening_environment,
             gloss=features.gloss,
             color_map=features.color_map,
-            share=not (features.video or features.color_map),
             background=features.settings.trace if features.background else None,
         )
         self._color_map = ColorMap(device) if features.color_map else None

@@ -65,7 +65,7 @@ def noisy(frame: Frame, seed: int, sigma: float) -> Frame:
 def random_film(seed: int, count: int) -> list[Frame]:
     """Any depth, normal, color, window and sky at any texel; surfaces stay for a while."""
     rng = np.random.default_rng(seed)
-    height, width = 24, 48
+    height, width = 24, 96
     frames, depth = [], rng.uniform(0.5, 5.0, (height, width))
     centre = -View(width, height, projection="equirect").directions()
     normal = rng.normal(size=(height, width, 3))
@@ -89,9 +89,23 @@ def random_film(seed: int, count: int) -> list[Frame]:
     return frames
 
 
+def stilled(frame: Frame, count: int) -> list[Frame]:
+    """Later frames with the same surfaces, whose colors change in the left half only."""
+    rng = np.random.default_rng(5)
+    later = []
+    for _ in range(count):
+        color = frame.color.copy()
+        half = color[:, : frame.width // 2]
+        half[:] = rng.random(half.shape)
+        later.append(replace(frame, color=color))
+    return later
+
+
 @pytest.mark.parametrize("seed", range(3))
-def test_equals_its_twin(device: ComputeDevice, seed: int) -> None:
+@pytest.mark.parametrize("still", [0, 3])
+def test_equals_its_twin(device: ComputeDevice, seed: int, still: int) -> None:
     frames = random_film(seed, 9)
+    frames += stilled(frames[-1], still)
     panorama = Panorama(device, frames[0].width, frames[0].height, background=TRACE)
     # The unit of length is each frame's own; here it is the same for all.
     for frame in frames:
@@ -101,7 +115,7 @@ def test_equals_its_twin(device: ComputeDevice, seed: int) -> None:
     mine, twin = read(device, panorama), remembered(frames, 0.05, 0.05)
     # float32 may decide otherwise where depths differ by the margin exactly.
     same = (mine.hidden == twin.hidden) & (mine.mixed == twin.mixed)
-    assert (~same).sum() <= 2
+    assert (~same).sum() <= 4
     assert 0.2 < twin.hidden.mean() < 0.9
     assert (mine.opening == twin.opening)[same].all()
     for mine_of, twin_of in (
