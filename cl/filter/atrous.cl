@@ -25,6 +25,7 @@
 // joint bilateral filter). Work groups of (n, 1) vectorize best on CPUs.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
+#include "gbuffer/row.h"
 #include "gbuffer/stored.h"
 #include "filter/signal.h"
 
@@ -69,11 +70,11 @@ __kernel void find_extent(
     int width,
     int height)
 {
-    int y = get_global_id(0);
-    if (y >= height)
-        return;
+    SHARED_BY_ROW;
+    const int y = row_of_item(height);
+    const Columns own = columns_of_item();
     int size = plane_size(width, height), first = width, end = 0;
-    for (int x = 0; x < width; x++) {
+    for (int x = own.first; x < (y < height ? width : 0); x += own.step) {
         int p = plane_index(x, y, width);
         bool active = variance[p] > 0.0f;
         #pragma unroll
@@ -82,8 +83,9 @@ __kernel void find_extent(
         first = active ? min(first, x) : first;
         end = active ? x + 1 : end;
     }
-    extent[2 * y] = first;
-    extent[2 * y + 1] = end;
+    const int2 found = SPAN_OF_ROW(first, end, width);
+    if (lane_of_row() == 0 && y < height)
+        vstore2(found, y, extent);
 }
 
 // Finds the columns that the levels may change: within reach of active ones. Columns changed in the

@@ -11,6 +11,7 @@
 // Work groups may have any size.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
+#include "gbuffer/row.h"
 #include "gbuffer/view.h"
 
 // Finds the columns of each row between which a layer has surfaces in this picture or had some in the two
@@ -26,23 +27,23 @@ __kernel void find_spans(
     int width,
     int height)
 {
-    int y = get_global_id(0);
-    // Work groups may extend beyond the rows, beyond one in the second dimension, and beyond the layers.
-    if (y >= height || get_global_id(1) > 0 || entry >= layers)
-        return;
-    const int row = layer * height + y;
+    SHARED_BY_ROW;
+    const int y = row_of_item(height);
+    const Columns own = columns_of_item();
     int first = width, end = 0;
-    for (int x = 0; x < width; x++) {
+    for (int x = own.first; x < (y < height ? width : 0); x += own.step) {
         int p = plane_index(x, y, width);
         bool surface = depth[p] > 0.0f && id[p] > 0.0f;
         first = surface ? min(first, x) : first;
         end = surface ? x + 1 : end;
     }
+    const int2 now = SPAN_OF_ROW(first, end, width);
+    if (lane_of_row() > 0 || y >= height || entry >= layers)
+        return;
+    const int row = layer * height + y;
     const int4 before = vload4(row, past);
-    vstore4((int4)(first, end, before.xy), row, past);
-    first = min(first, min(before.x, before.z));
-    end = max(end, max(before.y, before.w));
-    vstore2((int2)(first, end), row, spans);
+    vstore4((int4)(now, before.xy), row, past);
+    vstore2((int2)(min(now.x, min(before.x, before.z)), max(now.y, max(before.y, before.w))), row, spans);
 }
 
 __kernel void build_guide(

@@ -15,7 +15,7 @@ from iprt.device.program import Define
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import span_arguments
-from iprt.gbuffer.layout import PlaneLayout
+from iprt.gbuffer.layout import PlaneLayout, row_items
 from iprt.settings.filter import AtrousSettings
 
 RELAX_TAPS = constant("filter/atrous.cl", "RELAX_TAPS")
@@ -206,6 +206,7 @@ class Extent:
         """Create the kernels; `reach` is in pixels, of all levels together."""
         self._layout = layout
         rows = layout.height
+        self._row_items = row_items(device, 1, rows)
 
         def columns(label: str) -> cla.Array:
             return device.zeros(f"{name} {label}", (rows, 2), np.int32)
@@ -224,5 +225,5 @@ class Extent:
         """Find the columns and fill `used`."""
         rows = (self._layout.height,)
         self._now, self._before = self._before, self._now
-        self._find(rows, signal=signal, variance=variance)
+        self._find(self._row_items, signal=signal, variance=variance)
         self._grow(rows, previous=self._before, grown=self._now)

@@ -14,7 +14,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
 from iprt.device.program import Define
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.layout import PAD, PlaneLayout
+from iprt.gbuffer.layout import PAD, PlaneLayout, row_items
 
 PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 """Normal x y z, world position x y z in metres, id (0 nothing to trace, -1 outside)."""
@@ -157,6 +157,7 @@ class Guides:
     ) -> None:
         """Create the kernels for one layer per guide."""
         self._guides = guides
+        self._row_items = row_items(device, 3, guides[0].layout.height)
         defines = guides[0].defines()
         size, spans = guides[0].layout.arguments(), span_arguments(guides)
         of_surfaces = batched(
@@ -181,7 +182,7 @@ class Guides:
         for guide in self._guides:
             guide.current, guide.previous = guide.previous, guide.current
         layout = self._guides[0].layout
-        self._find_spans((layout.height, 1, len(self._guides)))
+        self._find_spans((*self._row_items, len(self._guides)))
         self._build(
             (*layout.size, len(self._guides)),
             batched(guide=[guide.current for guide in self._guides]),

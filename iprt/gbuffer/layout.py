@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
 from iprt.geometry.camera import View
 
@@ -75,3 +76,11 @@ class PlaneLayout:
         planes = np.zeros(self.shape(len(image)), image.dtype)
         self.interior(planes)[:] = image
         return planes
+
+
+def row_items(device: ComputeDevice, dimensions: int, rows: int) -> tuple[int, ...]:
+    """Return the work items of kernels that reduce rows (`cl/lib/gbuffer/row.h`)."""
+    if device.wide:
+        return (rows, 1)[:dimensions]
+    first, *others = device.group_size(dimensions)[:2]
+    return rows * first, *others
