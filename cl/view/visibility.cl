@@ -69,7 +69,7 @@ TRACING_KERNEL void see_objects(
     ObjectHit hit;
     front[pixel] = material[pixel] = (float4)(0.0f);
     met[pixel] = (int2)(-1, 0);
-    if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
+    if (!trace_objects(world, (float3)(0.0f), d, INFINITY, 0, &hit))
         return;
     int instance = hit.instance;
     if (outlines_only(world, samples)) {
@@ -126,7 +126,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
             any++;
             continue;
         }
-        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
+        if (!trace_objects(world, (float3)(0.0f), d, INFINITY, 0, &hit))
             continue;
         any++;
         visible += hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE;
