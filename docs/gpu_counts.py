@@ -33,6 +33,9 @@ VIDEO, FRAME = "video", "frame"
 
 BANDED = frozenset(("picture", "surfaces"))
 """Passes that go through a panorama in bands: `iprt.world.real.surfaces`."""
+NO_EDGE = -1
+SHARPENING = frozenset(("sharpen_edges", "sharpen_glossy"))
+"""Kernels that work on pixels at edges alone, which `other_pixel` of `RealLayer` marks."""
 FILL = "fill"
 """Name for clearing a buffer in tables of kernels."""
 
@@ -86,6 +89,8 @@ class Count:
         hold more than a band count once.
     active, rays, steps : int
         Where rays are traced: work items that trace, rays, and the steps of their marches.
+    edges : int
+        Pixels that `SHARPENING` kernels work on; they leave the others as they are.
     loaded, stored : int
         Bytes that instructions load from and store to global memory.
     flops, instructions : float
@@ -99,6 +104,7 @@ class Count:
     active: int = 0
     rays: int = 0
     steps: int = 0
+    edges: int = 0
     loaded: int = 0
     stored: int = 0
     flops: float = 0.0
@@ -111,8 +117,8 @@ class Count:
 
     @property
     def amount(self) -> int:
-        """Steps of rays, or work items, in proportion to which the cost of a launch grows."""
-        return self.steps or self.items
+        """Steps of rays, edges or work items, in proportion to which a launch's cost grows."""
+        return self.steps or self.edges or self.items
 
     def scaled(self, small: Count) -> Count:
         """Return the count with the costs of a smaller run in proportion."""
@@ -209,6 +215,9 @@ def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
         count = counts.setdefault(key, Count(program))
         count.launches += 1
         count.items += int(np.prod(size))
+        if kernel.name in SHARPENING:
+            marks = device.read(kernel.buffers["layer_other_pixel"])
+            count.edges += int((marks != NO_EDGE).sum())
         held = {id(array): array for array in kernel.buffers.values() if hasattr(array, "nbytes")}
         buffers.setdefault(key, []).extend(held.values())
 

@@ -30,7 +30,6 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
         s.wi = sample_boxes(world.objects.bounds, world.objects.count, boxes, u,
                             v.x / box_share);
     } else if (v.x < box_share + s.light_share) {
-        s.aimed = 1;
         const float3 light = sample_light(world.lights, u);
         s.texel = texel_towards(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, o);
@@ -59,7 +58,9 @@ TRACING_KERNEL void trace_delta(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
+    Sums blocked, bounce;
+    clear_sums(blocked);
+    clear_sums(bounce);
     for (int ray = 0; ray < pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
         const float3 o = real_start(world.real, at.p, at.n);
@@ -73,13 +74,12 @@ TRACING_KERNEL void trace_delta(
                                        sobol_2d(index, hash_combine(at.seed, 1)));
         if (!(s.diffuse > 0.0f))
             continue;
-        const PathResult path = trace_path(world, o, o_object, s, at.seed, index);
-        blocked += s.diffuse * path.real;
-        bounce += s.diffuse * path.arriving;
+        const PathSums sums = {bounce, 0, blocked, 1.0f, 0.0f};
+        trace_path(world, o, o_object, s, (float3)(s.diffuse), at.seed, index, sums);
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
     samples[at.pixel] += pixels.rays;
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache.
     const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)pixels.rays;
-    store_signal(signal, at, scale, blocked, bounce);
+    store_signal(signal, at, scale, summed(blocked), summed(bounce));
 }

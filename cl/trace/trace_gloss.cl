@@ -25,7 +25,9 @@ TRACING_KERNEL void trace_gloss(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    float3 hidden = (float3)(0.0f), shown = (float3)(0.0f);
+    Sums hidden, shown;
+    clear_sums(hidden);
+    clear_sums(shown);
     int met = 0;
     for (int ray = 0; ray < pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
@@ -39,17 +41,14 @@ TRACING_KERNEL void trace_gloss(
             brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
         if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
             continue;
-        const PathResult path =
-            trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
-                       at.seed, number);
-        hidden += sample.weight * path.real;
-        shown += sample.weight * path.arriving;
-        met |= path.met;
+        const PathSums sums = {shown, 0, hidden, 1.0f, 0.0f};
+        met |= trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
+                          sample.weight, at.seed, number, sums).met;
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
     samples[at.pixel] += pixels.rays;
     const float3 share = seen_highlight(world, load_material(world.gloss.materials, at.id - 1), at.p);
-    store_planes(change, at.size, at.pixel, (shown - share * hidden) / (float)pixels.rays);
+    store_planes(change, at.size, at.pixel, (summed(shown) - share * summed(hidden)) / (float)pixels.rays);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

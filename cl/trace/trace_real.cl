@@ -21,7 +21,9 @@ TRACING_KERNEL void trace_real(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    float3 real_sum = (float3)(0.0f), both_sum = (float3)(0.0f);
+    Sums without, with;
+    clear_sums(without);
+    clear_sums(with);
     int met = 0;
     const uint first = samples[pixel_of(pixels.list[item], pixels.width)];
     for (int ray = 0; ray < pixels.rays; ray++) {
@@ -29,18 +31,15 @@ TRACING_KERNEL void trace_real(
         const uint index = first + ray;
         const float3 d =
             frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(index, at.seed)));
-        const PathResult path =
-            trace_path(world, real_start(world.real, at.p, at.n), at.p + world.real.bias * at.n,
-                       no_scatter(d), at.seed, index);
-        real_sum += path.real;
-        both_sum += path.arriving;
-        met |= path.met;
+        const PathSums sums = {with, 0, without, 1.0f, 0.0f};
+        met |= trace_path(world, real_start(world.real, at.p, at.n), at.p + world.real.bias * at.n,
+                          no_scatter(d), (float3)(1.0f), at.seed, index, sums).met;
     }
     const int pixel = pixel_of(READ_AGAIN(pixels.list + item), pixels.width);
     const int size = plane_size(pixels.width, pixels.height);
     samples[pixel] = first + pixels.rays;
-    store_planes(signal, size, pixel, real_sum / (float)pixels.rays);
-    store_planes(signal + 3 * size, size, pixel, both_sum / (float)pixels.rays);
+    store_planes(signal, size, pixel, summed(without) / (float)pixels.rays);
+    store_planes(signal + 3 * size, size, pixel, summed(with) / (float)pixels.rays);
     if (met)
         touched[pixel] = TOUCHED_FRAMES;
 }

@@ -37,6 +37,13 @@ static inline float isolation(__global const float *restrict guide, int size, in
     return fmin(9.0f / alike, ISOLATED_PIXEL_RAYS);
 }
 
+// Return the direction through a random position in a pixel.
+static inline ALWAYS_INLINE float3 jittered(const Jitter jitter, const TracedPixel at, uint index)
+{
+    const float2 within = sobol_2d(index, hash_combine(at.seed, 3));
+    return view_direction(jitter.view, (float2)(at.x, at.y) + within);
+}
+
 TRACING_KERNEL void trace_virtual(
     const Pixels pixels,
     __global const float *restrict albedo,
@@ -53,66 +60,72 @@ TRACING_KERNEL void trace_virtual(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
-    float lobe = 0.0f, lobe_nearness = 0.0f;
+    Sums diffuse_sum, specular_sum;
+    clear_sums(diffuse_sum);
+    clear_sums(specular_sum);
+    volatile float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
     const int own = pixel_of(pixels.list[item], pixels.width);
     const int planes = plane_size(pixels.width, pixels.height);
-    const uint first = samples[own];
     const float steady = pixels.rays * share_of_rays(history[own], pixels.rays);
     const float deserved = steady * isolation(pixels.guide, planes, own, plane_stride(pixels.width),
                                               load_planes(pixels.guide, planes, own));
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
-    float3 n, o, viewer, color;
+#ifdef OBJECTS_BVH
+    // What the last ray has met that started within the pixel, rather than its position, normal and albedo:
+    // fewer registers.
+    ObjectHit start;
+    start.instance = -1;
+    uint start_index = 0;
+#endif
     for (int ray = 0; ray < more; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
-        const Material material = load_material(world.materials, at.id - 1);
-        if (ray == 0) {
-            const float distance = length(at.p);
-            n = at.n;
-            o = at.p + object_lift(world.objects, distance) * n;
-            viewer = -at.p / distance;
-            color = load_planes(albedo, planes, at.pixel);
-        }
-        const uint seed = at.seed, index = first + ray;
-        const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
+        const uint seed = at.seed, index = READ_AGAIN(samples + at.pixel) + ray;
+        float3 n = at.n, viewer = -normalize(at.p), color = load_planes(albedo, at.size, at.pixel);
+        float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
 #ifdef OBJECTS_BVH
         // Start at a random position in the pixel if it shows the same material, else where the last ray did.
-        const float2 within = sobol_2d(index, hash_combine(seed, 3));
-        float3 d = n;
-        // The condition on `id` always holds: it keeps the compiler from hoisting these reads out of the loop.
-        if (jitter.on && at.id > 0)
-            d = view_direction(jitter.view, (float2)(at.x, at.y) + within);
-        ObjectHit hit;
-        if (jitter.on && trace_objects(world.objects, (float3)(0.0f), d, INFINITY, &hit)) {
-            const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
-            if (seen.material == at.id - 1) {
-                o = seen.position;
-                n = seen.normal;
-                viewer = -d;
-                color = seen.albedo;
+        if (jitter.on) {
+            const float3 d = jittered(jitter, at, index);
+            ObjectHit hit;
+            if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, 0, &hit)
+                && object_material(world.objects, hit) == at.id - 1) {
+                start = hit;
+                start_index = index;
             }
         }
+        if (start.instance >= 0) {
+            viewer = -jittered(jitter, at, start_index);
+            const Scatterer seen = object_point(world.objects, start, (float3)(0.0f), -viewer);
+            o = seen.position;
+            n = seen.normal;
+            color = seen.albedo;
+        }
 #endif
+        const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
+        const Material material = load_material(world.materials, at.id - 1);
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
         if (!(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f))
             continue;
-        const PathResult path = trace_path(world, o, o, s, seed, index);
-        const float away = fmin(path.distance, FAR_HIT);
-        met |= path.met;
-        diffuse_sum += s.diffuse * path.arriving;
-        specular_sum += s.specular * path.arriving;
-        lobe += luminance(s.specular);
-        lobe_nearness += luminance(s.specular) / fmax(away, 1e-6f);
+        // Metal has no other lobe than a colored one, and the lobe of plastic has no color.
+        const float shine = luminance(s.specular);
+        lobe += shine;
+        const PathSums sums = {diffuse_sum, specular_sum, 0, s.diffuse, shine};
+        const float3 color_of_metal =
+            material.kind == KIND_CONDUCTOR ? s.specular / shine : (float3)(1.0f);
+        const FirstHit hit = trace_path(world, o, o, s, color_of_metal, seed, index, sums);
+        met |= hit.met;
+        lobe_nearness += shine / clamp(hit.distance, 1e-6f, FAR_HIT);
     }
+    const int size = plane_size(pixels.width, pixels.height);
     const int listed = READ_AGAIN(pixels.list + item), pixel = pixel_of(listed, pixels.width);
-    samples[pixel] = first + more;
+    samples[pixel] += more;
     // f / albedo is at most 1 / pi: without albedo, the signal is a mean of radiance.
     if (diffuse)
-        store_planes(diffuse, planes, pixel, diffuse_sum / (float)more);
+        store_planes(diffuse, size, pixel, summed(diffuse_sum) / (float)more);
     if (specular) {
-        store_planes(specular, planes, pixel, specular_sum / (float)more);
+        store_planes(specular, size, pixel, summed(specular_sum) / (float)more);
         store_wrapped(hit_distance, pixel, listed % pixels.width, pixels.width, seam,
                       lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
     }

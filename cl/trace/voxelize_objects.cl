@@ -56,7 +56,7 @@ TRACING_KERNEL void voxelize_objects(
             ObjectHit hit;
             hit.t = INFINITY;
             const int met =
-                trace_objects(objects, o + box.w * at * d, d, (depth - at) * box.w, &hit);
+                trace_objects(objects, o + box.w * at * d, d, (depth - at) * box.w, 0, &hit);
             float to = entered;
             int leaving = 0;
             if (met) {

@@ -72,7 +72,7 @@ TRACING_KERNEL void see_objects(
     ObjectHit hit;
     front[pixel] = material[pixel] = (float4)(0.0f);
     met[pixel] = (int2)(-1, 0);
-    if (!trace_objects(world, (float3)(0.0f), d, INFINITY, &hit))
+    if (!trace_objects(world, (float3)(0.0f), d, INFINITY, 0, &hit))
         return;
     int instance = hit.instance;
     if (outlines_only(world, samples)) {
@@ -226,7 +226,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
             const float3 d = (float3)(rays.x[i], rays.y[i], rays.z[i]);
             rays.state[i] = KNOWN;
             ObjectHit hit;
-            if (!trace_objects(world, (float3)(0.0f), d, behind ? MARGIN * limit : INFINITY, &hit))
+            if (!trace_objects(world, (float3)(0.0f), d, behind ? MARGIN * limit : INFINITY, 0, &hit))
                 continue;
             count.x += hit.t * rays.nearness[i] <= 1.0f + COVERAGE_TOLERANCE;
             count.y += !behind;

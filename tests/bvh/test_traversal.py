@@ -57,6 +57,22 @@ def test_one_by_one_as_at_once(device: ComputeDevice) -> None:
     ).sum() <= 3
 
 
+@pytest.mark.parametrize("scalar", [False, True])
+def test_any_hit_is_found_where_the_nearest_is(device: ComputeDevice, scalar: bool) -> None:
+    rng = np.random.default_rng(16)
+    instance = instance_of(bumpy(rng, 4))
+    o, d = rays_at(instance, 20_000)
+    trace = BvhTracer(device, [instance], scalar=scalar)
+    reach = rng.uniform(0.0, 6.0, 20_000).astype(np.float32)
+    nearest, some = (trace(o, d, reach, any_hit=any_hit) for any_hit in (False, True))
+    met = np.isfinite(nearest.t)
+    assert 0.1 < met.mean() < 0.9
+    np.testing.assert_array_equal(np.isfinite(some.t), met)
+    assert (some.t[met] >= nearest.t[met]).all()
+    assert (some.t[met] < reach[met]).all()
+    assert (some.t > nearest.t).any()
+
+
 @transforms
 def test_transformed_as_brute_force_sees_it(device: ComputeDevice, matrix: Float) -> None:
     instance = instance_of(bumpy(np.random.default_rng(4), 2), matrix)

@@ -24,13 +24,13 @@ __attribute__((intel_vec_len_hint(1)))
 #endif
 __kernel void trace(const int n, __global const float4 *origin, __global const float4 *direction,
                     __global const float *t_max, __global float *distance, __global int2 *what,
-                    __global float4 *point, const Objects world, const Work work)
+                    __global float4 *point, const int any, const Objects world, const Work work)
 {
     const int i = get_global_id(0);
     if (i >= n)
         return;
     ObjectHit hit;
-    const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, t_max[i], &hit);
+    const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, t_max[i], any, &hit);
     distance[i] = met ? hit.t : INFINITY;
     what[i] = met ? (int2)(hit.instance, hit.triangle) : (int2)(-1);
     point[4 * i] = point[4 * i + 1] = point[4 * i + 2] = point[4 * i + 3] = (float4)(0.0f);
@@ -94,8 +94,10 @@ class BvhTracer:
         origins: NDArray[np.floating],
         directions: NDArray[np.floating],
         t_max: NDArray[np.floating] | float = np.inf,
+        *,
+        any_hit: bool = False,
     ) -> Met:
-        """Trace (N, 3) rays."""
+        """Trace (N, 3) rays to the nearest hit, or to any."""
         device, n = self._device, len(directions)
         reach = np.broadcast_to(np.float32(t_max), (n,))
         distance = device.empty("distance", (n,))
@@ -104,6 +106,7 @@ class BvhTracer:
         self._kernel(
             (n,),
             n=n,
+            any=int(any_hit),
             origin=device.upload("origins", four(np.broadcast_to(origins, directions.shape))),
             direction=device.upload("directions", four(directions)),
             t_max=device.upload("reach", reach),

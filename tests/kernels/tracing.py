@@ -141,7 +141,7 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
     if (i >= n)
         return;
     ObjectHit hit;
-    const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, INFINITY, &hit);
+    const int met = trace_objects(world, origin[i].xyz, direction[i].xyz, INFINITY, 0, &hit);
     found[i] = met ? hit.t : INFINITY;
     what[i] = met ? (int2)(hit.index, hit.on_screen) : (int2)(-1, -1);
 }

@@ -151,32 +151,36 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
                 environment_direction(environment, u);
             const int texel = texel_towards(world.real, light);
             s = scatter_along(world, at, towards_light(world.real, light, texel, at.o));
-            s.aimed = 1;
             s.texel = texel;
         } else
 #endif
             s = scatter_sampled(world, at,
                                 (float3)(u, rotated_sobol(index, 2 * ray + 1, seed).x));
         const int dark = !(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f);
-        if (dark && s.aimed)
+        if (dark && is_aimed(s))
             continue;
         if (dark)
             return sums;
 
         ObjectHit hit;
         hit.t = INFINITY;
-        const int object = trace_objects(world.objects, at.o_object, s.wi, INFINITY, &hit);
+        const float away = is_aimed(s) ? light_distance(world.real, s.texel, at.o, s.wi) : INFINITY;
+        const int object = trace_objects(world.objects, at.o_object, s.wi, away, is_aimed(s), &hit);
+        if (is_aimed(s) && object && !delta) {
+            sums.met |= bounce == 0;
+            continue;
+        }
 #ifndef ONE_PASS
         // Light that reaches a real surface past the objects is in the captured picture already.
-        if (delta && !object && s.aimed)
+        if (delta && !object && is_aimed(s))
             continue;
         if (delta && !object)
             return sums;
 #endif
         RealHit real = trace_real_layer(world.real, at.o, s.wi, delta ? INFINITY : hit.t);
-        int aimed_at = !s.aimed;
+        int aimed_at = !is_aimed(s);
 #ifdef LIGHT_SAMPLING
-        const float light = light_density(world.lights, world.real, real, at.o, s.wi);
+        const float light = light_density(world.lights, world.real, real, s.wi);
         aimed_at |= light > 0.0f && real.texel == s.texel;
 #else
         const float light = 0.0f;
@@ -190,13 +194,13 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
             real.t = to_plane;
             real.direction = normalize(at.o + to_plane * s.wi);
             inverse = s.density > 0.0f ? 1.0f / s.density : 1.0f;
-            aimed_at = !s.aimed;
+            aimed_at = !is_aimed(s);
         }
 #else
         const float inverse = 1.0f / density;
 #endif
         // Where an object's face coincides with the surface that it stands on, the object is hit.
-        const int at_object = object && !(real.t < hit.t - world.real.bias);
+        const int at_object = object && (is_aimed(s) || !(real.t < hit.t - world.real.bias));
         sums.met |= bounce == 0 && at_object;
         const float3 passed = bounce == 0 ? (float3)(1.0f) : at.albedo * s.diffuse + s.specular;
         if (aimed_at && (delta || !at_object)) {
@@ -214,7 +218,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
                 sums.specular += (bounce == 0 ? s.specular : first_specular) * arriving;
             }
         }
-        if (s.aimed)
+        if (is_aimed(s))
             continue;
         if (!at_object)
             return sums;

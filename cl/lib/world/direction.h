@@ -15,8 +15,7 @@ typedef struct {
     float density;        // of wi, without light sampling; 0: a perfect mirror,
                           // whose f cos is divided by the density already
     float light_share;    // probability of aiming at lights instead
-    int aimed;            // at a light: any other hit counts as 0
-    int texel;            // of the light aimed at
+    int texel;            // of the light aimed at: any other hit counts as 0; -1: not aimed
 } Scatter;
 
 static inline Scatter no_scatter(float3 wi)
@@ -26,21 +25,23 @@ static inline Scatter no_scatter(float3 wi)
     s.diffuse = 0.0f;
     s.specular = (float3)(0.0f);
     s.density = s.light_share = 0.0f;
-    s.aimed = s.texel = 0;
+    s.texel = -1;
     return s;
 }
 
-// Return 1 / density of the hit of a ray from o; 0 if the ray was aimed at a light and met something else.
-static inline float inverse_density(const World world, const Scatter s, float3 o, const RealHit hit)
+static inline int is_aimed(const Scatter s) { return s.texel >= 0; }
+
+// Return 1 / density of the hit of a ray; 0 if the ray was aimed at a light and met something else.
+static inline float inverse_density(const World world, const Scatter s, const RealHit hit)
 {
     float density = s.density;
     if (!(density > 0.0f))
         return 1.0f;
     if (s.light_share > 0.0f) {
-        const float light = light_density(world.lights, world.real, hit, o, s.wi);
+        const float light = light_density(world.lights, world.real, hit, s.wi);
         // Points that light sampling cannot reach are left to the other techniques alone. At points it can
         // reach, the texel and its plane determine the one point that was aimed at.
-        if (s.aimed && !(light > 0.0f && hit.texel == s.texel))
+        if (is_aimed(s) && !(light > 0.0f && hit.texel == s.texel))
             return 0.0f;
         density += s.light_share * light;
     }

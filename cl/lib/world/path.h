@@ -12,6 +12,7 @@
 #include "world/direction.h"
 #include "world/real/gloss.h"
 #include "maths/sampling.h"
+#include "trace/sums.h"
 #include "world/world.h"
 
 // Sampling of narrower lobes finds lights better than light sampling does.
@@ -32,9 +33,8 @@ static inline ALWAYS_INLINE Scatter scatter(
 {
     Scatter s = no_scatter(n);
     s.light_share = light_share(world, material);
-    s.aimed = u.w < s.light_share;
     const float rest = 1.0f - s.light_share;
-    if (s.aimed) {
+    if (u.w < s.light_share) {
         const float3 light = sample_light(world.lights, u.xy);
         s.texel = texel_towards(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, x);
@@ -57,13 +57,27 @@ static inline ALWAYS_INLINE Scatter scatter(
     return s;
 }
 
-// Radiance along one path. Rays start at o_object towards objects, at o towards real surfaces.
+// Where the radiance / density of paths is summed.
 typedef struct {
-    float3 arriving;    // radiance / density at the start, objects included
-    float3 real;        // the same without objects
-    float distance;     // to the first hit, metres; INFINITY: sky
-    int met;            // the first hit is an object
-} PathResult;
+    volatile float *arriving;    // objects included, times `of_arriving`
+    volatile float *specular;    // the same, times `of_specular`; null: nowhere
+    volatile float *real;        // without objects
+    float of_arriving, of_specular;
+} PathSums;
+
+// The first hit of a path.
+typedef struct {
+    float distance;     // metres; INFINITY: sky. Of aimed rays whose lobe is diffuse alone it
+                        // is of any hit
+    int met;            // it is an object
+} FirstHit;
+
+static inline ALWAYS_INLINE void arrive(const PathSums sums, float3 radiance)
+{
+    add_to(sums.arriving, sums.of_arriving * radiance);
+    if (sums.specular)
+        add_to(sums.specular, sums.of_specular * radiance);
+}
 
 #ifdef GLOSS
 // Return 1 + the material index of a glossy real surface that a ray has hit, else 0.
@@ -94,23 +108,27 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 }
 #endif
 
-// Trace a path. It is one loop with one call of each march, because OpenCL compilers inline them.
+#ifdef DELTA
+#define FIRST_ANY 0
+#else
+#define FIRST_ANY 1
+#endif
+
+// Trace a path and add `throughput` times its radiance to sums. Rays start at o_object towards objects, at o
+// towards real surfaces. It is one loop with one call of each march, because OpenCL compilers inline them.
 // -D WITHOUT_OBJECTS also fills `real`, at the cost of tracing past the objects.
-// -D DELTA computes only the change by objects: a path whose first surface is real ends there, and `real`
-// is the radiance that the first object hides.
-static inline ALWAYS_INLINE PathResult trace_path(
-    const World world, float3 o, float3 o_object, Scatter s, uint seed, uint index)
+// -D DELTA computes only the change by objects: a path whose first surface is real ends there, and `real` is
+// the radiance that the first object hides.
+static inline ALWAYS_INLINE FirstHit trace_path(
+    const World world, float3 o, float3 o_object, Scatter s, float3 throughput, uint seed, uint index,
+    PathSums sums)
 {
-    PathResult result;
-    result.met = 0;
-    result.distance = INFINITY;
-    result.real = result.arriving = (float3)(0.0f);
-    float3 throughput = (float3)(1.0f);
+    FirstHit first = {INFINITY, 0};
 #if defined(DELTA) && defined(IMPOSTOR)
     // An occluder between a real surface and the middle of the objects blocks the surface's rays towards
     // them. The cube map does not show the occluder from behind.
     if (impostor_hides(world.real.impostor, o - world.real.impostor.centre.xyz))
-        return result;
+        return first;
 #endif
 #ifdef GLOSS
     int reflected = 0;
@@ -120,11 +138,18 @@ static inline ALWAYS_INLINE PathResult trace_path(
         const float3 d = s.wi;
         ObjectHit hit;
         hit.t = INFINITY;
+        // Nothing depends on which object is between a virtual surface and a light that the ray is aimed at,
+        // but for the distance of a reflection.
+        const int diffuse = !(s.specular.x + s.specular.y + s.specular.z > 0.0f);
+        const int blocked_by_any = is_aimed(s) && (bounce > 0 || (FIRST_ANY && diffuse));
+        const float away = blocked_by_any ? light_distance(world.real, s.texel, o, d) : INFINITY;
         const int object = bounce < world.max_bounces
-            && trace_objects(world.objects, o_object, d, INFINITY, &hit);
+            && trace_objects(world.objects, o_object, d, away, blocked_by_any, &hit);
+        if (blocked_by_any && object)
+            return first;
 #ifdef DELTA
         if (bounce == 0 && !object)
-            return result;
+            return first;
 #endif
 #if defined(WITHOUT_OBJECTS) || defined(DELTA)
         const float t_max = object && bounce > 0 ? hit.t : INFINITY;
@@ -136,40 +161,40 @@ static inline ALWAYS_INLINE PathResult trace_path(
         // because light would leak into the object otherwise.
         const int at_object = object && !(real.t < hit.t - world.real.bias);
         if (bounce == 0)
-            result.distance = at_object ? hit.t : real.t;
+            first.distance = at_object ? hit.t : real.t;
 #ifdef WITHOUT_OBJECTS
-        if (bounce == 0)
-            result.real = real_radiance(world, real, d);
+        if (bounce == 0) {
+            const float3 radiance = real_radiance(world, real, d);
+            add_to(sums.real, radiance);
+            // Bit-identical where no object is hit.
+            if (!at_object) {
+                add_to(sums.arriving, radiance);
+                return first;
+            }
+        }
 #endif
         if (!at_object) {
 #ifdef DELTA
             if (bounce == 0)
-                return result;
+                return first;
 #endif
-#ifdef WITHOUT_OBJECTS
-            // Bit-identical where no object is hit.
-            if (bounce == 0) {
-                result.arriving = result.real;
-                return result;
-            }
-#endif
-            const float share = inverse_density(world, s, o, real);
+            const float share = inverse_density(world, s, real);
             if (!(share > 0.0f))
-                return result;
+                return first;
             throughput *= share;
 #ifdef GLOSS
             const int gloss = reflected ? 0 : gloss_at(world, real);
             if (gloss) {
                 // A conductor has no diffuse part.
                 if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
-                    result.arriving += throughput * real_radiance(world, real, d);
-                const float3 n = -normalize(world.real.surface[real.texel].xyz), p = o + real.t * d;
+                    arrive(sums, throughput * real_radiance(world, real, d));
+                const float3 n = -normalize(world.real.surface[real.texel].xyz), p = hit_point(real);
                 const BrdfSample specular =
                     reflect_real(world, gloss - 1, p, n, d,
                                  sobol_2d(index, hash_combine(seed, 2 * bounce + 3)));
                 throughput *= specular.weight;
                 if (!(throughput.x + throughput.y + throughput.z > 0.0f))
-                    return result;
+                    return first;
                 o = real_start(world.real, p, n);
                 o_object = p + world.real.bias * n;
                 s = no_scatter(specular.wi);
@@ -177,24 +202,24 @@ static inline ALWAYS_INLINE PathResult trace_path(
                 continue;
             }
 #endif
-            result.arriving += throughput * real_radiance(world, real, d);
-            return result;
+            arrive(sums, throughput * real_radiance(world, real, d));
+            return first;
         }
 #ifdef DELTA
         if (bounce == 0) {
-            const float share = inverse_density(world, s, o, real);
+            const float share = inverse_density(world, s, real);
             if (!(share > 0.0f))
-                return result;
-            result.real = share * captured_radiance(world.real, real, d);
+                return first;
             throughput *= share;
+            add_to(sums.real, throughput * captured_radiance(world.real, real, d));
         } else
 #endif
         {
-            if (s.aimed)
-                return result;
+            if (is_aimed(s))
+                return first;
             throughput *= s.density > 0.0f ? 1.0f / s.density : 1.0f;
         }
-        result.met |= bounce == 0;
+        first.met |= bounce == 0;
         const Scatterer at = object_point(world.objects, hit, o_object, d);
         const uint stream = hash_combine(seed, 2 * bounce + 2);
         const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
@@ -203,7 +228,7 @@ static inline ALWAYS_INLINE PathResult trace_path(
                     (float4)(u, v));
         throughput *= at.albedo * s.diffuse + s.specular;
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
-            return result;
+            return first;
     }
-    return result;
+    return first;
 }

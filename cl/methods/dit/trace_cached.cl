@@ -66,7 +66,9 @@ TRACING_KERNEL void trace_cached(
             hits += meets_objects(world, o, sample_direction(world, at.n, first + i, at.seed));
     }
     const int traced = cache_size > 0 ? min(hits, cache_size) : pixels.rays;
-    float3 blocked = (float3)(0.0f), bounce = (float3)(0.0f);
+    Sums blocked, bounce;
+    clear_sums(blocked);
+    clear_sums(bounce);
     int left = hits, next = 0;
     for (int ray = 0; ray < traced; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, CACHED);
@@ -88,14 +90,13 @@ TRACING_KERNEL void trace_cached(
         if (!(s.diffuse > 0.0f))
             continue;
         const float3 o = real_start(world.real, at.p, at.n);
-        const PathResult path = trace_path(world, o, o_object, s, at.seed, first + next - 1);
-        blocked += s.diffuse * path.real;
-        bounce += s.diffuse * path.arriving;
+        const PathSums sums = {bounce, 0, blocked, 1.0f, 0.0f};
+        trace_path(world, o, o_object, s, (float3)(s.diffuse), at.seed, first + next - 1, sums);
     }
     const TracedPixel at = traced_pixel(pixels, item, CACHED);
     samples[at.pixel] += pixels.rays;
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache of E_R.
     const float others = traced > 0 ? (float)hits / traced : 0.0f;
     const float3 scale = inverse_irradiance(cache, at.p, at.n) * (others / pixels.rays);
-    store_signal(signal, at, scale, blocked, bounce);
+    store_signal(signal, at, scale, summed(blocked), summed(bounce));
 }

@@ -27,7 +27,7 @@ TRACING_KERNEL void shadow_maps(
     if (dot(d, d) > 0.0f) {
         ObjectHit hit;
         hit.t = INFINITY;
-        if (trace_objects(objects, light.position, d, INFINITY, &hit))
+        if (trace_objects(objects, light.position, d, INFINITY, 0, &hit))
             met.x = hit.t;
         met.y = trace_real_layer(real, light.position, d, INFINITY).t;
     }

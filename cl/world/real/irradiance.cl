@@ -311,8 +311,7 @@ TRACING_KERNEL void refine_cells(
         const float2 u = sobol_2d(first + ray, stream);
         Scatter s = no_scatter(n);
         s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
-        s.aimed = sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share;
-        if (s.aimed) {
+        if (sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share) {
             const float3 light = sample_light(world.lights, u);
             s.texel = texel_towards(world.real, light);
             s.wi = towards_light(world.real, light, s.texel, o);
@@ -325,7 +324,7 @@ TRACING_KERNEL void refine_cells(
             continue;
         s.density = (1.0f - s.light_share) * cosine / IPRT_PI;
         const RealHit hit = trace_real_layer(world.real, o, s.wi, INFINITY);
-        const float share = inverse_density(world, s, o, hit) * cosine / IPRT_PI;
+        const float share = inverse_density(world, s, hit) * cosine / IPRT_PI;
         if (!(share > 0.0f))
             continue;
         const float3 light = share * real_radiance(world, hit, s.wi);

@@ -169,11 +169,11 @@ const int texel = texel_towards(world.real, v);
 d = towards_light(world.real, v, texel, x);
 const RealHit hit = trace_real_layer(world.real, x, d, INFINITY);
 counts = hit.texel == texel
-    && light_density(world.lights, world.real, hit, x, d) > 0.0f;
+    && light_density(world.lights, world.real, hit, d) > 0.0f;
 """
 STATE = """
 const RealHit hit = trace_real_layer(world.real, x, d, INFINITY);
-density = light_density(world.lights, world.real, hit, x, d);
+density = light_density(world.lights, world.real, hit, d);
 """
 
 

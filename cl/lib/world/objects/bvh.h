@@ -57,10 +57,15 @@ typedef struct {
 // A ray in the space of the current tree.
 typedef struct {
     float3 inverse;      // of the direction, finite
+#ifdef BVH_WIDE
     float3 start;        // inverse times the origin
     float3 o;            // the origin's components kx, ky, kz
+    int kx, ky;
+#else
+    float3 o;            // the origin; the rest is computed again where it is needed, to save registers
+#endif
     float3 sheared;      // Sx, Sy, Sz of Woop et al., section 3.1
-    int kx, ky, kz;
+    int kz;
 } BvhRay;
 
 // Return the components kx, ky, kz of v. CPUs would mispredict branches, and GPUs would put indexed components
@@ -75,16 +80,20 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
     BvhRay ray;
     const float3 size = fabs(d);
     ray.kz = size.z >= fmax(size.x, size.y) ? 2 : size.x <= size.y;
-    ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
-    ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
-    ray.o = bvh_permuted(o, ray.kz);
     const float3 permuted = bvh_permuted(d, ray.kz);
     ray.sheared.z = 1.0f / permuted.z;
     ray.sheared.xy = permuted.xy * ray.sheared.z;
     // Bounds the inverse of a component near 0, so that 0 is never multiplied by infinity.
     const float least = 1e-18f * fabs(permuted.z);
     ray.inverse = 1.0f / select(copysign((float3)(least), d), d, size > least);
+#ifdef BVH_WIDE
     ray.start = ray.inverse * o;
+    ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
+    ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
+    ray.o = bvh_permuted(o, ray.kz);
+#else
+    ray.o = o;
+#endif
     return ray;
 }
 
@@ -165,7 +174,7 @@ static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray
 static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
 {
     const float4 row0 = node[0], row1 = node[1];
-    const float3 corner = fma(row0.xyz, ray.inverse, -ray.start);
+    const float3 corner = (row0.xyz - ray.o) * ray.inverse;
     const float3 size = (float3)(row0.w, row1.xy) * ray.inverse;
     __global const int *bounds = (__global const int *)node + 6;
     __global const int *references = (__global const int *)(node + 6);
@@ -250,17 +259,19 @@ static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit
 {
 #pragma OPENCL FP_CONTRACT OFF
     __global const float *corners = (__global const float *)(bvh.packets + BVH_PACKET_ROWS * packet);
-    __global const float *x = corners + 4 * ray.kx, *y = corners + 4 * ray.ky, *z = corners + 4 * ray.kz;
+    const int kx = ray.kz == 2 ? 0 : ray.kz + 1, ky = kx == 2 ? 0 : kx + 1;
+    __global const float *x = corners + 4 * kx, *y = corners + 4 * ky, *z = corners + 4 * ray.kz;
+    const float3 o = bvh_permuted(ray.o, ray.kz);
     int met = 0;
 #pragma unroll 1
     for (int column = 0; column < 4; column++) {
-        const float az = z[column] - ray.o.z, bz = z[column + 12] - ray.o.z, cz = z[column + 24] - ray.o.z;
-        const float ax = (x[column] - ray.o.x) - ray.sheared.x * az;
-        const float bx = (x[column + 12] - ray.o.x) - ray.sheared.x * bz;
-        const float cx = (x[column + 24] - ray.o.x) - ray.sheared.x * cz;
-        const float ay = (y[column] - ray.o.y) - ray.sheared.y * az;
-        const float by = (y[column + 12] - ray.o.y) - ray.sheared.y * bz;
-        const float cy = (y[column + 24] - ray.o.y) - ray.sheared.y * cz;
+        const float az = z[column] - o.z, bz = z[column + 12] - o.z, cz = z[column + 24] - o.z;
+        const float ax = (x[column] - o.x) - ray.sheared.x * az;
+        const float bx = (x[column + 12] - o.x) - ray.sheared.x * bz;
+        const float cx = (x[column + 24] - o.x) - ray.sheared.x * cz;
+        const float ay = (y[column] - o.y) - ray.sheared.y * az;
+        const float by = (y[column + 12] - o.y) - ray.sheared.y * bz;
+        const float cy = (y[column + 24] - o.y) - ray.sheared.y * cz;
         const float u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
         if (!((u >= 0.0f && v >= 0.0f && w >= 0.0f) || (u <= 0.0f && v <= 0.0f && w <= 0.0f)))
             continue;
@@ -309,9 +320,9 @@ static inline int bvh_reference(const Bvh bvh, int node, int column)
     return ((__global const int *)(bvh.nodes + BVH_NODE_ROWS * node + 6))[column];
 }
 
-// Find the nearest triangle along o + t d with 0 < t < t_max. Returns 1 if there is one. o and d must be
-// finite, and d not 0.
-static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhHit *hit)
+// Find the nearest triangle along o + t d with 0 < t < t_max, or, with `any`, one of them. Returns 1 if there
+// is one. o and d must be finite, and d not 0.
+static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, int any, BvhHit *hit)
 {
     COUNT_RAY(bvh.work, WORK_OBJECTS);
     if (bvh.count == 0)
@@ -343,6 +354,7 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, BvhH
         } else if (bvh_packet(bvh, ray, ~reference, hit)) {
             hit->instance = instance;
             met = 1;
+            top = any ? 0 : top;
         }
         if (top == 0) {
             COUNT_STEPS(bvh.work, WORK_OBJECTS, step + 1);

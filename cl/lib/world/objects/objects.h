@@ -5,7 +5,9 @@
 //   without                  objects_raster.h  layers rasterized from the capture centre
 //
 //   Objects                                     the block of iprt/world/objects/object_bvh.py
-//   trace_objects(objects, o, d, t_max, &hit)   nearest surface before t_max, hit.t; 1: found
+//   trace_objects(objects, o, d, t_max, any, &hit)
+//                                               nearest surface before t_max, hit.t; 1: found. With `any`,
+//                                               whichever surface is found first
 //   object_point(objects, hit, o, d)            the surface there: Scatterer
 //   object_lift(objects, distance)              offset in metres of rays from visible surfaces
 #pragma once

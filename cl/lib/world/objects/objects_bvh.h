@@ -21,9 +21,9 @@
 typedef BvhHit ObjectHit;
 
 static inline ALWAYS_INLINE int trace_objects(
-    const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+    const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
 {
-    return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, hit);
+    return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, any, hit);
 }
 
 // Return the bilinear value of a repeated texture; row 0 is at v = 1.
@@ -73,6 +73,13 @@ static inline float largest(float3 v)
     return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
 }
 
+// Return the index, among all instances' materials, of the one that a ray has hit.
+static inline ALWAYS_INLINE int object_material(const Objects world, const ObjectHit hit)
+{
+    __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
+    return as_int(rows[6].y) + world.bvh.triangles[hit.triangle].w;
+}
+
 // The triangle that a ray along d has hit, in world space.
 typedef struct {
     float3 position;
@@ -88,7 +95,7 @@ typedef struct {
 // Return the offset from x up to the plane through the origin with normal n, 0 if x is above it.
 static inline float3 above_plane(float3 x, float3 n) { return fmax(-dot(x, n), 0.0f) * n; }
 
-static inline ObjectSurface object_surface(const Objects world, const ObjectHit hit, float3 d)
+static inline ALWAYS_INLINE ObjectSurface object_surface(const Objects world, const ObjectHit hit, float3 d)
 {
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
     __global const float4 *packet = world.bvh.packets + BVH_PACKET_ROWS * (hit.triangle >> 2);
@@ -99,7 +106,7 @@ static inline ObjectSurface object_surface(const Objects world, const ObjectHit 
     const float3 moved = (float3)(rows[3].w, rows[4].w, rows[5].w);
     ObjectSurface at;
     at.vertices = world.bvh.triangles[hit.triangle];
-    at.material = as_int(rows[6].y) + at.vertices.w;
+    at.material = object_material(world, hit);
     at.weights = (float3)(1.0f - hit.u - hit.v, hit.u, hit.v);
     at.position = at.weights.x * a + at.weights.y * b + at.weights.z * c;
     at.reach = fmax(fmax(largest(a), largest(b)), fmax(largest(c), largest(moved)));

@@ -9,7 +9,7 @@ typedef struct {
     float t;
 } ObjectHit;
 
-static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
 {
     return 0;
 }

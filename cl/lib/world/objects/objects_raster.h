@@ -265,7 +265,8 @@ static inline float2 bounds_interval(const Objects world, float3 o, float3 d, fl
 
 // Find the nearest virtual surface along the ray before t_max. Returns 1 if there is one. `outside` = 0 for
 // a ray that starts on an object and might start below its rasterized surface.
-static inline int trace_objects(const Objects world, float3 o, float3 d, float t_max, ObjectHit *hit)
+static inline int trace_objects(
+    const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
 {
     if (!is_ray(o, d))
         return 0;

@@ -89,8 +89,7 @@ static inline int hidden_leaf(const RealLayer layer, const PolarRay ray, const S
     }
     if (!met_front && !met_back)
         return 0;
-    hit->t = fmax(polar_t(ray, u), 0.0f);
-    hit->direction = normalize(ray.m + u * ray.d);
+    meet_at(ray, u, hit);
     hit->behind = met_back;
     return 1;
 }
@@ -109,6 +108,7 @@ static inline int radial_background(const RealLayer layer, const PolarRay ray, i
     if (ray.od > radius + layer.bias)
         return -1;
     hit->t = fmax(radius - ray.od, 0.0f);
+    hit->radius = ray.od + hit->t;
     hit->behind = 1;
     return 1;
 }

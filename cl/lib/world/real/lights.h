@@ -13,6 +13,10 @@
 #include "world/real/real.h"
 #include <iprt.world.real.lights>
 
+#if defined(DISTANT_ENVIRONMENT) || defined(IMPOSTOR)
+#define LIGHTS_FAR_AWAY // aimed at in the table's directions
+#endif
+
 // Surfaces that the capture centre sees at a smaller cosine are not aimed at.
 #define LIGHT_GRAZING 0.05f
 // Rays that hit a surface this far off the texel's plane, as a fraction of its distance from the centre,
@@ -49,7 +53,7 @@ static inline int aims_behind(const RealLayer layer, int texel)
 // Return the direction from x to the point of the tangent plane of `texel` in direction v.
 static inline float3 towards_light(const RealLayer layer, float3 v, int texel, float3 x)
 {
-#if defined(DISTANT_ENVIRONMENT) || defined(IMPOSTOR)
+#ifdef LIGHTS_FAR_AWAY
     return v;
 #else
     float4 surface = layer.surface[texel];
@@ -66,6 +70,18 @@ static inline float3 towards_light(const RealLayer layer, float3 v, int texel, f
 #endif
 }
 
+// Return an upper limit of the distance from x to the light of `texel` in direction d, from towards_light().
+static inline ALWAYS_INLINE float light_distance(const RealLayer layer, int texel, float3 x, float3 d)
+{
+#ifdef LIGHTS_FAR_AWAY
+    return INFINITY;
+#else
+    const float4 surface = aims_behind(layer, texel) ? layer.background.surface[texel] : layer.surface[texel];
+    const float t = (1.0f - dot(surface.xyz, x)) / dot(surface.xyz, d);
+    return !((int)surface.w & SURFACE_NONE) && t > 0.0f ? t + layer.bias : INFINITY;
+#endif
+}
+
 static inline int light_cell(const Lights lights, float3 v)
 {
     const float2 uv = equirect_uv(v);
@@ -73,9 +89,9 @@ static inline int light_cell(const Lights lights, float3 v)
         + min((int)(uv.x * lights.columns), lights.columns - 1);
 }
 
-// Return the density per solid angle at x with which light sampling samples d, given the ray's hit.
-static inline float light_density(const Lights lights, const RealLayer layer, const RealHit hit,
-                                  float3 x, float3 d)
+// Return the density per solid angle with which light sampling samples d at the start of a ray along d, given
+// its hit.
+static inline float light_density(const Lights lights, const RealLayer layer, const RealHit hit, float3 d)
 {
 #ifdef IMPOSTOR
     return lights.count > 0 ? lights.density[light_cell(lights, d)] : 0.0f;
@@ -88,7 +104,7 @@ static inline float light_density(const Lights lights, const RealLayer layer, co
     if (!(density > 0.0f) || hit.kind == HIT_SKY)
         return density;
     const float3 g = (hit.behind ? layer.background.surface : layer.surface)[hit.texel].xyz;
-    const float3 y = x + hit.t * d;
+    const float3 y = hit_point(hit);
     const float towards_centre = dot(g, hit.direction);
     if (!(towards_centre > LIGHT_GRAZING * length(g) && fabs(dot(g, y) - 1.0f) < LIGHT_OFF_PLANE))
         return 0.0f;

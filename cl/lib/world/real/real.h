@@ -33,6 +33,7 @@ typedef struct {
     float t;            // metres along the ray; INFINITY for HIT_SKY and HIT_UNKNOWN
     float3 direction;   // towards the hit's radiance in the panorama; with an impostor,
                         // from its centre, of any length
+    float radius;       // metres from the capture centre of a hit at `direction`, without an impostor
     int texel;          // of `direction`; with an impostor, of the ray's own direction
     int kind;           // HIT_*
     int behind;         // the hit is background that the first layer hides
@@ -78,6 +79,22 @@ static inline float surface_radius(float gm, float gd, float u, float root, floa
     return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
 }
 
+// Put a hit at u on the ray.
+static inline ALWAYS_INLINE void meet_at(const PolarRay ray, float u, RealHit *hit)
+{
+    const float3 v = ray.m + u * ray.d;
+    const float root = length(v);
+    hit->t = fmax(polar_t(ray, u), 0.0f);
+    hit->direction = v / root;
+    hit->radius = ray.b * root;
+}
+
+// Return the point of a hit other than HIT_SKY and HIT_UNKNOWN. Rays need not keep their start for it.
+static inline ALWAYS_INLINE float3 hit_point(const RealHit hit)
+{
+    return hit.radius * hit.direction;
+}
+
 // Offset of rays above a real surface, in texel footprints.
 #define REAL_LIFT 2.0f
 
@@ -95,44 +112,39 @@ static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
 }
 
 // Intersect a ray with the assumed back face behind the edge of a visible surface, IPRT Figure 4, in the
-// plane of the ray and the capture centre. The back face starts at the edge point g1, perpendicular to the
-// surface. The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and the hit if the
-// panorama shows p' on that same surface.
-static inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at, float3 g,
-                     float radius, RealHit *hit)
+// plane of the ray and the capture centre, with the axes m and d. The back face starts at the edge point g1,
+// perpendicular to the surface. The ray meets it at p; p' lies as far from g1 along the surface. Returns 1 and
+// the hit if the panorama shows p' on that same surface. `outward` is the surface's g in that plane, and
+// `size` the length of g.
+static inline int back_face(const RealLayer layer, const PolarRay ray, const Segment at, float2 outward,
+                            float size, float radius, RealHit *hit)
 {
-    const float3 edge = (ray.m + at.u0 * ray.d) / at.root0;
-    const float3 start = edge * (ray.b * at.root0);
-    const float3 g1 = edge * radius;
-    const float3 outward = normalize(g);
-    const float3 plane = normalize(cross(edge, ray.d));
-    float3 along = cross(outward, plane);
-    const float length_along = length(along);
-    if (!(length_along > 1e-3f))
+    const float in_plane = length(outward);
+    if (!(in_plane > 1e-3f * size))
         return 0;
-    along /= length_along;
+    const float2 behind = outward / in_plane;
+    const float2 edge = (float2)(1.0f, at.u0) / at.root0;
     // Into the surface, the way the ray's direction turns.
-    const float3 turning = ray.d - dot(ray.d, edge) * edge;
-    along *= dot(along, turning) < 0.0f ? -1.0f : 1.0f;
-    const float3 behind = normalize(outward - dot(outward, plane) * plane);
-
-    const float2 from = (float2)(dot(start - g1, along), dot(start - g1, behind));
-    const float2 heading = (float2)(dot(ray.d, along), dot(ray.d, behind));
-    if (!(heading.x > 1e-4f))
+    float2 along = (float2)(-behind.y, behind.x);
+    along *= along.y - edge.y * dot(edge, along) < 0.0f ? -1.0f : 1.0f;
+    if (!(along.y > 1e-4f))
         return 0;   // theta <= 0: the ray moves away from the back face
-    const float travel = fmax(-from.x / heading.x, 0.0f);
-    const float depth = from.y + travel * heading.y;
+    const float beyond = ray.b * at.root0 - radius; // of the ray's start from g1, along `edge`
+    const float travel = fmax(-beyond * dot(edge, along) / along.y, 0.0f);
+    const float depth = beyond * dot(edge, behind) + travel * behind.y;
     if (!(depth > 0.0f))
         return 0;
-    const float3 substitute = g1 + depth * along;
+    const float2 substitute = radius * edge + depth * along;
     const float reach = length(substitute);
-    const int texel = texel_towards(layer, substitute);
+    const float3 direction = (substitute.x * ray.m + substitute.y * ray.d) / reach;
+    const int texel = texel_towards(layer, direction);
     const float2 range = layer.grid.range[texel];
     const float tolerance = 0.5f * real_thickness(layer, reach);
     if (reach < range.x - tolerance || reach > range.y + tolerance)
         return 0;
     hit->t = polar_t(ray, at.u0) + travel;
-    hit->direction = substitute / reach;
+    hit->direction = direction;
+    hit->radius = reach;
     hit->texel = texel;
     hit->kind = HIT_BACK_FACE;
     return 1;
@@ -191,7 +203,8 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
         found = behind0 > 0.0f && behind0 <= layer.bias && behind1 > behind0;
     } else if (*side == SIDE_FRONT && behind0 > 0.0f) {
         if (!connected) {
-            if (layer.back_faces && back_face(layer, ray, at, surface.xyz, radius0, hit))
+            if (layer.back_faces
+                && back_face(layer, ray, at, (float2)(gm, gd), length(surface.xyz), radius0, hit))
                 return 1;
             hit->kind = HIT_SIDE;
         }
@@ -221,8 +234,7 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
     }
     if (!found)
         return 0;
-    hit->t = fmax(polar_t(ray, u), 0.0f);
-    hit->direction = normalize(ray.m + u * ray.d);
+    meet_at(ray, u, hit);
     return 1;
 }
 
@@ -239,9 +251,11 @@ static inline int real_leaf(const RealLayer layer, const PolarRay ray, const Seg
 
 // Intersect a ray whose line passes so close to the capture centre that the direction of closest approach
 // is rounding noise. It stays in the texel where it starts and in the one it heads for.
-static inline int radial_real(const RealLayer layer, const PolarRay ray, int texel, RealHit *hit)
+static inline int radial_real(const RealLayer layer, const PolarRay ray, RealHit *hit)
 {
+    const int texel = texel_towards(layer, ray.d);
     const float4 surface = layer.surface[texel];
+    hit->texel = texel;
     if ((int)surface.w & SURFACE_NONE)
         return 0;
     const float2 range = layer.grid.range[texel];
@@ -254,6 +268,7 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, int tex
 #endif
     }
     hit->t = fmax(radius - ray.od, 0.0f);
+    hit->radius = ray.od + hit->t;
     return 1;
 }
 
@@ -266,17 +281,18 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     if (!is_ray(o, d)) {
         hit.t = INFINITY;
         hit.direction = (float3)(0.0f, 1.0f, 0.0f);
+        hit.radius = INFINITY;
         hit.texel = 0;
         hit.kind = HIT_UNKNOWN;
         hit.behind = 0;
         return hit;
     }
-    const int texel = texel_towards(layer, d);
     hit.kind = HIT_SURFACE;
-    hit.texel = texel;
     hit.direction = d;
+    hit.radius = INFINITY;
     hit.behind = 0;
 #ifdef IMPOSTOR
+    hit.texel = texel_towards(layer, d);
     COUNT_RAY(layer.grid.work, WORK_REAL);
     COUNT_STEPS(layer.grid.work, WORK_REAL, layer.impostor.steps);
     const float3 x = o - layer.impostor.centre.xyz;
@@ -297,17 +313,18 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     if (!(layer.farthest > 0.0f))
         found = 0;
     else if (!(ray.b > 2e-4f * layer.nearest))
-        found = radial_real(layer, ray, texel, &hit);
+        found = radial_real(layer, ray, &hit);
     else
         found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
 #endif
     if (found != 1) {
         hit.t = INFINITY;
-        hit.texel = texel;
+        hit.texel = texel_towards(layer, d);
         hit.direction = d;
+        hit.radius = INFINITY;
         hit.kind = found == 0 ? HIT_SKY : HIT_UNKNOWN;
 #ifdef BACKGROUND
-        hit.behind = found == 0 && sky_behind(layer, texel);
+        hit.behind = found == 0 && sky_behind(layer, hit.texel);
 #endif
     }
     return hit;
