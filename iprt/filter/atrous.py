@@ -14,7 +14,6 @@ from iprt.device.program import Define
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.tiles import tile_arguments
-from iprt.gbuffer.layout import PlaneLayout
 from iprt.settings.filter import AtrousSettings
 
 

@@ -48,9 +48,7 @@ def wide_awake(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     return lambda: monkeypatch.setattr(Guides, "run", lambda self, view, **_: run(self, view))
 
 
-def test_what_sleeps_is_the_panorama(
-    device: ComputeDevice, wide_awake: Callable[[], None]
-) -> None:
+def test_what_sleeps_is_the_panorama(device: ComputeDevice, wide_awake: Callable[[], None]) -> None:
     with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
         picture = renderer.render(24).color
         # Pixels at edges of surfaces show what is beyond, too.
