@@ -5,6 +5,7 @@ For `docs/gpu.py`. Kernels are built as for a device that is no CPU, whatever pl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from iprt.device.counting import CountingDevice
 from iprt.device.kernel import Kernel
 from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
+from iprt.gbuffer.tiles import TILE
 from iprt.measure.camera_motion import Turn, turned
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
@@ -84,6 +86,7 @@ class Count:
     program : str
         File and defines.
     launches, items : int
+        Items of lists of tiles, where a kernel works on these.
     bound : int
         Bytes of the bound buffers, each once per launch; where a pass works in bands, buffers that
         hold more than a band count once.
@@ -214,7 +217,7 @@ def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
         program = kernel.program.replace(" -DCOUNT_WORK=1", "")
         count = counts.setdefault(key, Count(program))
         count.launches += 1
-        count.items += int(np.prod(size))
+        count.items += _items(device, kernel, size)
         if kernel.name in SHARPENING:
             marks = device.read(kernel.buffers["layer_other_pixel"])
             count.edges += int((marks != NO_EDGE).sum())
@@ -235,6 +238,15 @@ def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
         counts[key].active = work.active
         counts[key].rays = work.real.count + work.objects.count
         counts[key].steps = work.real.steps + work.objects.steps
+
+
+def _items(device: ComputeDevice, kernel: Kernel, size: tuple[int, ...]) -> int:
+    """Return the work items of a launch; over lists of tiles, those that have something to do."""
+    if "tiles" not in kernel.buffers or size[0] != TILE:
+        return math.prod(size)
+    lists = device.read(kernel.buffers["tiles"])
+    layers = [kernel._fixed[f"layer_{entry}"] for entry in range(size[2])]
+    return size[0] * size[1] * int(sum(lists[layer, 0] for layer in layers)) // (lists.shape[1] - 1)
 
 
 def _bound(arrays: list[cla.Array], whole: int) -> int:

@@ -32,7 +32,6 @@ from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
-from iprt.methods.iprt import IprtSettings
 from iprt.settings.model import Settings
 from iprt.trace import voxels
 from tests.films import entry_points, films, launches, play
@@ -193,7 +192,7 @@ def with_small_grids(settings: Settings) -> Settings:
     irradiance = settings.irradiance.model_copy(update={"rows": GRID_ROWS})
     of_methods = tuple(
         group.model_copy(update={"ratio_rows": GRID_ROWS})
-        if isinstance(group, IprtSettings)
+        if hasattr(group, "ratio_rows")
         else group
         for group in settings.of_methods
     )

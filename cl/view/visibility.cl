@@ -186,8 +186,8 @@ static inline ALWAYS_INLINE int2 meet_nearby(const Objects world, __global const
     const int2 steps[9] = {STEPS_AROUND, {0, 0}};
     int2 count = (int2)(0);
     int last = -1;
-    for (int i = 8; i >= 0 && count.x < LANES; i--) {
-        const int column = x + steps[i].x, row = y + steps[i].y;
+    for (int i = 0; i < 9 && count.x < LANES; i++) {
+        const int column = x + steps[8 - i].x, row = y + steps[8 - i].y;
         if (column < rectangle.x || row < rectangle.y || column >= rectangle.z || row >= rectangle.w)
             continue;
         const int2 there = met[row * width + column];

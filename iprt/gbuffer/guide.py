@@ -141,11 +141,11 @@ class Guides:
             depth=[layer.depth for layer in layers],
             id=[layer.ids for layer in layers],
         )
-        self._scan = device.kernel("gbuffer/tiles.cl", "scan_tiles", defines).fixed(
+        self._scan = device.kernel("gbuffer/guide.cl", "scan_tiles", defines).fixed(
             size, listed, of_surfaces, seen=tiles.seen
         )
         motions = [layer.depth if layer.motion is None else layer.motion for layer in layers]
-        self._list = device.kernel("gbuffer/tiles.cl", "list_tiles", defines).fixed(
+        self._list = device.kernel("gbuffer/guide.cl", "list_tiles", defines).fixed(
             size,
             listed,
             of_surfaces,

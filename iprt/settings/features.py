@@ -155,7 +155,7 @@ class Features:
     @property
     def sleeping(self) -> bool:
         """True if tiles of real surfaces sleep on which objects have no visible influence."""
-        return self.delta and not self.needs.published_filter
+        return self.delta and self.settings.fading > 0.0 and not self.needs.published_filter
 
     @property
     def light_sampling(self) -> bool:

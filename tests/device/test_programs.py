@@ -15,7 +15,7 @@ from iprt.geometry.camera import View
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.settings.overrides import resolved
-from iprt.settings.presets import PRESETS
+from iprt.settings.presets import PRESETS, STILL
 from tests.films import films
 
 SCENES = sorted(file.parent for file in Path("scenes360").glob("*/scene.toml"))
@@ -32,12 +32,14 @@ def programs(kernels: Iterable[PlannedKernel]) -> set[Program]:
     return {Program.of(kernel.file, kernel.defines) for kernel in kernels}
 
 
-def planned(scene: Scene, presets: Mapping[str, object], views: list[View]) -> PlanDevice:
-    """Plan renderers of a scene's first view."""
+def planned(
+    scene: Scene, presets: Mapping[str, object], views: list[View], **others: object
+) -> PlanDevice:
+    """Plan renderers of a scene's first view; `others` are further settings."""
     frame, instances = scene.frame(), scene.instances_of(next(iter(scene.views)))
     device = PlanDevice()
     for preset in presets:
-        settings = resolved(preset)
+        settings = resolved(preset).model_copy(update=others)
         several = len(scene.frame_indices) > 1
         footage = footage_of(scene, frame, settings) if several else None
         for view in views:
@@ -76,5 +78,5 @@ def test_scenes_projections_and_presets_share_programs() -> None:
 
 def test_the_demo_needs_few_programs() -> None:
     scene = Scene.open(DEMO)
-    found = programs(planned(scene, {"balanced": None}, [first_view(scene)]).kernels)
+    found = programs(planned(scene, {"balanced": None}, [first_view(scene)], **STILL).kernels)
     assert len(found) <= MOST_OF_DEMO, counted(found)

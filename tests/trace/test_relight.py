@@ -9,7 +9,6 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import STRONG_FRAMES
-from iprt.gbuffer.guide import span_arguments
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.trace.relight import Relight
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
@@ -37,7 +36,7 @@ def run(
     guide = gbuffer.guide(device)
     delta = irradiance is not None
     noise = None if variance is None else upload(device, layout, variance[None])
-    relight = Relight(device, guide, span_arguments([guide]), noise, delta=delta, name="test")
+    relight = Relight(device, guide, noise, delta=delta, name="test")
     color = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
     planes, seen_planes = (upload(device, layout, image) for image in (signal, color))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)

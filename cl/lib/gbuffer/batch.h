@@ -8,7 +8,7 @@
 #define PLANES_IN __global const float *restrict
 #define PLANES_OUT __global float *restrict
 
-// Kernels run over listed tiles (gbuffer/tiles.cl) of TILE x TILE pixels. `tiles` holds the lists of all
+// Kernels run over listed tiles (gbuffer/guide.cl) of TILE x TILE pixels. `tiles` holds the lists of all
 // layers, one buffer: CPU compilers do not vectorize accesses to further buffers unless they know that
 // nothing aliases them. A launch has TILE x (TILE * tiles of the picture) work items for each `entry`, whose
 // `layer` chooses the list.

@@ -71,10 +71,10 @@ __kernel void relight_cells(
     const int column = get_global_id(0), row = get_global_id(1);
     if (column >= columns || row >= rows)
         return;
-    const int cells = rows * columns, entries = CACHE_SURFACES * cells;
+    const int cells = rows * columns, entries = CACHE_SURFACES * cells, cell = row * columns + column;
     int known = 0;
-    for (int entry = row * columns + column; entry < entries; entry += cells)
-        known |= mean[entry].w > 0.0f || smooth[entry].w > 0.0f;
+    for (int i = 0; i < CACHE_SURFACES; i++)
+        known |= mean[cell + i * cells].w > 0.0f || smooth[cell + i * cells].w > 0.0f;
     if (!known)
         return;
     const int x0 = first_of(column, columns, width, step);
@@ -98,7 +98,8 @@ __kernel void relight_cells(
         fmax(DISTRUST * fabs(log(relit / lit)) * (1.0f - unknown) + changed * unknown, LEAST_ERROR);
     // As many samples as correspond to that error.
     const float most = 1.0f / (error * error);
-    for (int entry = row * columns + column; entry < entries; entry += cells) {
+    for (int i = 0; i < CACHE_SURFACES; i++) {
+        const int entry = cell + i * cells;
         relight(mean, entry, entries, factor);
         relight(smooth, entry, entries, factor);
         const float samples = mean[entry].w, left = fmin(samples, most);

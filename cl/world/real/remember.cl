@@ -69,10 +69,10 @@ static inline void find_mixed(__global const float *restrict inverse,
 static inline void copy_colors(__global const float *restrict from, __global float *restrict to,
                                int floats)
 {
-    int i = 0;
-    for (; i + LANES <= floats; i += LANES)
+    const int whole = floats / LANES * LANES;
+    for (int i = 0; i < whole; i += LANES)
         store_floats(load_floats(from + i), to + i);
-    for (; i < floats; i++)
+    for (int i = whole; i < floats; i++)
         to[i] = from[i];
 }
 

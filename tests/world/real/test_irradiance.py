@@ -41,6 +41,7 @@ def renderer(
     **irradiance: int,
 ) -> Renderer:
     chosen = {
+        "fading": 0.0,
         "mask": {"sparse": False},
         "irradiance": {"rows": ROWS, **irradiance},
         "trace": {"light_sampling": light_sampling},
