@@ -16,12 +16,11 @@ import pyopencl.array as cla
 from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.bands import Bands
-from iprt.device.binaries import build_kept
 from iprt.device.budget import amount, what_to_lower
 from iprt.device.compilers import Compilers
 from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
-from iprt.device.program import Define, PlannedKernel, Program, device_key
+from iprt.device.program import Define, PlannedKernel, Program, build, device_key
 from iprt.device.recovery import reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
@@ -36,7 +35,7 @@ class _Built:
     Attributes
     ----------
     built : object or None
-        Result of `build_kept`. None until a kernel is launched.
+        Result of `build`. None until a kernel is launched.
     """
 
     program: Program
@@ -217,7 +216,7 @@ class ComputeDevice:
             with self.profile.compiling(name):
                 if self._compilers is not None:
                     self._compilers.wait(found.program, kernel)
-                found.built = found.built or build_kept(self.context, found.program)
+                found.built = found.built or build(self.context, found.program)
         return found.built
 
     def to_compile(self, kernels: Iterable[PlannedKernel]) -> int:

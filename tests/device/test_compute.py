@@ -20,9 +20,8 @@ RACE = f"clBuildProgram failed: BUILD_PROGRAM_FAILURE\nerror: {CACHE_RACE} 'a' t
 
 
 @pytest.fixture
-def builds(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
-    """What the next builds fail with; those after them succeed. No binary was kept."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def builds(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the next builds fail with; those after them succeed."""
     failures: list[str] = []
     name = "create_built_program_from_source_cached"
     build = getattr(program, name)

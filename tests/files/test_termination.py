@@ -158,9 +158,9 @@ def test_an_interrupt_while_kernels_compile(times: int, scene: Path, tmp_path: P
     code = (
         f"import os; os.environ['POCL_CACHE_DIR'] = {str(tmp_path / 'kernels')!r}\n"
         "from iprt import cli; from iprt.device import compute\n"
-        "build = compute.build_kept\n"
+        "build = compute.build\n"
         "def marked(*words):\n print('ready', flush=True); return build(*words)\n"
-        "compute.build_kept = marked\n"
+        "compute.build = marked\n"
         f"cli.command({words!r})"
     )
     with child_of(code) as child:
