@@ -135,16 +135,17 @@ static inline ALWAYS_INLINE int2 meet_packet(
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * instance;
     __global const float *corners
         = (__global const float *)(world.bvh.packets + BVH_PACKET_ROWS * packet);
-    const BvhRay middle
-        = bvh_ray(bvh_transform(rows, (float3)(0.0f), 1.0f), bvh_transform(rows, ahead, 0.0f));
+    const float3 start = bvh_transform(rows, (float3)(0.0f), 1.0f);
+    const int kz = bvh_ray(start, bvh_transform(rows, ahead, 0.0f)).kz;
+    const int kx = bvh_next_axis(kz), ky = bvh_next_axis(kx);
+    const float3 o = bvh_permuted(start, kz);
     // Scalars, for the loop.
-    const float4 row_x = rows[middle.kx], row_y = rows[middle.ky], row_z = rows[middle.kz];
+    const float4 row_x = rows[kx], row_y = rows[ky], row_z = rows[kz];
     const float xx = row_x.x, xy = row_x.y, xz = row_x.z;
     const float yx = row_y.x, yy = row_y.y, yz = row_y.z;
     const float zx = row_z.x, zy = row_z.y, zz = row_z.z;
-    const float ox = middle.o.x, oy = middle.o.y, oz = middle.o.z;
-    __global const float *cx = corners + 4 * middle.kx, *cy = corners + 4 * middle.ky;
-    __global const float *cz = corners + 4 * middle.kz;
+    const float ox = o.x, oy = o.y, oz = o.z;
+    __global const float *cx = corners + 4 * kx, *cy = corners + 4 * ky, *cz = corners + 4 * kz;
     int visible = 0, any = 0;
     LANE_LOOP
     for (int i = 0; i < LANES; i++) {

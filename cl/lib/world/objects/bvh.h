@@ -75,6 +75,8 @@ static inline float3 bvh_permuted(float3 v, int kz)
     return select(select(v.yzx, v.zxy, (int3)(-(kz == 1))), v, (int3)(-(kz == 2)));
 }
 
+static inline int bvh_next_axis(int axis) { return axis == 2 ? 0 : axis + 1; }
+
 static inline BvhRay bvh_ray(float3 o, float3 d)
 {
     BvhRay ray;
@@ -88,8 +90,8 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
     ray.inverse = 1.0f / select(copysign((float3)(least), d), d, size > least);
 #ifdef BVH_WIDE
     ray.start = ray.inverse * o;
-    ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
-    ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
+    ray.kx = bvh_next_axis(ray.kz);
+    ray.ky = bvh_next_axis(ray.kx);
     ray.o = bvh_permuted(o, ray.kz);
 #else
     ray.o = o;
@@ -259,7 +261,7 @@ static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit
 {
 #pragma OPENCL FP_CONTRACT OFF
     __global const float *corners = (__global const float *)(bvh.packets + BVH_PACKET_ROWS * packet);
-    const int kx = ray.kz == 2 ? 0 : ray.kz + 1, ky = kx == 2 ? 0 : kx + 1;
+    const int kx = bvh_next_axis(ray.kz), ky = bvh_next_axis(kx);
     __global const float *x = corners + 4 * kx, *y = corners + 4 * ky, *z = corners + 4 * ray.kz;
     const float3 o = bvh_permuted(ray.o, ray.kz);
     int met = 0;
