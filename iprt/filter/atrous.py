@@ -13,7 +13,7 @@ from iprt.device.kernel import Kernel
 from iprt.device.program import Define
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.tiles import tile_arguments
+from iprt.gbuffer.guide import tile_arguments
 from iprt.settings.filter import AtrousSettings
 
 

@@ -7,7 +7,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.filter.temporal import Accumulated
-from iprt.gbuffer.tiles import tile_arguments
+from iprt.gbuffer.guide import tile_arguments
 from iprt.settings.filter import AtrousSettings
 
 STRIDE, OF_HEIGHT = 14.0, 1.0 / 36.0

@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.tiles import tile_arguments
+from iprt.gbuffer.guide import tile_arguments
 from iprt.settings.filter import InterpolateSettings
 
 

@@ -10,8 +10,8 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant, float_constant
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.guide import Guide
-from iprt.gbuffer.tiles import TILE, tile_arguments
+from iprt.gbuffer.guide import Guide, tile_arguments
+from iprt.gbuffer.tiles import TILE
 from iprt.settings.features import TOUCHED_FRAMES
 from iprt.settings.filter import MaskSettings, TemporalSettings
 

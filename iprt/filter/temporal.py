@@ -12,7 +12,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
-from iprt.gbuffer.tiles import tile_arguments
+from iprt.gbuffer.guide import tile_arguments
 from iprt.settings.filter import TemporalSettings
 
 HISTORY_PLANES = 2

@@ -15,7 +15,7 @@ from iprt.device.kernel_source import constant
 from iprt.device.program import Define
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.layout import PAD, PlaneLayout
-from iprt.gbuffer.tiles import Tiles, tile_arguments
+from iprt.gbuffer.tiles import Tiles
 
 PLANES = constant("lib/gbuffer/guide.h", "GUIDE_PLANES")
 """Normal x y z, world position x y z in metres, id (0 nothing to trace, -1 outside)."""
@@ -31,6 +31,15 @@ class CameraArgs(Block):
     """Motion of the 360° camera (`cl/lib/gbuffer/camera.h`); `rows` of `CameraMotion`, or None."""
 
     rows: Floats = when("CAMERA_MOTION")
+
+
+def tile_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
+    """Return the arguments of `TILE_ITEM` of `cl/lib/gbuffer/batch.h`."""
+    assert all(guide.tiles is guides[0].tiles for guide in guides)
+    return {
+        "tiles": guides[0].tiles.lists,
+        **batched(layer=[guide.layer for guide in guides]),
+    }
 
 
 class Guide:

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
-from iprt.gbuffer.batch import batched
 from iprt.gbuffer.layout import PlaneLayout
-
-if TYPE_CHECKING:
-    from iprt.gbuffer.guide import Guide
 
 TILE = constant("lib/gbuffer/batch.h", "TILE")
 """Side of a tile in pixels."""
@@ -66,12 +59,3 @@ class Tiles:
     def grid(self, entries: int = 1) -> tuple[int, int, int]:
         """Return the work items of kernels with `TILE_ITEM`."""
         return TILE, TILE * self.across * self.down, entries
-
-
-def tile_arguments(guides: Sequence[Guide]) -> dict[str, Any]:
-    """Return the arguments of `TILE_ITEM` of `cl/lib/gbuffer/batch.h`."""
-    assert all(guide.tiles is guides[0].tiles for guide in guides)
-    return {
-        "tiles": guides[0].tiles.lists,
-        **batched(layer=[guide.layer for guide in guides]),
-    }

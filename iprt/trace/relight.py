@@ -6,8 +6,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
-from iprt.gbuffer.guide import Guide
-from iprt.gbuffer.tiles import tile_arguments
+from iprt.gbuffer.guide import Guide, tile_arguments
 from iprt.world.real.irradiance import BLACK, IrradianceCache, IrradianceCacheArgs
 from iprt.world.world import World
 

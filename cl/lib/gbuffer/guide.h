@@ -1,7 +1,7 @@
 // The guide of a layer: the features by which image-space passes compare pixels. Seven padded planes
 // (planes.h), written by guide.cl: normal x y z, world position x y z (metres from the capture centre), id.
-// id > 0: a surface; 0: nothing to trace; -1: outside the picture; other negative ones: asleep (tiles.h). In equirect views the left and right
-// border hold copies from across the seam, so neighbours need no wrapping.
+// id > 0: a surface; 0: nothing to trace; -1: outside the picture; other negative ones: asleep (tiles.h). In
+// equirect views the left and right border hold copies from across the seam, so neighbours need no wrapping.
 #pragma once
 
 #include "maths/maths.h"
