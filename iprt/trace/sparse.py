@@ -39,6 +39,7 @@ class SparseMethod(Method):
         device, features, gbuffer = setup.device, setup.features, setup.gbuffer
         real, objects = gbuffer.real, gbuffer.objects
         self._world: World | None = None
+        self._view: cla.Array | None = None
         self._guides: list[Guide] = []
         count = 1 + features.tracing + (real.gloss is not None)
         self._tiles = Tiles(device, setup.layout, name="view", layers=count)
@@ -144,6 +145,7 @@ class SparseMethod(Method):
         """Fill the guides. A mean of all frames is one of all pixels, too."""
         wake = context.index == 0 or context.cut or not context.fading > 0.0
         least = VISIBLE * world.panorama.mean_radiance
+        self._view = context.view
         self._gather.run(context.view, least=least, wake=wake)
 
     def _measure(self, context: FrameContext) -> None:
@@ -204,10 +206,17 @@ class SparseMethod(Method):
         cache = self._world.irradiance
         if cache is None:
             return self.read(self.real_pixels.change, slice(0, 3))
-        device, guide = self.setup.device, self.real_pixels.guide
+        device, guide = self.setup.device, self._every_surface()
         shown = device.zeros("irradiance shown", guide.layout.shape(3))
         cache.show(self._world.panorama, guide.arguments(), shown)
         return self.read(shown, slice(0, 3))
+
+    def _every_surface(self) -> Guide:
+        """Return a guide of the real surfaces in which none sleeps."""
+        real, device = self.setup.gbuffer.real, self.setup.device
+        guide = Guide(device, self.setup.layout, name="all surfaces")
+        Guides(device, [guide], [Layer(real.normal, real.depth, real.id)]).run(self._view)
+        return guide
 
     def _irradiance_mixed(self) -> Image | None:
         pixels, real = self.real_pixels, self._irradiance_real()

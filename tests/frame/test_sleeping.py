@@ -50,10 +50,13 @@ def wide_awake(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
 def test_what_sleeps_is_the_panorama(device: ComputeDevice, wide_awake: Callable[[], None]) -> None:
     with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
-        picture = renderer.render(24).color
+        rendered = renderer.render(24, ["irradiance_real"])
+        picture, irradiance = rendered.color, rendered.aovs["irradiance_real"]
         # Pixels at edges of surfaces show what is beyond, too.
         asleep = ~maximum_filter(~sleeping(renderer), 5)
     assert 0.3 < asleep.mean() < 0.97
+    # Cells around are known by what probes needed.
+    assert (irradiance[asleep] > 0.0).all(-1).mean() > 0.8
     with Renderer(device, FRAME, [], VIEW, SETTINGS) as renderer:
         panorama = renderer.render(1).color
     assert (picture[asleep] == panorama[asleep]).all()
