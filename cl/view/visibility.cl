@@ -172,7 +172,7 @@ static inline ALWAYS_INLINE int2 meet_packet(
             front |= inside & (t > 0.0f) & (t * rays->nearness[i] <= 1.0f + COVERAGE_TOLERANCE);
         }
         const int state = rays->state[i];
-        rays->state[i] = state == KNOWN | front ? KNOWN : met ? BEHIND : state;
+        rays->state[i] = (state == KNOWN) | front ? KNOWN : met ? BEHIND : state;
         visible += front & (state != KNOWN);
         any += met & (state == UNKNOWN);
     }
