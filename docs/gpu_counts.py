@@ -241,7 +241,7 @@ def recorded(device: CountingDevice, mark: Mark) -> Iterator[Counts]:
 
 
 def _items(device: ComputeDevice, kernel: Kernel, size: tuple[int, ...]) -> int:
-    """Return the work items of a launch; over lists of tiles, those that have something to do."""
+    """Return the work items of a launch; over lists of tiles, only the items of listed tiles."""
     if "tiles" not in kernel.buffers or size[0] != TILE:
         return math.prod(size)
     lists = device.read(kernel.buffers["tiles"])

@@ -73,7 +73,7 @@ TRACING_KERNEL void trace_virtual(
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
 #ifdef OBJECTS_BVH
-    // What the last ray has met that started within the pixel, rather than its position, normal and albedo:
+    // Hit of the last ray that started within the pixel, rather than its position, normal and albedo:
     // fewer registers.
     ObjectHit start;
     start.instance = -1;

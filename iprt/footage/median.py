@@ -61,7 +61,7 @@ class MedianOfRows:
         values : (N, W) float32
             The rows that may have changed. None of them is NaN.
         rows : (N,) int
-            Their indices; at first those of all rows.
+            Their indices; at first of all rows.
         count : int
             Number of the smallest values.
         """

@@ -92,7 +92,7 @@ class HoleFinder:
 
 
 class _Outlines:
-    """Holes (H, W), and what their shapes tell of them; `marked` are the surfaces among texels."""
+    """Holes (H, W), and evidence from their shapes; `marked` are the surfaces among texels."""
 
     def __init__(self, hole: Mask, marked: Mask) -> None:
         height, width = hole.shape

@@ -81,7 +81,7 @@ class PictureLoader:
     def load(
         self, values: NDArray[np.float32], color_map: NDArray[np.float64] | None = None
     ) -> None:
-        """Load `values` (H, W, 3), and what `color_map` (3, 3) makes of them."""
+        """Load `values` (H, W, 3), and the values that `color_map` (3, 3) maps them to."""
         device, before = self._device, self.radiance
         if color_map is not None:
             rows = np.zeros((3, 4), np.float32)
