@@ -119,6 +119,8 @@ __kernel void list_tiles(
     const int tile = row * across + column, own = layer * count + tile;
     const int shown = shows(seen, layer, column, row, width, height, seam);
     int awake = shown;
+    if (sleeps)
+        influence[own] = 0.0f;
     if (shown && sleeps) {
         const Influence last = influence_before(depth, id, motion, before + layer * count, column, row,
                                                 width, height, seam);

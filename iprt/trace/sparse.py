@@ -148,11 +148,10 @@ class SparseMethod(Method):
         self._view = context.view
         self._gather.run(context.view, least=least, wake=wake)
 
-    def _measure(self, context: FrameContext) -> None:
+    def _measure(self, _: FrameContext) -> None:
         """Measure the influence of the objects on the real surfaces of tiles."""
         real, pixels = self.real_pixels, self.reflecting_pixels
-        if not context.fading > 0.0 or real is None:
-            return
+        assert real is not None
         layer = real.layer
         self._influence.measure(ratio=real.relight.ratio, color=layer.diffuse, signal=real.samples)
         if pixels.gloss_mask is not None:
@@ -170,7 +169,7 @@ class SparseMethod(Method):
             metre=world.panorama.scale,
             cut=context.cut,
         )
-        if self._probes is not None and context.fading > 0.0:
+        if self._probes is not None:
             self._probes.place(context.view, context.index)
 
     @property
@@ -213,6 +212,8 @@ class SparseMethod(Method):
 
     def _every_surface(self) -> Guide:
         """Return a guide of the real surfaces in which none sleeps."""
+        if self._probes is None and self.real_pixels is not None:
+            return self.real_pixels.guide
         real, device = self.setup.gbuffer.real, self.setup.device
         guide = Guide(device, self.setup.layout, name="all surfaces")
         Guides(device, [guide], [Layer(real.normal, real.depth, real.id)]).run(self._view)

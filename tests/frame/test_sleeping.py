@@ -74,20 +74,23 @@ def test_a_shadow_on_sleeping_surfaces_wakes_them(
     device: ComputeDevice, wide_awake: Callable[[], None]
 ) -> None:
     """An object that appears elsewhere has its shadow after a few frames."""
-    moved = replace(BALL, to_world=BALL.to_world.copy())
+    far, moved = (replace(BALL, to_world=BALL.to_world.copy()) for _ in range(2))
+    far.to_world[:3, 3] = -0.9, -1.25, 1.0
     moved.to_world[:3, 3] = 0.2, -0.6, -1.4  # in the air: its shadow lies apart from it
 
-    def after_the_jump() -> list[NDArray[np.float32]]:
-        with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
+    def after_the_jump() -> tuple[NDArray[np.bool_], list[NDArray[np.float32]]]:
+        with Renderer(device, FRAME, [far], VIEW, SETTINGS) as renderer:
             renderer.render(24)
+            asleep = sleeping(renderer)
             renderer.move([moved])
-            return [ratio(renderer) for _ in range(6)]
+            return asleep, [ratio(renderer) for _ in range(6)]
 
-    found = after_the_jump()
+    asleep, found = after_the_jump()
     wide_awake()
-    truth = after_the_jump()
+    _, truth = after_the_jump()
     shadow = truth[-1].mean(-1) < 0.95
-    assert shadow.sum() > 100
+    assert (shadow & asleep).sum() > 50
+    shadow &= asleep
     depth = [(1.0 - one.mean(-1))[shadow].mean() for one in found]
     expected = (1.0 - truth[-1].mean(-1))[shadow].mean()
     assert depth[2] > 0.7 * expected
@@ -98,3 +101,18 @@ def test_a_mean_of_all_frames_has_no_sleeping_pixels(device: ComputeDevice) -> N
     with Renderer(device, FRAME, [BALL], VIEW, Settings(fading=0.0)) as renderer:
         renderer.render(12)
         assert not sleeping(renderer).any()
+
+
+def test_what_is_known_at_rest_stays_awake_in_motion(device: ComputeDevice) -> None:
+    """As in the viewer, which averages all frames until something moves."""
+    with Renderer(device, FRAME, [BALL], VIEW, SETTINGS) as renderer:
+        renderer.fading = 0.0
+        renderer.render(15)
+        before = ratio(renderer)
+        assert not sleeping(renderer).any()
+        renderer.fading = SETTINGS.fading
+        renderer.step()
+        asleep = sleeping(renderer)
+    assert asleep.mean() > 0.3
+    assert np.abs(before[asleep] - 1.0).mean() < 0.004
+    assert np.abs(before[asleep] - 1.0).max() < 0.1

@@ -67,8 +67,7 @@ typedef struct {
 
 // The first hit of a path.
 typedef struct {
-    float distance;     // metres; INFINITY: sky. Of aimed rays whose lobe is diffuse alone it
-                        // is of any hit
+    float distance;     // metres; INFINITY: sky, and where an object blocks an aimed ray whose lobe is diffuse
     int met;            // it is an object
 } FirstHit;
 
