@@ -25,7 +25,7 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 SIZE = (600, 240)
-"""Size of the browser's window: a picture of 260 x 240 pixels beside the panels."""
+"""Width and height of the browser's window: a picture of 260 x 240 pixels beside the panels."""
 
 TEXTURE = """() => {
     const image = __viserMutable.backgroundMaterial.uniforms.colorMap.value.image;
@@ -126,15 +126,19 @@ def chromium() -> str:
 
 
 @contextmanager
-def browsing() -> Iterator[Callable[[str], Visitor]]:
-    """Opens pages, each of a window of its own."""
+def browsing() -> Iterator[Callable[[str, tuple[int, int]], Visitor]]:
+    """Yield a function that opens a page in a window of its own, of a width and height."""
     api = pytest.importorskip(
         "playwright.sync_api", reason="needs the extra `screen`: ./run screen"
     )
     with api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         try:
-            size = {"width": SIZE[0], "height": SIZE[1]}
-            yield lambda url: Visitor(browser.new_page(viewport=size), url)
+
+            def visit(url: str, size: tuple[int, int]) -> Visitor:
+                viewport = {"width": size[0], "height": size[1]}
+                return Visitor(browser.new_page(viewport=viewport), url)
+
+            yield visit
         finally:
             browser.close()

@@ -31,18 +31,12 @@ from tests.viewer.screen.web import (
 )
 from tests.viewer.turns import SETTINGS
 
-LARGE = {"width": 900, "height": 700}
+LARGE = (900, 700)
+"""Width and height of a browser's window in which all of a tab is in sight."""
 
 
 def wait_for(visitor: Visitor, script: str) -> None:
     visitor.page.wait_for_function(script, timeout=1000 * DEADLINE_S)
-
-
-def enlarge(visitor: Visitor) -> None:
-    """Set the window's size to LARGE, and wait until the panel has followed its right edge."""
-    tab = visitor.page.get_by_role("tab", name="Scene")
-    visitor.page.set_viewport_size(LARGE)
-    until(lambda: tab.bounding_box()["x"] > LARGE["width"] / 2, "the panel stays where it was")
 
 
 def places(visitor: Visitor) -> list[dict[str, float]]:
@@ -66,8 +60,7 @@ def settled(item: Any) -> dict[str, float]:
 
 def test_controls_stay_where_they_are(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the status has to tell: nothing, a pixel's values, or three problems at once."""
-    visitor, browser = place.visit()
-    enlarge(visitor)
+    visitor, browser = place.visit(LARGE)
     at_rest(visitor, browser)
     visitor.tab("Picture")
     before = places(visitor)
@@ -127,8 +120,7 @@ def turning(visitor: Visitor) -> Iterator[None]:
 
 def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     """The bar is where the picture is divided, and divides it elsewhere when it is dragged."""
-    visitor, browser = place.visit()
-    enlarge(visitor)
+    visitor, browser = place.visit(LARGE)
     at_rest(visitor, browser)
     plain = visitor.texture()
     visitor.tab("Picture")

@@ -28,7 +28,7 @@ from iprt.viewer.engine import Engine
 from iprt.viewer.viewport import Viewport
 from iprt.viewer.web.browser import Browser, Start
 from iprt.viewer.web.host import Host
-from tests.viewer.screen.browsing import Visitor, browsing, until
+from tests.viewer.screen.browsing import SIZE, Visitor, browsing, until
 from tests.viewer.turns import SETTINGS
 from tests.waiting import DEADLINE_S
 
@@ -44,12 +44,12 @@ class Place:
 
     engine: Engine
     host: Host
-    open: Callable[[str], Visitor]
+    open: Callable[[str, tuple[int, int]], Visitor]
     visitors: list[Visitor]
 
-    def visit(self) -> tuple[Visitor, Browser]:
+    def visit(self, size: tuple[int, int] = SIZE) -> tuple[Visitor, Browser]:
         before = self.host.browsers
-        visitor = self.open(self.host.url)
+        visitor = self.open(self.host.url, size)
         self.visitors.append(visitor)
         return visitor, next(b for b in self.host.browsers if b not in before)
 
