@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import mmap
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -41,6 +42,13 @@ class _Built:
     program: Program
     built: Any = None
     kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
+
+
+def _blank(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Return zeros in pages of their own, which take no memory before they are written."""
+    count, kind = int(np.prod(shape)), np.dtype(dtype)
+    pages = mmap.mmap(-1, count * kind.itemsize, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(pages, kind, count).reshape(shape)
 
 
 class ComputeDevice:
@@ -90,7 +98,7 @@ class ComputeDevice:
         self._launched: set[tuple[str, str]] = set()
         self._compilers = Compilers.of(device)
         self._in_flight: deque[Any] = deque()  # events that keep host memory alive
-        # Host memory that kernels read. It must outlive its buffer until the queue is finished.
+        # Host memory that kernels use. It must outlive its buffer until the queue is finished.
         self._shared: list[tuple[Callable[[], Any], NDArray[Any]]] = []
 
     @cached_property
@@ -264,22 +272,36 @@ class ComputeDevice:
         DeviceError
             The memory does not suffice.
         """
-        try:
+        with self._holding(name, shape, dtype):
             array = cla.empty(self.queue, shape, dtype)
-        except (cl.MemoryError, cl.LogicError) as error:
+        self.buffers[name] = array.nbytes
+        return array
+
+    def zeros(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
+        """Allocate a buffer of zeros, accounted under `name`.
+
+        On a CPU, pages of it take memory only when they are written.
+        """
+        if not self.is_cpu:
+            array = self.empty(name, shape, dtype)
+            self.fill_zero(array)
+            return array
+        with self._holding(name, shape, dtype):
+            array = self._hosted(_blank(shape, dtype), cl.mem_flags.READ_WRITE)
+        self.buffers[name] = array.nbytes
+        return array
+
+    @contextmanager
+    def _holding(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> Iterator[None]:
+        """Translate errors of a `with` block that allocates a buffer."""
+        try:
+            yield
+        except (cl.MemoryError, cl.LogicError, OSError) as error:
             need = int(np.prod(shape)) * np.dtype(dtype).itemsize
             raise DeviceError(
                 f"{self.name} cannot hold the buffer '{name}' ({amount(need)}): "
                 f"{what_to_lower(self.buffers | {name: need})}"
             ) from error
-        self.buffers[name] = array.nbytes
-        return array
-
-    def zeros(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
-        """Allocate a buffer of zeros, accounted under `name`."""
-        array = self.empty(name, shape, dtype)
-        self.fill_zero(array)
-        return array
 
     def fill_zero(self, array: cla.Array) -> None:
         """Fill a buffer with zeros, without waiting."""
@@ -300,10 +322,12 @@ class ComputeDevice:
         """
         if not self.is_cpu:
             return self.upload(name, values)
-        host = np.ascontiguousarray(values)
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
         with self.reported("sharing memory"):
-            buffer = cl.Buffer(self.context, flags, hostbuf=host)
+            return self._hosted(np.ascontiguousarray(values), cl.mem_flags.READ_ONLY)
+
+    def _hosted(self, host: NDArray[Any], flags: int) -> cla.Array:
+        """Return the host's memory as a buffer."""
+        buffer = cl.Buffer(self.context, flags | cl.mem_flags.USE_HOST_PTR, hostbuf=host)
         array = cla.Array(self.queue, host.shape, host.dtype, data=buffer)
         self._shared.append((weakref.ref(array), host))
         return array

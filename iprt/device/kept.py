@@ -102,15 +102,34 @@ def code_digest(module: str) -> bytes | None:
 
     None if a file is newer than this process, which may run an older one.
     """
-    files = code_files(module)
     # Modules take constants from cl/.
-    files |= {str(file): file for file in CL.rglob("*") if file.is_file()}
-    if any(file.stat().st_mtime > STARTED for file in files.values()):
-        return None
-    digest = hashlib.sha256(" ".join(map(version, LIBRARIES)).encode())
-    for _, file in sorted(files.items()):
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    parts = [_file_digest(file) for _, file in sorted(code_files(module).items())]
+    parts += [_file_digest(file) for file in _kernel_files()]
+    digest = hashlib.sha256(_versions())
+    for part in parts:
+        if part is None:
+            return None
+        digest.update(part)
     return digest.digest()
+
+
+@cache
+def _file_digest(file: Path) -> bytes | None:
+    """Return the hash of a file's content; None if it is newer than this process."""
+    if file.stat().st_mtime > STARTED:
+        return None
+    return hashlib.sha256(file.read_bytes()).digest()
+
+
+@cache
+def _kernel_files() -> list[Path]:
+    """Return the files of `cl/`, in order."""
+    return sorted(file for file in CL.rglob("*") if file.is_file())
+
+
+@cache
+def _versions() -> bytes:
+    return " ".join(map(version, LIBRARIES)).encode()
 
 
 def code_files(module: str) -> dict[str, Path]:

@@ -98,6 +98,12 @@ class PlanDevice(ComputeDevice):
         self.buffers[name] = buffer.nbytes
         return buffer
 
+    def zeros(
+        self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32
+    ) -> PlannedBuffer:
+        """Record a buffer."""
+        return self.empty(name, shape, dtype)
+
     def share(self, name: str, values: NDArray[Any]) -> PlannedBuffer:
         """Record a shared buffer, which takes memory only on a GPU."""
         if not self.is_cpu:

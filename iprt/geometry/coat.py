@@ -8,7 +8,6 @@ normal incidence and 30% darker at a cosine of 0.1.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +66,6 @@ def rough_transmittance(cosine: Array, alpha: float, ior: float) -> Array:
     return _mean_over_normals(cosine, alpha, _OUTSIDE_NODES, transmitted)
 
 
-@lru_cache(maxsize=256)
 def internal_reflectance(alpha: float, ior: float) -> float:
     """Return the fraction of diffuse light from the base that the coat reflects back down.
 

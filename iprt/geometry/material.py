@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.device.kept import Arrays, kept
 from iprt.device.kernel_source import constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 
@@ -74,14 +75,22 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
         alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
         row[0, :3] = _KINDS[material.kind], alpha, material.ior
         if material.kind == "plastic":
-            escaping = 1 - internal_reflectance(alpha, material.ior)
-            row[0, 3] = 1 / (material.ior**2 * escaping)
-            row[1:] = _transmittance(alpha, material.ior)
+            coat = _coat(alpha, material.ior)
+            row[0, 3], row[1:] = coat["base"], coat["transmittance"]
     return rows.reshape(-1, 4)
 
 
 @lru_cache(maxsize=256)
-def _transmittance(alpha: float, ior: float) -> NDArray[np.float32]:
-    """Return the rows of the table with a coat's transmittance; they must not be changed."""
-    cosine = np.linspace(0, 1, _NODES) ** 2
-    return rough_transmittance(cosine, alpha, ior).astype(np.float32).reshape(-1, 4)
+def _coat(alpha: float, ior: float) -> Arrays:
+    """Return a coat's part of the table, which is kept: its integrals take long."""
+
+    def make() -> Arrays:
+        cosine = np.linspace(0, 1, _NODES) ** 2
+        escaping = 1 - internal_reflectance(alpha, ior)
+        transmittance = rough_transmittance(cosine, alpha, ior).astype(np.float32)
+        return {
+            "base": np.array(1 / (ior**2 * escaping)),
+            "transmittance": transmittance.reshape(-1, 4),
+        }
+
+    return kept("coat", __name__, [alpha, ior], make)

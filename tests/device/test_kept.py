@@ -131,7 +131,8 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         os.utime(file, (0, 0))
     monkeypatch.setattr(module, "_PACKAGE", package)
     monkeypatch.setattr(module, "CL", package.parent / "cl")
-    monkeypatch.setattr(module, "code_digest", module.code_digest.__wrapped__)
+    for cached in ("code_digest", "_file_digest", "_kernel_files", "_versions"):
+        monkeypatch.setattr(module, cached, getattr(module, cached).__wrapped__)
     module._file.cache_clear()
     yield package.parent
     module._file.cache_clear()

@@ -84,8 +84,9 @@ def test_defects_stay_what_they_are(device: ComputeDevice) -> None:
         raise opencl_error(cl.status_code.INVALID_KERNEL_ARGS)
 
 
+@pytest.mark.parametrize("method", ["empty", "zeros"])
 def test_a_buffer_that_cannot_be_had_is_one_line(
-    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
     def refuse(*_: Any) -> None:
         raise opencl_error(cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE)
@@ -93,8 +94,9 @@ def test_a_buffer_that_cannot_be_had_is_one_line(
     own = ComputeDevice(device.device)
     own.buffers["irradiance plane"] = 2**20
     monkeypatch.setattr(compute.cla, "empty", refuse)
+    monkeypatch.setattr(compute.cl, "Buffer", refuse)
     with pytest.raises(DeviceError) as caught:
-        own.zeros("picture", (1024, 1024))
+        getattr(own, method)("picture", (1024, 1024))
     message = str(caught.value)
     assert "cannot hold the buffer 'picture' (4 MiB)" in message
     assert message.endswith("lower --size (4 MiB) or lower irradiance.rows (1 MiB)")

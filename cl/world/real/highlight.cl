@@ -360,6 +360,8 @@ __kernel void remove_highlight(
         specular = conductor ? seen : specular;
         left = conductor ? seen : seen - specular;
     }
-    vstore3(specular, texel, highlight);
+    // Pages of the buffer that hold zeros alone need no memory while nothing writes them.
+    if (gloss[texel] || any(vload3(texel, highlight) != 0.0f))
+        vstore3(specular, texel, highlight);
     vstore3(left, texel, radiated);
 }

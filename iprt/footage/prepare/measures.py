@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from iprt.footage.depth_noise import plane_departure, tolerance_of
 from iprt.footage.differences import differing
@@ -67,7 +66,7 @@ class Measures:
         height = len(depth)
         changed = np.zeros(height, bool)
         changed[rows] = True
-        middle = np.flatnonzero(binary_dilation(changed)[1:-1])
+        middle = np.flatnonzero(changed[:-2] | changed[1:-1] | changed[2:])
         if not len(middle):
             return self._departure.of(depth[:0], middle, int(self._surfaces.sum()))
         parts = []

@@ -171,7 +171,7 @@ class Panorama:
         self.gloss = self.highlight = self._radiated = None
         if gloss:
             self.gloss = device.zeros("panorama.gloss", texels, np.int32)
-            self.highlight = device.empty("panorama.highlight", (*texels, 3))
+            self.highlight = device.zeros("panorama.highlight", (*texels, 3))
             self._radiated = device.empty("panorama.radiated", (*texels, 3))
         self.background: Background | None = None
         if background is not None:
