@@ -88,7 +88,7 @@ def test_defects_stay_what_they_are(device: ComputeDevice) -> None:
 def test_a_buffer_that_cannot_be_had_is_one_line(
     device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
-    def refuse(*_: Any) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
         raise opencl_error(cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE)
 
     own = ComputeDevice(device.device)
