@@ -59,10 +59,6 @@ typedef struct {
     float root1;
 } Segment;
 
-// Comparisons rather than fmin and fmax, which take several instructions to handle NaN.
-static inline float smaller(float a, float b) { return a < b ? a : b; }
-static inline float larger(float a, float b) { return a > b ? a : b; }
-
 // Return a crossing, or INFINITY if it lies behind the current point. A crossing that rounding puts
 // slightly behind still counts, so that a ray never gets stuck. It is clamped so that no step goes
 // backwards.
