@@ -212,11 +212,11 @@ class RealLayer:
         )
         kernels = self._plain if shown.clipped is None else self._clipped
         assert kernels is not None, "no kernels for it"
-        *rows, edges = kernels if self.other is not None else [*kernels, None]
-        for kernel in rows:
+        surfaces, colors, *edges = kernels
+        for kernel in (surfaces, colors):
             kernel(self._layout.items(wide=self._device.wide), gloss, layer=planes)
-        if edges is not None:
-            edges(self._layout.size, gloss, layer=planes)
+        for kernel in edges:
+            kernel(self._layout.size, gloss, layer=planes)
         self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 
     def show(self, world: RealWorld, context: FrameContext) -> None:
