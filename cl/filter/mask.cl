@@ -16,44 +16,49 @@
 // neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
 #include "filter/surface.h"
+#include "maths/lanes.h"
 #include "trace/rays.h"
 
 // Return the pixel of the last picture that showed this pixel's surface; -1: none.
-static inline int pixel_before(
+static inline ALWAYS_INLINE int pixel_before(
     __global const float *restrict motion, int p, int width, int height, int seam)
 {
-    float mx = motion[p], my = motion[plane_size(width, height) + p];
-    if (!(fabs(mx) < 1e6f && my >= 0.0f && my < height))
-        return -1;
-    int column = wrap_column((int)floor(mx), width, seam);
-    return column >= 0 && column < width ? plane_index(column, (int)my, width) : -1;
+    const float mx = motion[p], my = motion[plane_size(width, height) + p];
+    const int known = (fabs(mx) < 1e6f) & (my >= 0.0f) & (my < height);
+    const int column = wrap_column((int)floor(known ? mx : 0.0f), width, seam);
+    const int inside = known & (column >= 0) & (column < width);
+    return inside ? plane_index(column, (int)my, width) : -1;
 }
 
-// Return the square of how much the pixels around p differ from it (Eq. 3), from 0 to 1: by their normals
-// or, with `sigma` per unit, their positions. A different or missing surface counts as 1, a pixel outside
-// the picture as 0.
-static inline float unlikeness(
-    __global const float *restrict guide, float sigma, int size, int stride, int p)
+// Write the square of how much the pixels around each of a row differ from it (Eq. 3), from 0 to 1: by their
+// normals or, with `sigma` per unit, their positions. A different or missing surface counts as 1, a pixel
+// outside the picture as 0. `p`: the first pixel.
+static inline ALWAYS_INLINE void unlikeness(
+    __global const float *restrict guide, float sigma, int size, int stride, int p, int count,
+    float *restrict squared)
 {
-    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
-    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
-    float id = guide[GUIDE_ID * size + p], turn = 0.0f, apart = 0.0f;
-    // Most pixels skip this, so loops are not unrolled: they are as fast and compile in a tenth of the
-    // time.
-    #pragma unroll 1
-    for (int dy = -2; dy <= 2; dy++) {
-        #pragma unroll 1
-        for (int dx = -2; dx <= 2; dx++) {
-            int q = p + dx + dy * stride;
-            float ax = guide[q] - nx, ay = guide[size + q] - ny, az = guide[2 * size + q] - nz;
-            float bx = guide[3 * size + q] - px, by = guide[4 * size + q] - py;
-            float bz = guide[5 * size + q] - pz;
-            float of = guide[GUIDE_ID * size + q];
-            turn = fmax(turn, of == id ? ax * ax + ay * ay + az * az : of >= 0.0f ? 1.0f : 0.0f);
-            apart = fmax(apart, of == id ? bx * bx + by * by + bz * bz : 0.0f);
+    float turn[LANES], apart[LANES];
+    for (int i = 0; i < count; i++)
+        turn[i] = apart[i] = 0.0f;
+    for (int tap = 0; tap < 25; tap++) {
+        const int there = tap % 5 - 2 + (tap / 5 - 2) * stride;
+        LANE_LOOP
+        for (int i = 0; i < count; i++) {
+            const int at = p + i, q = at + there;
+            const float ax = guide[q] - guide[at], ay = guide[size + q] - guide[size + at];
+            const float az = guide[2 * size + q] - guide[2 * size + at];
+            const float bx = guide[3 * size + q] - guide[3 * size + at];
+            const float by = guide[4 * size + q] - guide[4 * size + at];
+            const float bz = guide[5 * size + q] - guide[5 * size + at];
+            const float of = guide[GUIDE_ID * size + q];
+            const int same = of == guide[GUIDE_ID * size + at];
+            const float other = of >= 0.0f ? 1.0f : 0.0f;
+            turn[i] = fmax(turn[i], same ? ax * ax + ay * ay + az * az : other);
+            apart[i] = fmax(apart[i], same ? bx * bx + by * by + bz * bz : 0.0f);
         }
     }
-    return fmin(fmax(turn, sigma * sigma * apart), 1.0f);
+    for (int i = 0; i < count; i++)
+        squared[i] = fmin(fmax(turn[i], sigma * sigma * apart[i]), 1.0f);
 }
 
 __kernel void carry_touched(
@@ -72,17 +77,21 @@ __kernel void carry_touched(
     int seam,
     const Camera camera)
 {
-    TILE_ITEM;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    const Surface surface =
-        surface_before(guide, plane_tolerance, size, p, camera);
-    const int q = pixel_before(motion, p, width, height, seam);
-    const bool seen =
-        q >= 0 && shows_surface(guide_previous, surface, normal_agreement, size, q);
-    // What slept has no influence that would need a ray for each pixel at once.
-    const bool slept = q >= 0 && guide_previous[GUIDE_ID * size + q] < 0.0f;
-    const float frames = seen ? fmax(before[q] - 1.0f, 0.0f) : slept ? -unseen : unseen;
-    store_wrapped(touched, p, x, width, seam, surface.id > 0.0f ? frames : 0.0f);
+    TILE_LANES_ITEM;
+    const int size = plane_size(width, height);
+    LANE_LOOP
+    for (int x = first; x < end; x++) {
+        const int p = plane_index(x, y, width);
+        const Surface surface = surface_before(guide, plane_tolerance, size, p, camera);
+        const int q = pixel_before(motion, p, width, height, seam), found = q >= 0, at = found ? q : p;
+        const int seen = found & shows_surface(guide_previous, surface, normal_agreement, size, at);
+        // What slept has no influence that would need a ray for each pixel at once.
+        const int slept = found & (guide_previous[GUIDE_ID * size + at] < 0.0f);
+        const float left = fmax(before[at] - 1.0f, 0.0f), new = slept ? -unseen : unseen;
+        const float frames = seen ? left : new;
+        touched[p] = surface.id > 0.0f ? frames : 0.0f;
+    }
+    wrap_row(touched, first, end, y, width, seam);
 }
 
 __kernel void choose_level(
@@ -106,27 +115,44 @@ __kernel void choose_level(
 {
     if (get_global_id(0) == 0 && get_global_id(1) == 0)
         count[0] = 0;
-    TILE_ITEM;
-    int size = plane_size(width, height), stride = plane_stride(width);
-    int p = plane_index(x, y, width);
-    float id = guide[GUIDE_ID * size + p];
-
-    float active = 0.0f;
-    #pragma unroll
-    for (int i = 0; i < 9; i++)
-        active = fmax(active, touched[p + i % 3 - 1 + (i / 3 - 1) * stride]);
-    // With graded influence, edges get extra rays only where objects have an effect.
-    float squared = active > faint_frames || touched[p] < 0.0f ? 1.0f : 0.0f;
-    if (id > 0.0f && high > 0.0f && squared == 0.0f && (active > 0.0f || faint_frames == 0.0f))
-        squared = unlikeness(guide, sigma_position, size, stride, p);
-    int chosen = squared >= high * high ? 0 : squared >= low * low || active > 0.0f ? 1 : 2;
-    bool waits = ((x - origin[0]) | (y - origin[1])) & 1;
-    if (chosen == 0 && keep && waits) {
-        const int q = pixel_before(motion, p, width, height, seam);
-        if (q >= 0 && length[q] > SETTLED_HISTORY)
-            chosen = LEVEL_WAITING;
+    TILE_LANES_ITEM;
+    const int size = plane_size(width, height), stride = plane_stride(width);
+    const int start = plane_index(first, y, width), across = end - first;
+    const float at_edges = high > 0.0f ? 1.0f : 0.0f;
+    float active[LANES], squared[LANES], unlike[LANES];
+    float ask = 0.0f;
+    for (int i = 0; i < across; i++)
+        active[i] = unlike[i] = 0.0f;
+    for (int tap = 0; tap < 9; tap++) {
+        const int there = start + tap % 3 - 1 + (tap / 3 - 1) * stride;
+        LANE_LOOP
+        for (int i = 0; i < across; i++)
+            active[i] = fmax(active[i], touched[there + i]);
     }
-    level[p] = id > 0.0f ? chosen : LEVEL_NONE;
+    for (int i = 0; i < across; i++) {
+        const int p = start + i;
+        squared[i] = (active[i] > faint_frames) | (touched[p] < 0.0f) ? 1.0f : 0.0f;
+        // With graded influence, edges get extra rays only where objects have an effect.
+        const int asks = (guide[GUIDE_ID * size + p] > 0.0f) & (squared[i] == 0.0f)
+            & ((active[i] > 0.0f) | (faint_frames == 0.0f));
+        ask = asks ? at_edges : ask;
+    }
+    if (ask > 0.0f)
+        unlikeness(guide, sigma_position, size, stride, start, across, unlike);
+    for (int i = 0; i < across; i++) {
+        const int x = first + i, p = start + i;
+        const float id = guide[GUIDE_ID * size + p];
+        const int asks = (active[i] > 0.0f) | (faint_frames == 0.0f);
+        const float differs = asks ? fmax(squared[i], unlike[i]) : squared[i];
+        int chosen = differs >= high * high ? 0 : (differs >= low * low) | (active[i] > 0.0f) ? 1 : 2;
+        const int waits = ((x - origin[0]) | (y - origin[1])) & 1;
+        if ((chosen == 0) & (keep != 0) & waits) {
+            const int q = pixel_before(motion, p, width, height, seam);
+            if (q >= 0 && length[q] > SETTLED_HISTORY)
+                chosen = LEVEL_WAITING;
+        }
+        level[p] = id > 0.0f ? chosen : LEVEL_NONE;
+    }
 }
 
 __kernel void list_traced(

@@ -15,6 +15,7 @@
 // write 0, also with double buffers.
 #include "gbuffer/tiles.h"
 #include "gbuffer/view.h"
+#include "maths/lanes.h"
 
 __kernel void scan_tiles(
     PLANES_IN depth[MOST_ENTRIES],               // radial distance in metres, 0 = no surface
@@ -152,17 +153,23 @@ __kernel void build_guide(
     int height,
     int seam)
 {
-    TILE_ITEM;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
+    TILE_LANES_ITEM;
+    const int size = plane_size(width, height);
     const int awake = is_awake(states[layer * tiles_of(width, height) + tile]);
-    const float3 direction = direction_unbranched(view, (float2)(x + 0.5f, y + 0.5f));
-    // Without loops over all planes: PoCL vectorizes it.
-    #pragma unroll
-    for (int c = 0; c < 3; c++)
-        store_wrapped(guide + (GUIDE_NORMAL + c) * size, p, x, width, seam, normal[c * size + p]);
-    store_wrapped(guide + GUIDE_POSITION * size, p, x, width, seam, depth[p] * direction.x);
-    store_wrapped(guide + (GUIDE_POSITION + 1) * size, p, x, width, seam, depth[p] * direction.y);
-    store_wrapped(guide + (GUIDE_POSITION + 2) * size, p, x, width, seam, depth[p] * direction.z);
-    const float shown = depth[p] > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
-    store_wrapped(guide + GUIDE_ID * size, p, x, width, seam, awake || !(shown > 0.0f) ? shown : SLEEPING);
+    LANE_LOOP
+    for (int x = first; x < end; x++) {
+        const int p = plane_index(x, y, width);
+        const float3 direction = direction_unbranched(view, (float2)(x + 0.5f, y + 0.5f));
+        const float radius = depth[p];
+        guide[p] = normal[p];
+        guide[size + p] = normal[size + p];
+        guide[2 * size + p] = normal[2 * size + p];
+        guide[GUIDE_POSITION * size + p] = radius * direction.x;
+        guide[(GUIDE_POSITION + 1) * size + p] = radius * direction.y;
+        guide[(GUIDE_POSITION + 2) * size + p] = radius * direction.z;
+        const float shown = radius > 0.0f ? fmax(id[p], 0.0f) : 0.0f;
+        guide[GUIDE_ID * size + p] = awake | !(shown > 0.0f) ? shown : SLEEPING;
+    }
+    for (int c = 0; c < GUIDE_PLANES; c++)
+        wrap_row(guide + c * size, first, end, y, width, seam);
 }

@@ -174,26 +174,28 @@ static inline ALWAYS_INLINE Footprint resampled_footprint(int pixel, const RealP
                        (float2)(place[4 * size], place[5 * size])};
 }
 
-// Return the color that a picture has in a pixel.
-static inline ALWAYS_INLINE float3 seen_in_pixel(int pixel, Shown shown, const RealPlanes layer)
+// Return the color that a picture has in a pixel, of points_across() lookups.
+static inline ALWAYS_INLINE float3 seen_in_pixel(int pixel, Shown shown, int points, const RealPlanes layer)
 {
     return shown_in_pixel(shown, layer.panorama_width, layer.panorama_height,
-                          resampled_footprint(pixel, layer),
-                          points_across(layer.view, layer.panorama_height));
+                          resampled_footprint(pixel, layer), points);
 }
 
-static inline ALWAYS_INLINE void show_color(int x, int y, const RealPlanes layer)
+// `points`: 0 in a panorama at its own size.
+static inline ALWAYS_INLINE void show_color(int x, int y, int points, const RealPlanes layer)
 {
     const int pixel = plane_index(x, y, layer.width), texel = y * layer.width + x;
     store_planes(layer.color, plane_size(layer.width, layer.height), pixel,
-                 is_panorama(layer) ? shown_color(layer.shown, texel)
-                                    : seen_in_pixel(pixel, layer.shown, layer));
+                 points ? seen_in_pixel(pixel, layer.shown, points, layer)
+                        : shown_color(layer.shown, texel));
 }
 
 __kernel void resample_color(const RealPlanes layer)
 {
-    PIXEL_ITEM(layer.width, layer.height);
-    show_color(x, y, layer);
+    LANES_ITEM(layer.width, layer.height);
+    const int points = is_panorama(layer) ? 0 : points_across(layer.view, layer.panorama_height);
+    for (int x = first; x < end; x++)
+        show_color(x, y, points, layer);
 }
 
 __kernel void resample_highlight(
@@ -203,13 +205,17 @@ __kernel void resample_highlight(
     __global const float *restrict gloss,
     __global float *restrict highlight)
 {
-    PIXEL_ITEM(layer.width, layer.height);
-    show_color(x, y, layer);
-    const int pixel = plane_index(x, y, layer.width), index = (int)gloss[pixel];
+    LANES_ITEM(layer.width, layer.height);
+    const int points = points_across(layer.view, layer.panorama_height);
+    const int of_color = is_panorama(layer) ? 0 : points;
     const Shown part = {panorama_highlight, 0, 0};
-    show_highlight(index, index ? load_material(real_materials, index - 1).kind : 0,
-                   index ? seen_in_pixel(pixel, part, layer) : (float3)(0.0f), pixel,
-                   plane_size(layer.width, layer.height), highlight);
+    for (int x = first; x < end; x++) {
+        show_color(x, y, of_color, layer);
+        const int pixel = plane_index(x, y, layer.width), index = (int)gloss[pixel];
+        show_highlight(index, index ? load_material(real_materials, index - 1).kind : 0,
+                       index ? seen_in_pixel(pixel, part, points, layer) : (float3)(0.0f), pixel,
+                       plane_size(layer.width, layer.height), highlight);
+    }
 }
 
 typedef struct {

@@ -166,7 +166,7 @@ class Masks:
         lengths = histories or [None] * len(masks)
         for mask in masks:
             mask.touched, mask.before = mask.before, mask.touched
-        size = tiles.grid(len(masks))
+        size = tiles.lanes(len(masks))
         carried = batched(
             guide=[mask.guide.current for mask in masks],
             motion=motions,

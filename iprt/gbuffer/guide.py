@@ -196,7 +196,7 @@ class Guides:
             wake=wake,
         )
         self._build(
-            tiles.grid(entries),
+            tiles.lanes(entries),
             batched(guide=[guide.current for guide in self._guides]),
             view=view,
         )

@@ -212,9 +212,10 @@ class RealLayer:
         )
         kernels = self._plain if shown.clipped is None else self._clipped
         assert kernels is not None, "no kernels for it"
-        surfaces, *colors = kernels
-        surfaces(self._layout.items(wide=self._device.wide), gloss, layer=planes)
-        for kernel in colors:
+        surfaces, colors, *edges = kernels
+        for kernel in (surfaces, colors):
+            kernel(self._layout.items(wide=self._device.wide), gloss, layer=planes)
+        for kernel in edges:
             kernel(self._layout.size, gloss, layer=planes)
         self.diffuse = self._diffuse_part.run(self.color, self._highlight, color_map)
 

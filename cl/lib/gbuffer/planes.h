@@ -71,6 +71,15 @@ static inline void store_wrapped(
 
 #undef PUT
 
+// Write the pixels of a row from column `first` to `end`, which a lane loop has written, to the border.
+static inline void wrap_row(__global float *restrict plane, int first, int end, int y, int width, int seam)
+{
+    for (int x = first; seam && x < end; x++) {
+        const int p = plane_index(x, y, width);
+        store_border(plane, p, x, width, seam, plane[p]);
+    }
+}
+
 // Return the values of three planes at `pixel`.
 static inline float3 load_planes(__global const float *restrict planes, int size, int pixel)
 {

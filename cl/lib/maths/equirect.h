@@ -33,7 +33,8 @@ static inline ALWAYS_INLINE float2 equirect_uv(float3 d)
 {
     float u = fast_atan2(d.x, -d.z) * (0.5f / IPRT_PI) + 0.5f;
     float v = fast_atan2(sqrt(d.x * d.x + d.z * d.z), d.y) * (1.0f / IPRT_PI);
-    return (float2)(u - floor(u), v);
+    // As u - floor(u), which PoCL computes by branches.
+    return (float2)(u - (u >= 1.0f ? 1.0f : 0.0f) + (u < 0.0f ? 1.0f : 0.0f), v);
 }
 
 // Return the row-major index of the texel at uv.

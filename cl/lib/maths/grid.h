@@ -64,7 +64,7 @@ typedef struct {
 // backwards.
 static inline float ahead(float crossing, float u)
 {
-    return crossing >= u - 1e-3f * (1.0f + fabs(u)) ? fmax(crossing, u) : INFINITY;
+    return crossing >= u - 1e-3f * (1.0f + fabs(u)) ? larger(crossing, u) : INFINITY;
 }
 
 // Return u where the ray crosses the meridian with normal (edge.x, 0, edge.y), along that normal (sign = 1)
@@ -74,17 +74,17 @@ static inline float meridian_crossing(const PolarRay ray, float2 edge, float sig
 {
     float nm = edge.x * ray.m.x + edge.y * ray.m.z;
     float nd = edge.x * ray.d.x + edge.y * ray.d.z;
-    return sign * nd > 0.0f ? fmax(-nm / nd, u) : INFINITY;
+    return sign * nd > 0.0f ? larger(-nm / nd, u) : INFINITY;
 }
 
 // Return u where the ray crosses the cone cos(theta) = c upwards (sign = 1) or downwards (sign = -1). The
 // poles bound no cell, although rounding may raise a2 above its maximum of 1.
 static inline float cone_crossing(const PolarRay ray, float a2, float c, float sign, float u)
 {
-    float s = sign * sqrt(fmax(a2 - c * c, 0.0f));
+    float s = sign * sqrt(larger(a2 - c * c, 0.0f));
     float denominator = ray.m.y * c + ray.d.y * s;
     float crossing = (ray.d.y * c - ray.m.y * s) / denominator;
-    return c * c < fmin(a2, 1.0f) && denominator > 0.0f ? ahead(crossing, u) : INFINITY;
+    return c * c < smaller(a2, 1.0f) && denominator > 0.0f ? ahead(crossing, u) : INFINITY;
 }
 
 static inline int cells_along(int texels, int level) { return (texels + (1 << level) - 1) >> level; }

@@ -3,6 +3,10 @@
 
 #include "maths/kernel_attributes.h"
 
+// Comparisons rather than fmin and fmax, which take several instructions to handle NaN.
+static inline ALWAYS_INLINE float smaller(float a, float b) { return a < b ? a : b; }
+static inline ALWAYS_INLINE float larger(float a, float b) { return a > b ? a : b; }
+
 // Return 2^x. The relative error is at most 1.1e-4, and 0 at integers. x is clamped to [-126, 127]. As x +
 // 127 is positive, truncation is floor, and its integer part is the biased exponent. The cubic is the
 // minimax of 2^f on [0, 1) among those exact at both ends, so the result is continuous.
@@ -33,8 +37,8 @@ static inline float falloff(float x)
 // vector of two, which keeps PoCL from vectorizing the kernel.
 static inline ALWAYS_INLINE float fast_atan2(float y, float x)
 {
-    const float ax = fmax(x, -x), ay = fabs(y);
-    const float t = fmin(ax, ay) / fmax(fmax(ax, ay), 1e-37f), s = t * t;
+    const float ax = larger(x, -x), ay = fabs(y);
+    const float t = smaller(ax, ay) / larger(larger(ax, ay), 1e-37f), s = t * t;
     float p = 0.0029035560f;
     p = p * s - 0.016283022f;
     p = p * s + 0.043039389f;

@@ -49,15 +49,15 @@ static inline ALWAYS_INLINE int MARCH_NAME(
         if (climb < 0.0f || ray.m.y > 0.0f)
             under = cone_crossing(ray, a2, layer.grid.row[min((at.row + 1) << level, height)],
                                   -1.0f, at.u0);
-        const float polar = fmin(over, under);
-        at.u1 = fmin(fmin(side, polar), u_end);
+        const float polar = smaller(over, under);
+        at.u1 = smaller(smaller(side, polar), u_end);
         at.root1 = sqrt(1.0f + at.u1 * at.u1);
 
         const float r0 = ray.b * at.root0, r1 = ray.b * at.root1;
-        const float near = at.u0 < 0.0f && at.u1 > 0.0f ? ray.b : fmin(r0, r1);
+        const float near = at.u0 < 0.0f && at.u1 > 0.0f ? ray.b : smaller(r0, r1);
         const int cell = offset + at.row * columns + at.column;
         const float2 range = layer.grid.range[cell];
-        if (!MARCH_SKIP(state, near, fmax(r0, r1), range, cell)) {
+        if (!MARCH_SKIP(state, near, larger(r0, r1), range, cell)) {
             if (level > 0) {
                 level--;
                 const int child_columns = cells_along(width, level);

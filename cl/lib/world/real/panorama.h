@@ -18,12 +18,14 @@ typedef struct {
 static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
 {
     const float x = uv.x * width - 0.5f, y = clamp(uv.y * height - 0.5f, 0.0f, height - 1.0f);
-    const float left = floor(x), upper = floor(y);
-    int x0 = (int)left, x1 = x0 + 1;
+    // Truncated, as PoCL computes floor() by branches.
+    int x0 = (int)x - (x < 0.0f ? 1 : 0), x1 = x0 + 1;
+    const int upper = (int)y;
+    const float fx = x - x0, fy = y - upper;
     x0 = x0 < 0 ? x0 + width : x0;
     x1 = x1 >= width ? x1 - width : x1;
-    const int row0 = (int)upper * width, row1 = min((int)upper + 1, height - 1) * width;
-    return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, x - left, y - upper, x0, x1, row0, row1};
+    const int row0 = upper * width, row1 = min(upper + 1, height - 1) * width;
+    return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, fx, fy, x0, x1, row0, row1};
 }
 
 static inline ALWAYS_INLINE float blend_taps(

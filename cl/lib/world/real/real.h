@@ -46,7 +46,7 @@ typedef struct {
 
 static inline float real_thickness(const RealLayer layer, float r)
 {
-    return fmax(layer.thickness_m, layer.thickness_ratio * r);
+    return larger(layer.thickness_m, layer.thickness_ratio * r);
 }
 
 // Return the index of the texel in a direction of any length.
@@ -76,7 +76,7 @@ static inline int real_skip(const RealLayer layer, int *side, float near, float 
 static inline float surface_radius(float gm, float gd, float u, float root, float2 range)
 {
     float inverse = gm + u * gd;
-    return inverse > 0.0f ? clamp(root / inverse, range.x, range.y) : range.y;
+    return inverse > 0.0f ? smaller(larger(root / inverse, range.x), range.y) : range.y;
 }
 
 // Put a hit at u on the ray.

@@ -67,8 +67,8 @@ static inline ALWAYS_INLINE void store_corners(
         const float part = (1.0f - fabs(columns)) * (1.0f - fabs(rows)) * (color.x + color.y + color.z);
         radiance += part;
         share[k] = part * plane_difference(panorama_surface, nearest, texels[k]);
-        const float column = floor(x + 0.5f + (columns * down.y - rows * down.x) * inverse);
-        const float row = floor(y + 0.5f + (rows * right.x - columns * right.y) * inverse);
+        const float column = x + 0.5f + (columns * down.y - rows * down.x) * inverse;
+        const float row = y + 0.5f + (rows * right.x - columns * right.y) * inverse;
         const int is_in = column >= 0.0f && row >= 0.0f && column < width && row < height;
         pixels[k] = is_in ? (int)row * width + (int)column : y * width + x;
     }
