@@ -49,6 +49,7 @@ class Tiles:
         self.before = device.zeros(f"{name} influence before", (layers, count))
         self.probes = device.zeros(f"{name} probes", (layers, count, PROBES), np.int32)
         self._taken = 0
+        self._wide = device.wide
 
     def take(self) -> int:
         """Reserve one more layer and return its index."""
@@ -59,3 +60,7 @@ class Tiles:
     def grid(self, entries: int = 1) -> tuple[int, int, int]:
         """Return the work items of kernels with `TILE_ITEM`."""
         return TILE, TILE * self.across * self.down, entries
+
+    def lanes(self, entries: int = 1) -> tuple[int, int, int]:
+        """Return the work items of kernels with `TILE_LANES_ITEM`."""
+        return (TILE, self.across * self.down, entries) if self._wide else self.grid(entries)

@@ -38,3 +38,22 @@ static inline __global const int *tile_list(__global const int *tiles, int layer
     const int y = tile / tiles_across(width) * TILE + (int)get_global_id(1) % TILE;                \
     if (x >= width || y >= height)                                                                 \
         return
+
+// The same for kernels of lanes (maths/lanes.h): define row y and columns `first` to `end` of a work item. With
+// -D WIDE a work item has a row of a tile, and a launch TILE x (tiles of the picture) of them.
+#ifdef WIDE
+#define TILE_LANES_ITEM                                                                            \
+    const int place = get_global_id(1);                                                            \
+    __global const int *restrict listed = tile_list(tiles, layer, width, height);                  \
+    if (place >= listed[0])                                                                        \
+        return;                                                                                    \
+    const int tile = listed[1 + place], first = tile % tiles_across(width) * TILE;                 \
+    const int end = min(first + TILE, width);                                                      \
+    const int y = tile / tiles_across(width) * TILE + (int)get_global_id(0);                       \
+    if (y >= height)                                                                               \
+        return
+#else
+#define TILE_LANES_ITEM                                                                            \
+    TILE_ITEM;                                                                                     \
+    const int first = x, end = x + 1
+#endif

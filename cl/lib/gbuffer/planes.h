@@ -12,14 +12,11 @@
 #define PLANE_SHIFT 64 // sixteen planes are spread over all sets
 
 // Precedes loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
-// loops. GPU compilers would then load all neighbours at once into registers. On GPUs the loops also end
-// early where no neighbour counts, which PoCL would not vectorize either.
+// loops. GPU compilers would then load all neighbours at once into registers.
 #ifdef WIDE
 #define TAP_LOOP _Pragma("unroll")
-#define TAPS_IF(COUNTED, TAPS) (TAPS)
 #else
 #define TAP_LOOP _Pragma("unroll 1")
-#define TAPS_IF(COUNTED, TAPS) ((COUNTED) ? (TAPS) : 0)
 #endif
 
 static inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }
@@ -70,6 +67,15 @@ static inline void store_wrapped(
 }
 
 #undef PUT
+
+// Write the pixels of a row from column `first` to `end`, which a lane loop has written, to the border.
+static inline void wrap_row(__global float *restrict plane, int first, int end, int y, int width, int seam)
+{
+    for (int x = first; seam && x < end; x++) {
+        const int p = plane_index(x, y, width);
+        store_border(plane, p, x, width, seam, plane[p]);
+    }
+}
 
 // Return the values of three planes at `pixel`.
 static inline float3 load_planes(__global const float *restrict planes, int size, int pixel)
