@@ -68,7 +68,8 @@ class Change:
     Attributes
     ----------
     samples : planes
-        Samples at traced pixels: 6 planes, blocked and bounce over E_R; without `ratio` 3, radiance.
+        Samples at traced pixels: 6 planes, blocked and bounce over E_R; or radiance, 3 planes,
+        where there is no `ratio`.
     ratio : (pixels, 4) float32 or None
         Factor of the captured radiance, per pixel.
     color : 3 planes or None
