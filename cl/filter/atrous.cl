@@ -22,11 +22,13 @@
 // Each step has two kernels: one for a single signal of real surfaces (6 planes), and one for batches of
 // reflected signals (3), of which the first `specular` are specular radiance. Build with -DCOMMON as in
 // filter/signal.h, and with -DGUIDED for variance guidance. Without it luminance does not count (IPRT's
-// joint bilateral filter). Work groups of (n, 1) vectorize best on CPUs.
+// joint bilateral filter). Loops over taps enclose lane
+// loops: unrolled inside of these, 25 taps are too much for PoCL to vectorize, and take four times as long.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/stored.h"
 #include "filter/signal.h"
+#include "maths/lanes.h"
 
 #define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, not filtered
 #define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
@@ -53,12 +55,12 @@
 #endif
 #ifdef LAST
 #define SIGNAL_OUT PLANES_OUT
-#define store_out(plane, p, x, width, seam, value)                                                 \
-    store_wrapped(plane, p, x, width, seam, (value) / unit)
+#define store_out(plane, p, value) (plane)[p] = (value) / unit
+#define wrap_out wrap_row
 #else
 #define SIGNAL_OUT STORED_OUT
-#define store_out(plane, p, x, width, seam, value)                                                 \
-    store_stored(plane, p, x, width, seam, value)
+#define store_out store_stored
+#define wrap_out wrap_stored
 #endif
 
 // Return the weight of a tap in a row over the middle one's.
@@ -69,86 +71,117 @@ static inline ALWAYS_INLINE float tap_weight(int taps, int d)
     return d == 0 ? 1.0f : abs(d) == 1 ? 0.25f / 0.375f : 0.0625f / 0.375f;
 }
 
-// Filter one pixel. `planes` and `taps` are constants. `alpha`: GGX roughness of `specular` signals, whose
-// mirrors are copied; `turned`: from smooth_real.
-static inline ALWAYS_INLINE void filter_pixel(
-    int planes, int taps, int specular, float alpha, float lobe_fraction, float turned,
+// Filter the pixels of a row from column `first` to `end`. `planes` and `taps` are constants. `lobes`: GGX
+// roughness of `specular` signals, whose mirrors are copied; `turned`: from smooth_real, or null.
+static inline ALWAYS_INLINE void filter_row(
+    int planes, int taps, int specular, STORED_IN lobes, float lobe_fraction, STORED_IN turned,
     PLANES_IN guide, SIGNAL_IN signal, STORED_IN variance, SIGNAL_OUT signal_out,
-    STORED_OUT variance_out, int x, int y, int step, float normal_sharpness,
-    float plane_sharpness, float variance_scale, float unit, int width, int height, int seam)
+    STORED_OUT variance_out, int first, int end, int y, int step, float normal_sharpness,
+    float plane_sharpness, float variance_scale, float unit, int width, int height)
 {
-    int size = plane_size(width, height), stride = plane_stride(width);
-    int p = plane_index(x, y, width);
-
-    float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
-    float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
-    float id = guide[6 * size + p];
-    float plane = nx * px + ny * py + nz * pz;
-    float distance_squared = px * px + py * py + pz * pz;
-    float plane_scale = plane_sharpness / sqrt(fmax(distance_squared, 1e-30f));
-
-    float centre[REAL_PLANES], sum[REAL_PLANES];
-    EACH_PLANE(c, planes) {
-        centre[c] = load_in(signal, c * size + p);
-        sum[c] = centre[c];
-    }
-    float weights = 1.0f;
-    const float own = load_stored_variance(variance, p);
-    float variances = own;
-    float g = guide_scalar(planes, centre);
+    const int size = plane_size(width, height), stride = plane_stride(width);
+    const int start = plane_index(first, y, width);
+    float sum[REAL_PLANES][LANES], weights[LANES], variances[LANES];
+    float same[LANES], plane[LANES], plane_scale[LANES], g[LANES], tolerance[LANES];
+    float turn_scale[LANES], lobe[LANES], least[LANES];
+    LANE_LOOP
+    for (int i = 0; i < LANES; i++) {
+        const int p = start + i;
+        const float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
+        const float distance_squared = fmax(px * px + py * py + pz * pz, 1e-30f);
+        plane[i] = guide[p] * px + guide[size + p] * py + guide[2 * size + p] * pz;
+        plane_scale[i] = plane_sharpness / sqrt(distance_squared);
+        float centre[REAL_PLANES];
+        EACH_PLANE(c, planes) {
+            centre[c] = load_in(signal, c * size + p);
+            sum[c][i] = centre[c];
+        }
+        weights[i] = 1.0f;
+        variances[i] = load_stored_variance(variance, p);
+        g[i] = guide_scalar(planes, centre);
 #ifdef COMMON
-    const int relative = 0;
+        const int relative = 0;
 #else
-    const int relative = planes == REAL_PLANES; // the signal is a fraction of all light
+        const int relative = planes == REAL_PLANES; // the signal is a fraction of all light
 #endif
-    float tolerance
-        = relative ? NOISE_FLOOR : NOISE_FLOOR * luminance((float3)(centre[0], centre[1], centre[2]));
-    tolerance = variance_scale * own + tolerance * tolerance + 1e-30f;
-    // No tap matches -2, so that a pixel without a surface is unchanged.
-    float same = id > 0.0f ? id : -2.0f, lobe = 0.0f;
-    if (planes == REFLECTED_PLANES) {
-        // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
-        same = specular && alpha < MIRROR_ALPHA ? -2.0f : same;
-        float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
-        lobe = specular ? 0.5f / (span * span) : 0.0f;
-        normal_sharpness = fmax(normal_sharpness, 8.0f * lobe);
-        lobe /= fmax(distance_squared, 1e-30f);
+        const float brightness = luminance((float3)(centre[0], centre[1], centre[2]));
+        const float floor = relative ? NOISE_FLOOR : NOISE_FLOOR * brightness;
+        tolerance[i] = variance_scale * variances[i] + floor * floor + 1e-30f;
+        // No tap matches -2, so that a pixel without a surface is unchanged.
+        const float id = guide[GUIDE_ID * size + p];
+        same[i] = id > 0.0f ? id : -2.0f;
+        least[i] = turned ? load_stored(turned, p) : 0.0f;
+        turn_scale[i] = normal_sharpness;
+        lobe[i] = 0.0f;
+        if (planes == REFLECTED_PLANES) {
+            // The lobe of half width 2 alpha turns by twice the normal's angle and by the view angle.
+            const float alpha = load_stored(lobes, p);
+            same[i] = specular & (alpha < MIRROR_ALPHA) ? -2.0f : same[i];
+            const float span = 2.0f * lobe_fraction * fmax(alpha, MIRROR_ALPHA);
+            const float narrow = specular ? 0.5f / (span * span) : 0.0f;
+            turn_scale[i] = fmax(normal_sharpness, 8.0f * narrow);
+            lobe[i] = narrow / distance_squared;
+        }
     }
+    float any = 0.0f;
+    for (int i = 0; i < LANES; i++)
+        any = fmax(any, same[i]);
     // Weights are relative to the centre's.
-    TAP_LOOP
-    for (int i = 0; i < TAPS_IF(same > 0.0f, taps * taps); i++) {
-        const int dx = i % taps - taps / 2, dy = i / taps - taps / 2;
+    #pragma unroll 1
+    for (int tap = 0; tap < (any > 0.0f ? taps * taps : 0); tap++) {
+        const int dx = tap % taps - taps / 2, dy = tap / taps - taps / 2;
         if (dx == 0 && dy == 0)
             continue;
-        int q = p + step * (dx + dy * stride);
-        float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]);
-        float qx = guide[3 * size + q], qy = guide[4 * size + q], qz = guide[5 * size + q];
-        float off_plane = nx * qx + ny * qy + nz * qz - plane;
-        float tap[REAL_PLANES];
-        EACH_PLANE(c, planes)
-            tap[c] = load_in(signal, c * size + q);
-        float v = load_stored_variance(variance, q);
-        float differ = normal_sharpness * fmax(turn - turned, 0.0f) + plane_scale * fabs(off_plane);
+        const float near = tap_weight(taps, dx) * tap_weight(taps, dy);
+        const int there = start + step * (dx + dy * stride);
+        LANE_LOOP
+        for (int i = 0; i < LANES; i++) {
+            const int p = start + i, q = there + i;
+            const float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
+            const float turn = 1.0f - (nx * guide[q] + ny * guide[size + q] + nz * guide[2 * size + q]);
+            const float qx = guide[3 * size + q], qy = guide[4 * size + q], qz = guide[5 * size + q];
+            const float off_plane = nx * qx + ny * qy + nz * qz - plane[i];
+            float value[REAL_PLANES];
+            EACH_PLANE(c, planes)
+                value[c] = load_in(signal, c * size + q);
+            const float v = load_stored_variance(variance, q);
+            float differ
+                = turn_scale[i] * fmax(turn - least[i], 0.0f) + plane_scale[i] * fabs(off_plane);
 #ifdef GUIDED
-        float dg = guide_scalar(planes, tap) - g;
-        differ += dg * dg / (variance_scale * v + tolerance);
+            const float dg = guide_scalar(planes, value) - g[i];
+            differ += dg * dg / (variance_scale * v + tolerance[i]);
 #endif
-        if (planes == REFLECTED_PLANES) {
-            float ax = qx - px, ay = qy - py, az = qz - pz;
-            differ += lobe * (ax * ax + ay * ay + az * az);
+            if (planes == REFLECTED_PLANES) {
+                const float ax = qx - guide[3 * size + p], ay = qy - guide[4 * size + p];
+                const float az = qz - guide[5 * size + p];
+                differ += lobe[i] * (ax * ax + ay * ay + az * az);
+            }
+            const float alike = near * falloff(differ); // not in a branch, which would mask the loads
+            const float w = guide[GUIDE_ID * size + q] == same[i] ? alike : 0.0f;
+            EACH_PLANE(c, planes)
+                sum[c][i] += w * value[c];
+            weights[i] += w;
+            variances[i] += w * w * v;
         }
-        float near = tap_weight(taps, dx) * tap_weight(taps, dy);
-        float w = guide[6 * size + q] == same ? near * falloff(differ) : 0.0f;
-        EACH_PLANE(c, planes)
-            sum[c] += w * tap[c];
-        weights += w;
-        variances += w * w * v;
     }
-    // Where no tap counts this is 1, and the centre keeps its bits.
-    float scale = 1.0f / weights;
+    LANE_LOOP
+    for (int i = 0; i < end - first; i++) {
+        // Where no tap counts this is 1, and the centre keeps its bits.
+        const float scale = 1.0f / weights[i];
+        EACH_PLANE(c, planes)
+            store_out(signal_out + c * size, start + i, scale * sum[c][i]);
+        store_stored_variance(variance_out, start + i, scale * scale * variances[i]);
+    }
+}
+
+// Write the filtered columns of a row to the border.
+static inline void wrap_filtered(
+    int planes, SIGNAL_OUT signal_out, STORED_OUT variance_out, int first, int end, int y, int width,
+    int height, int seam)
+{
     EACH_PLANE(c, planes)
-        store_out(signal_out + c * size, p, x, width, seam, scale * sum[c]);
-    store_stored_variance(variance_out, p, x, width, seam, scale * scale * variances);
+        wrap_out(signal_out + c * plane_size(width, height), first, end, y, width, seam);
+    wrap_stored(variance_out, first, end, y, width, seam);
 }
 
 __kernel void filter_real(
@@ -169,15 +202,16 @@ __kernel void filter_real(
     int height,
     int seam)
 {
-    TILE_ITEM;
+    TILE_LANES_ITEM;
 #ifdef GUIDED
-    const float least = load_stored(turned, plane_index(x, y, width));
+    STORED_IN least = turned;
 #else
-    const float least = 0.0f;
+    STORED_IN least = 0;
 #endif
-    filter_pixel(REAL_PLANES, REAL_TAPS, 0, 0.0f, 0.0f, least, guide, signal, variance, signal_out,
-                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width,
-                 height, seam);
+    filter_row(REAL_PLANES, REAL_TAPS, 0, 0, 0.0f, least, guide, signal, variance, signal_out,
+               variance_out, first, end, y, step, normal_sharpness, plane_sharpness, variance_scale, unit,
+               width, height);
+    wrap_filtered(REAL_PLANES, signal_out, variance_out, first, end, y, width, height, seam);
 }
 
 __kernel void filter_reflected(
@@ -200,12 +234,11 @@ __kernel void filter_reflected(
     int height,
     int seam)
 {
-    TILE_ITEM;
-    const float alpha = load_stored(widened, plane_index(x, y, width));
-    filter_pixel(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, alpha, lobe_fraction, 0.0f,
-                 guide, signal, variance, signal_out,
-                 variance_out, x, y, step, normal_sharpness, plane_sharpness, variance_scale, unit, width,
-                 height, seam);
+    TILE_LANES_ITEM;
+    filter_row(REFLECTED_PLANES, SPLINE_TAPS, entry < specular, widened, lobe_fraction, 0, guide, signal,
+               variance, signal_out, variance_out, first, end, y, step, normal_sharpness, plane_sharpness,
+               variance_scale, unit, width, height);
+    wrap_filtered(REFLECTED_PLANES, signal_out, variance_out, first, end, y, width, height, seam);
 }
 
 // Return the GGX alpha of a whole pixel's lobe. The normals within a pixel turn its reflections by twice
@@ -265,14 +298,13 @@ static inline ALWAYS_INLINE float smoothed(PLANES_IN id, PLANES_IN variance, int
 
 // Prepare the levels' inputs: store the smoothed variance of a pixel.
 static inline ALWAYS_INLINE void smooth_variance(
-    PLANES_IN guide, PLANES_IN variance, STORED_OUT smooth, float unit, int x, int width, int size, int p,
-    int seam)
+    PLANES_IN guide, PLANES_IN variance, STORED_OUT smooth, float unit, int width, int size, int p)
 {
     float mean = smoothed(guide + GUIDE_ID * size, variance, plane_stride(width), p);
 #ifdef HALF_PLANES
     mean = mean * unit * unit; // unit squared alone may overflow
 #endif
-    store_stored_variance(smooth, p, x, width, seam, mean);
+    store_stored_variance(smooth, p, mean);
 }
 
 __kernel void smooth_real(
@@ -287,10 +319,14 @@ __kernel void smooth_real(
     int height,
     int seam)
 {
-    TILE_ITEM;
-    const int size = plane_size(width, height), p = plane_index(x, y, width);
-    smooth_variance(guide, variance, smooth, unit, x, width, size, p, seam);
-    store_stored(turned, p, x, width, seam, least_turn(guide, size, plane_stride(width), p));
+    TILE_LANES_ITEM;
+    const int size = plane_size(width, height), row = plane_index(0, y, width);
+    LANE_LOOP
+    for (int x = first; x < end; x++) {
+        smooth_variance(guide, variance, smooth, unit, width, size, row + x);
+        store_stored(turned, row + x, least_turn(guide, size, plane_stride(width), row + x));
+    }
+    wrap_stored(smooth, first, end, y, width, seam);
 }
 
 __kernel void smooth_reflected(
@@ -307,10 +343,16 @@ __kernel void smooth_reflected(
     int height,
     int seam)
 {
-    TILE_ITEM;
-    const int size = plane_size(width, height), p = plane_index(x, y, width);
-    smooth_variance(guide, variance, smooth, unit, x, width, size, p, seam);
-    if (entry < specular)
-        store_stored(widened, p, x, width, seam,
-                     widened_alpha(guide, roughness[p], size, plane_stride(width), p));
+    TILE_LANES_ITEM;
+    const int size = plane_size(width, height), row = plane_index(0, y, width);
+    LANE_LOOP
+    for (int x = first; x < end; x++)
+        smooth_variance(guide, variance, smooth, unit, width, size, row + x);
+    wrap_stored(smooth, first, end, y, width, seam);
+    if (entry >= specular)
+        return;
+    LANE_LOOP
+    for (int x = first; x < end; x++)
+        store_stored(widened, row + x,
+                     widened_alpha(guide, roughness[row + x], size, plane_stride(width), row + x));
 }

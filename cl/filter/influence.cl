@@ -7,8 +7,8 @@
 //   kernel          in                                         out
 //   place_probes    states, normal (3), depth, id, list of     probes; guide at their pixels, with a
 //                   traced pixels                              negative id; list with them added
-//   judge_relit,    states, lists, probes, picture and samples influence
-//   judge_gloss     of the change
+//   judge           states, probes, picture and samples of     influence
+//                   the change
 #include "gbuffer/tiles.h"
 #include "gbuffer/view.h"
 #include "maths/rng.h"
@@ -71,51 +71,17 @@ static inline void raise(__global float *influence, float most)
         atomic_max((__global int *)influence, as_int(most));
 }
 
-// Work item: a row of pixels of a tile.
-__kernel void judge_relit(
+// Work item: a row of pixels of a tile. The change of a layer is relative to the camera's picture, or, where
+// `ratio` is null, itself radiance.
+__kernel void judge(
     __global const int *restrict states,
     __global const int *restrict probes,
-    const int layer,
-    __global const float4 *restrict ratio,       // per pixel, without border
-    PLANES_IN color,                             // 3 planes, L_cam
-    PLANES_IN signal,                            // 6 planes, of traced pixels: blocked, bounce / E_R
-    __global float *influence,                   // in, out
-    int width,
-    int height)
-{
-    const int column = get_global_id(0), y = get_global_id(1), across = tiles_across(width);
-    const int all = tiles_of(width, height), own = layer * all + y / TILE * across + column;
-    if (column >= across || y >= height)
-        return;
-    const int size = plane_size(width, height);
-    if (is_awake(states[own])) {
-        float3 change = (float3)(0.0f);
-        for (int x = column * TILE; x < min((column + 1) * TILE, width); x++)
-            change += load_planes(color, size, plane_index(x, y, width))
-                      * (ratio[y * width + x].xyz - 1.0f);
-        raise(influence + own, largest(change) / TILE);
-    } else if (y % TILE == 0 && (states[own] & ASLEEP)) {
-        float found = 0.0f;
-        int number = 0;
-        for (int i = 0; i < PROBES; i++) {
-            const int p = probes[PROBES * own + i];
-            if (p < 0)
-                continue;
-            const float3 change = load_planes(signal + 3 * size, size, p) - load_planes(signal, size, p);
-            found += largest(load_planes(color, size, p) * change);
-            number++;
-        }
-        influence[own] = with_probes(influence[own], found, number);
-    }
-}
-
-// Work item: a row of pixels of a tile.
-__kernel void judge_gloss(
-    __global const int *restrict states,
-    __global const int *restrict probes,
-    const int layer,
-    PLANES_IN change,                            // 3 planes, filtered
-    PLANES_IN signal,                            // 3 planes, of traced pixels
+    const int layer[MOST_ENTRIES],
+    __global const float4 *restrict ratio[MOST_ENTRIES], // per pixel, without border
+    PLANES_IN color[MOST_ENTRIES],               // 3 planes, L_cam; not without ratio
+    PLANES_IN change[MOST_ENTRIES],              // 3 planes, filtered; only without ratio
+    PLANES_IN signal[MOST_ENTRIES],              // of traced pixels: 6 planes, blocked, bounce / E_R; without
+                                                 // ratio 3
     __global float *influence,                   // in, out
     int width,
     int height)
@@ -127,8 +93,11 @@ __kernel void judge_gloss(
     const int size = plane_size(width, height);
     if (is_awake(states[own])) {
         float3 sum = (float3)(0.0f);
-        for (int x = column * TILE; x < min((column + 1) * TILE, width); x++)
-            sum += load_planes(change, size, plane_index(x, y, width));
+        for (int x = column * TILE; x < min((column + 1) * TILE, width); x++) {
+            const int p = plane_index(x, y, width);
+            sum += ratio ? load_planes(color, size, p) * (ratio[y * width + x].xyz - 1.0f)
+                         : load_planes(change, size, p);
+        }
         raise(influence + own, largest(sum) / TILE);
     } else if (y % TILE == 0 && (states[own] & ASLEEP)) {
         float found = 0.0f;
@@ -137,7 +106,10 @@ __kernel void judge_gloss(
             const int p = probes[PROBES * own + i];
             if (p < 0)
                 continue;
-            found += largest(load_planes(signal, size, p));
+            float3 sample = load_planes(signal, size, p);
+            if (ratio)
+                sample = load_planes(color, size, p) * (load_planes(signal + 3 * size, size, p) - sample);
+            found += largest(sample);
             number++;
         }
         influence[own] = with_probes(influence[own], found, number);

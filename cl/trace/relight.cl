@@ -17,6 +17,7 @@
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/residual.h"
+#include "maths/lanes.h"
 #include "world/real/irradiance.h"
 
 // Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured color
@@ -30,14 +31,14 @@
 #define FAINT 0.015f
 #define STRONG 0.06f
 
-static inline float channel_ratio(
+static inline ALWAYS_INLINE float channel_ratio(
     float real, float both, float seen, float passing, float explained, float black)
 {
-    float unexplained = fmax(seen - real, 0.0f);
-    float ratio = (both + passing * unexplained) / (real + unexplained);
-    ratio = mix(passing, ratio, explained);
-    bool usable = real > black && real < 1e30f && fabs(both) < 1e30f && both != real;
-    return usable ? fmin(fmax(ratio, 0.0f), MAX_RATIO) : 1.0f;
+    const float unexplained = fmax(seen - real, 0.0f);
+    const float known = (both + passing * unexplained) / (real + unexplained);
+    const float ratio = fmin(fmax(passing + explained * (known - passing), 0.0f), MAX_RATIO);
+    const int usable = (real > black) & (real < 1e30f) & (fabs(both) < 1e30f) & (both != real);
+    return usable ? ratio : 1.0f;
 }
 
 __kernel void relight(
@@ -54,50 +55,117 @@ __kernel void relight(
     int width,
     int height)
 {
-    TILE_ITEM;
-    int size = plane_size(width, height), p = plane_index(x, y, width);
-    float3 seen = load_planes(color, size, p);
+    TILE_LANES_ITEM;
+    const int size = plane_size(width, height), start = plane_index(first, y, width), count = end - first;
     const float black = cache.black;
+    float real[3][LANES], both[3][LANES];
 #ifdef DELTA
+    float blocked[3][LANES], bounce[3][LANES];
 #ifdef NOISE
     const Filtered filtered = {signal, variance, guide, size, plane_stride(width)};
-    const Change change = settled_change(filtered, p);
-    float3 blocked = change.blocked, bounce = change.bounce;
-#else
-    float3 blocked = load_planes(signal, size, p), bounce = load_planes(signal + 3 * size, size, p);
 #endif
-    // Only filtered values are clamped: single samples may exceed the physical range.
-    blocked = clamp(blocked, 0.0f, 1.0f);
-    bounce = fmax(bounce, 0.0f);
-    const float3 larger = fmax(blocked, bounce);
+    float any = 0.0f;
+    LANE_LOOP
+    for (int i = 0; i < count; i++) {
+        // Only filtered values are clamped: single samples may exceed the physical range.
+        #pragma unroll
+        for (int c = 0; c < 3; c++) {
+            blocked[c][i] = fmin(fmax(signal[c * size + start + i], 0.0f), 1.0f);
+            bounce[c][i] = fmax(signal[(c + 3) * size + start + i], 0.0f);
+            real[c][i] = 0.0f;
+        }
+    }
+#ifdef NOISE
+    for (int i = 0; i < count; i++)
+        if (load_stored_variance(variance, start + i) > NEGLIGIBLE) {
+            const Change change = settled_change(filtered, start + i);
+            const float3 less = clamp(change.blocked, 0.0f, 1.0f), more = fmax(change.bounce, 0.0f);
+            blocked[0][i] = less.x, blocked[1][i] = less.y, blocked[2][i] = less.z;
+            bounce[0][i] = more.x, bounce[1][i] = more.y, bounce[2][i] = more.z;
+        }
+#endif
     // For most pixels of most views, the change is too small for E_R to matter.
-    const int slight = fmax(larger.x, fmax(larger.y, larger.z)) < SLIGHT;
-    float3 real = (float3)(0.0f);
-    if (guide[GUIDE_ID * size + p] > 0.0f && !slight)
-        real = cached_irradiance(cache, load_planes(guide + GUIDE_POSITION * size, size, p),
-                                 load_planes(guide + GUIDE_NORMAL * size, size, p));
-    float3 both = real * (1.0f - blocked + bounce);
+    float larger[LANES];
+    LANE_LOOP
+    for (int i = 0; i < count; i++) {
+        const float red = fmax(blocked[0][i], bounce[0][i]), green = fmax(blocked[1][i], bounce[1][i]);
+        const float most = fmax(red, fmax(green, fmax(blocked[2][i], bounce[2][i])));
+        larger[i] = guide[GUIDE_ID * size + start + i] > 0.0f ? most : 0.0f;
+    }
+    for (int i = 0; i < count; i++)
+        any = fmax(any, larger[i]);
+    float weights[LANES];
+    if (any >= SLIGHT) {
+        LANE_LOOP
+        for (int i = 0; i < count; i++) {
+            const int p = start + i;
+            const CellLight light = light_around(
+                cache, 0, guide[GUIDE_POSITION * size + p], guide[(GUIDE_POSITION + 1) * size + p],
+                guide[(GUIDE_POSITION + 2) * size + p], guide[p], guide[size + p], guide[2 * size + p]);
+            weights[i] = light.weights;
+            real[0][i] = light.r / light.weights;
+            real[1][i] = light.g / light.weights;
+            real[2][i] = light.b / light.weights;
+        }
+        for (int i = 0; i < count; i++)
+            if (larger[i] >= SLIGHT && !(weights[i] > 0.0f)) {
+                const float3 light = cached_irradiance(
+                    cache, load_planes(guide + GUIDE_POSITION * size, size, start + i),
+                    load_planes(guide + GUIDE_NORMAL * size, size, start + i));
+                real[0][i] = light.x, real[1][i] = light.y, real[2][i] = light.z;
+            }
+    }
+    LANE_LOOP
+    for (int i = 0; i < count; i++) {
+        #pragma unroll
+        for (int c = 0; c < 3; c++) {
+            real[c][i] = larger[i] >= SLIGHT ? real[c][i] : 0.0f;
+            both[c][i] = real[c][i] * (1.0f - blocked[c][i] + bounce[c][i]);
+        }
+    }
 #else
-    float3 real = load_planes(signal, size, p), both = load_planes(signal + 3 * size, size, p);
+    LANE_LOOP
+    for (int i = 0; i < count; i++) {
+        #pragma unroll
+        for (int c = 0; c < 3; c++) {
+            real[c][i] = signal[c * size + start + i];
+            both[c][i] = signal[(c + 3) * size + start + i];
+        }
+    }
 #endif
-    float passing = fmin(fmax(luminance(both) / fmax(luminance(real), black), 0.0f), 1.0f);
-    float3 shares = real / fmax(fmax(real, seen), black);
-    float explained = clamp(fmin(shares.x, fmin(shares.y, shares.z)), 0.0f, 1.0f);
-    float4 result = (float4)(
-        channel_ratio(real.x, both.x, seen.x, passing, explained, black),
-        channel_ratio(real.y, both.y, seen.y, passing, explained, black),
-        channel_ratio(real.z, both.z, seen.z, passing, explained, black), 1.0f);
+    __global float *restrict out = (__global float *)(ratio + y * width + first);
+    LANE_LOOP
+    for (int i = 0; i < count; i++) {
+        const int p = start + i;
+        const float red = color[p], green = color[size + p], blue = color[2 * size + p];
+        const float lit = luminance((float3)(real[0][i], real[1][i], real[2][i]));
+        const float relit = luminance((float3)(both[0][i], both[1][i], both[2][i]));
+        const float passing = fmin(fmax(relit / fmax(lit, black), 0.0f), 1.0f);
+        const float of_red = real[0][i] / fmax(fmax(real[0][i], red), black);
+        const float of_green = real[1][i] / fmax(fmax(real[1][i], green), black);
+        const float of_blue = real[2][i] / fmax(fmax(real[2][i], blue), black);
+        const float explained = fmin(fmax(fmin(of_red, fmin(of_green, of_blue)), 0.0f), 1.0f);
+        float r = channel_ratio(real[0][i], both[0][i], red, passing, explained, black);
+        float g = channel_ratio(real[1][i], both[1][i], green, passing, explained, black);
+        float b = channel_ratio(real[2][i], both[2][i], blue, passing, explained, black);
 #ifdef DELTA
-    if (slight)
-        result = (float4)(1.0f - blocked + bounce, 1.0f);
+        const int slight = larger[i] < SLIGHT;
+        r = slight ? 1.0f - blocked[0][i] + bounce[0][i] : r;
+        g = slight ? 1.0f - blocked[1][i] + bounce[1][i] : g;
+        b = slight ? 1.0f - blocked[2][i] + bounce[2][i] : b;
 #endif
-    if (!(guide[GUIDE_ID * size + p] > 0.0f))
-        result = (float4)(1.0f);
-    ratio[y * width + x] = result;
+        const int shown = guide[GUIDE_ID * size + p] > 0.0f;
+        r = shown ? r : 1.0f;
+        g = shown ? g : 1.0f;
+        b = shown ? b : 1.0f;
+        out[4 * i] = r;
+        out[4 * i + 1] = g;
+        out[4 * i + 2] = b;
+        out[4 * i + 3] = 1.0f;
 #ifdef DELTA
-    const float4 apart = fabs(result - 1.0f);
-    const float most = fmax(apart.x, fmax(apart.y, apart.z));
-    if (most > FAINT)
-        touched[p] = fmax(touched[p], most > STRONG ? STRONG_FRAMES : TOUCHED_FRAMES);
+        const float most = fmax(fabs(r - 1.0f), fmax(fabs(g - 1.0f), fabs(b - 1.0f)));
+        const float before = touched[p], raised = most > STRONG ? STRONG_FRAMES : TOUCHED_FRAMES;
+        touched[p] = most > FAINT ? fmax(before, raised) : before;
 #endif
+    }
 }

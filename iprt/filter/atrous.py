@@ -157,7 +157,7 @@ class Atrous:
         """
         if self.settings.levels == 0:
             return signals
-        size = self._signals[0].guide.tiles.grid(len(signals))
+        size = self._signals[0].guide.tiles.lanes(len(signals))
         variances = self._nothing if variances is None else variances
         guide = batched(guide=[signal.guide.current for signal in self._signals])
         lobes = {} if self._real else batched(roughness=roughness or [None] * len(signals))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import pyopencl.array as cla
 
@@ -60,20 +61,52 @@ class Probes:
         )
 
 
-class Influence:
-    """Measurement of the influence on the tiles of a layer that may sleep."""
+@dataclass(frozen=True)
+class Change:
+    """Change of a layer by the objects in a frame.
 
-    def __init__(self, device: ComputeDevice, mask: Mask, kernel: str) -> None:
-        """Create the kernel: `judge_relit` or `judge_gloss`."""
-        self._layout, self._tiles = mask.guide.layout, mask.guide.tiles
-        self._judge = device.kernel("filter/influence.cl", kernel, mask.guide.defines()).fixed(
+    Attributes
+    ----------
+    samples : planes
+        Samples at traced pixels: 6 planes, blocked and bounce over E_R; or radiance, 3 planes,
+        where there is no `ratio`.
+    ratio : (pixels, 4) float32 or None
+        Factor of the captured radiance, per pixel.
+    color : 3 planes or None
+        Captured radiance, where there is a ratio.
+    filtered : 3 planes or None
+        Change of the radiance, where there is none.
+    """
+
+    samples: cla.Array
+    ratio: cla.Array | None = None
+    color: cla.Array | None = None
+    filtered: cla.Array | None = None
+
+
+class Influence:
+    """Measurement of the influence on the tiles of layers that may sleep."""
+
+    def __init__(self, device: ComputeDevice, masks: Sequence[Mask]) -> None:
+        """Create the kernel for layers with one mask each."""
+        guides = [mask.guide for mask in masks]
+        self._layout, self._tiles = guides[0].layout, guides[0].tiles
+        self._judge = device.kernel("filter/influence.cl", "judge", guides[0].defines()).fixed(
             self._layout.arguments(),
-            layer=mask.guide.layer,
+            batched(layer=[guide.layer for guide in guides]),
             states=self._tiles.states,
             probes=self._tiles.probes,
         )
 
-    def measure(self, **planes: cla.Array | None) -> None:
-        """Update `Tiles.influence` by the kernel's planes of this frame."""
-        size = self._tiles.across, self._layout.height
-        self._judge(size, influence=self._tiles.influence, **planes)
+    def measure(self, changes: Sequence[Change]) -> None:
+        """Update `Tiles.influence` by the changes of the layers in this frame."""
+        self._judge(
+            (self._tiles.across, self._layout.height, len(changes)),
+            batched(
+                ratio=[change.ratio for change in changes],
+                color=[change.color for change in changes],
+                change=[change.filtered for change in changes],
+                signal=[change.samples for change in changes],
+            ),
+            influence=self._tiles.influence,
+        )

@@ -82,7 +82,7 @@ class Relight:
         black = BLACK * world.panorama.mean_radiance
         known = IrradianceCacheArgs(plane=None, irradiance=None, columns=0, rows=0, black=black)
         self._kernel(
-            self._guide.tiles.grid(),
+            self._guide.tiles.lanes(),
             cache=known if cache is None else cache.arguments(world.panorama),
             touched=touched,
             guide=self._guide.current,

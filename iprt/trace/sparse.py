@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.filter.influence import VISIBLE, Influence, Probes
+from iprt.filter.influence import VISIBLE, Change, Influence, Probes
 from iprt.filter.mask import LEVEL_WAITING, Mask, Masks
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.context import FrameContext
@@ -78,9 +78,7 @@ class SparseMethod(Method):
         self._probes: Probes | None = None
         if features.sleeping:
             self._probes = Probes(device, masks[:-1], layers[:-1])
-            self._influence = Influence(device, masks[0], "judge_relit")
-            if pixels.gloss_mask is not None:
-                self._gloss_influence = Influence(device, pixels.gloss_mask, "judge_gloss")
+            self._influence = Influence(device, masks[:-1])
 
     def kernels(self) -> RayKernels:
         """Return the method's kernels; called once, when the method is built."""
@@ -152,12 +150,11 @@ class SparseMethod(Method):
         """Measure the influence of the objects on the real surfaces of tiles."""
         real, pixels = self.real_pixels, self.reflecting_pixels
         assert real is not None
-        layer = real.layer
-        self._influence.measure(ratio=real.relight.ratio, color=layer.diffuse, signal=real.samples)
+        relit = Change(real.samples, ratio=real.relight.ratio, color=real.layer.diffuse)
+        changes = [relit]
         if pixels.gloss_mask is not None:
-            self._gloss_influence.measure(
-                change=pixels.filtered("gloss"), signal=pixels.gloss_samples
-            )
+            changes.append(Change(pixels.gloss_samples, filtered=pixels.filtered("gloss")))
+        self._influence.measure(changes)
 
     def _choose(self, world: World, context: FrameContext) -> None:
         """Select the pixels to trace."""

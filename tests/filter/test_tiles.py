@@ -10,7 +10,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant, float_constant
-from iprt.filter.influence import Influence, Probes
+from iprt.filter.influence import Change, Influence, Probes
 from iprt.filter.mask import Mask, Masks, tracing_grids
 from iprt.filter.signal_filter import Samples, SignalFilter
 from iprt.filter.signals import Kind, Signal, signal_planes
@@ -212,7 +212,8 @@ def test_probes_are_traced_in_sleeping_tiles(device: ComputeDevice) -> None:
     assert len(found) > 2.9 * len(pixels)
 
 
-def test_influence_is_what_rows_and_probes_show(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("relit", [True, False])
+def test_influence_is_what_rows_and_probes_show(device: ComputeDevice, relit: bool) -> None:
     wall = Wall(device)
     awake = wall.awake({}, least=1.0)
     mask = Mask(device, wall.guides[0], Settings().mask, name="test", graded=True)
@@ -222,15 +223,16 @@ def test_influence_is_what_rows_and_probes_show(device: ComputeDevice) -> None:
     height, width = wall.gbuffer.ids.shape
     color, ratio = rng.random((3, height, width)), rng.uniform(0.5, 1.5, (height, width, 4))
     signal = rng.random((6, height, width))
-    Influence(device, mask, "judge_relit").measure(
-        ratio=device.upload("ratio", ratio.reshape(-1, 4).astype(np.float32)),
-        color=upload(device, wall.layout, color),
-        signal=upload(device, wall.layout, signal),
-    )
+    samples = upload(device, wall.layout, signal if relit else signal[:3])
+    change = Change(samples, filtered=upload(device, wall.layout, color))
+    if relit:
+        factors = device.upload("ratio", ratio.reshape(-1, 4).astype(np.float32))
+        change = Change(samples, ratio=factors, color=upload(device, wall.layout, color))
+    Influence(device, [mask]).measure([change])
     found = device.read(wall.tiles.influence)[0].reshape(5, 8)
-    change = color * (np.moveaxis(ratio[..., :3], -1, 0) - 1.0)
-    rows = np.abs(change.reshape(3, height, 8, TILE).mean(-1)).max(0)
-    of_probes = np.abs(color * (signal[3:] - signal[:3])).max(0)
+    shown = color * (np.moveaxis(ratio[..., :3], -1, 0) - 1.0) if relit else color
+    rows = np.abs(shown.reshape(3, height, 8, TILE).mean(-1)).max(0)
+    of_probes = np.abs(color * (signal[3:] - signal[:3]) if relit else signal[:3]).max(0)
     stride, probes = width + 2 * PAD, device.read(wall.tiles.probes)[0].reshape(5, 8, -1)
     for column, row in EVERYWHERE:
         if (column, row) in awake:

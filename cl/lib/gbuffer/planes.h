@@ -12,14 +12,11 @@
 #define PLANE_SHIFT 64 // sixteen planes are spread over all sets
 
 // Precedes loops over neighbouring pixels. -D WIDE: unrolled, as PoCL vectorizes only kernels without
-// loops. GPU compilers would then load all neighbours at once into registers. On GPUs the loops also end
-// early where no neighbour counts, which PoCL would not vectorize either.
+// loops. GPU compilers would then load all neighbours at once into registers.
 #ifdef WIDE
 #define TAP_LOOP _Pragma("unroll")
-#define TAPS_IF(COUNTED, TAPS) (TAPS)
 #else
 #define TAP_LOOP _Pragma("unroll 1")
-#define TAPS_IF(COUNTED, TAPS) ((COUNTED) ? (TAPS) : 0)
 #endif
 
 static inline int plane_stride(int width) { return width + 2 * PLANE_PAD; }

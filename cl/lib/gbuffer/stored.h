@@ -40,31 +40,38 @@ static inline float load_stored_variance(STORED_IN plane, int p)
 #endif
 }
 
+static inline void store_stored(STORED_OUT plane, int p, float value)
+{
+#ifdef HALF_PLANES
+    const float clamped = fmin(fmax(value, -LARGEST_HALF), LARGEST_HALF);
+    vstore_half(fabs(value) < NOT_STORED ? clamped : value, p, plane);
+#else
+    plane[p] = value;
+#endif
+}
+
+static inline void store_stored_variance(STORED_OUT plane, int p, float value)
+{
+#ifdef HALF_PLANES
+    value = sqrt(value);
+#endif
+    store_stored(plane, p, value);
+}
+
 #ifdef HALF_PLANES
 #define PUT(at) vstore_half(value, at, plane)
 #else
 #define PUT(at) plane[at] = value
 #endif
 
-// As store_wrapped() of planes.h.
-static inline void store_stored(
-    STORED_OUT plane, int p, int x, int width, int seam, float value)
+// As wrap_row() of planes.h.
+static inline void wrap_stored(STORED_OUT plane, int first, int end, int y, int width, int seam)
 {
-#ifdef HALF_PLANES
-    const float clamped = fmin(fmax(value, -LARGEST_HALF), LARGEST_HALF);
-    value = fabs(value) < NOT_STORED ? clamped : value;
-#endif
-    PUT(p);
-    AT_BORDER(PUT)
+    for (int x = first; seam && x < end; x++) {
+        const int p = plane_index(x, y, width);
+        const float value = load_stored(plane, p);
+        AT_BORDER(PUT)
+    }
 }
 
 #undef PUT
-
-static inline void store_stored_variance(
-    STORED_OUT plane, int p, int x, int width, int seam, float value)
-{
-#ifdef HALF_PLANES
-    value = sqrt(value);
-#endif
-    store_stored(plane, p, x, width, seam, value);
-}

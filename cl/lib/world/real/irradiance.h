@@ -34,12 +34,7 @@ static inline int2 cache_corner(int columns, int rows, float3 p, float2 *past)
 static inline int cache_cell(int columns, int rows, int x, int y)
 {
     x = x < 0 ? x + columns : x >= columns ? x - columns : x;
-    return clamp(y, 0, rows - 1) * columns + x;
-}
-
-static inline float3 cache_normal(float4 plane)
-{
-    return -plane.xyz * rsqrt(fmax(dot(plane.xyz, plane.xyz), 1e-30f));
+    return min(max(y, 0), rows - 1) * columns + x;
 }
 
 // Return how far a cell's surface is the point's: 1 on its plane, 0 on another surface.
@@ -52,45 +47,83 @@ static inline float cache_agreement(float4 plane, float3 p, float3 n)
     return plane.w > 0.0f && facing > CACHE_NORMAL ? fmax(near, 0.0f) : 0.0f;
 }
 
-// Return the change of E / pi from normal m, a cell's, to normal n. The first derivative of irradiance is
-// the part of the flux perpendicular to m (rotational gradient; G. J. Ward, P. S. Heckbert, "Irradiance
-// Gradients", Eurographics Workshop on Rendering 1992). Normals of neighbouring cells of one surface differ
-// by up to CACHE_LIKE, where the flux would add only noise.
-static inline float turned(float3 flux, float3 m, float3 n)
+// E_R / pi by the cells around a point: its sum over those that show the point's surface, weighted; and
+// the brightest value of any.
+typedef struct {
+    float r, g, b;
+    float weights;
+    float brightest_r, brightest_g, brightest_b;
+} CellLight;
+
+// Return the light of the four cells around the point p with normal n: of the first surfaces of the cells,
+// or of the second ones. For lane loops: of scalars, without branches.
+//
+// From a cell's normal m to n, E / pi changes by the part of the flux perpendicular to m (rotational gradient;
+// G. J. Ward, P. S. Heckbert, "Irradiance Gradients", Eurographics Workshop on Rendering 1992). Normals of
+// neighbouring cells of one surface differ by up to CACHE_LIKE, where the flux would add only noise.
+static inline ALWAYS_INLINE CellLight light_around(
+    const IrradianceCache cache, int second, float px, float py, float pz, float nx, float ny, float nz)
 {
-    const float facing = dot(n, m);
-    const float share = clamp((CACHE_LIKE - facing) / (CACHE_LIKE - CACHE_UNLIKE), 0.0f, 1.0f);
-    return share * (dot(flux, n) - facing * dot(flux, m));
+    const int cells = cache.columns * cache.rows, first = second ? cells : 0;
+    const float2 uv = equirect_uv((float3)(px, py, pz));
+    const float x = uv.x * cache.columns - 0.5f, y = uv.y * cache.rows - 0.5f;
+    const int left = (int)floor(x), top = (int)floor(y);
+    const float past_x = x - left, past_y = y - top;
+    const float reach = CACHE_PLANE * sqrt(px * px + py * py + pz * pz);
+    __global const float *restrict planes = (__global const float *)cache.plane;
+    __global const float *restrict values = (__global const float *)cache.irradiance;
+    __global const float *restrict fluxes = values + 4 * CACHE_SURFACES * cells;
+    CellLight sum = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    float change = 0.0f;
+    #pragma unroll
+    for (int i = 0; i < 4; i++) {
+        const int at = 4 * (first + cache_cell(cache.columns, cache.rows, left + (i & 1), top + (i >> 1)));
+        const float a = planes[at], b = planes[at + 1], c = planes[at + 2];
+        const float inverse = 1.0f / sqrt(fmax(a * a + b * b + c * c, 1e-30f));
+        const float facing = -(a * nx + b * ny + c * nz) * inverse;
+        const float apart = fabs(a * px + b * py + c * pz - 1.0f) * inverse;
+        const float near = fmax(1.0f - apart / reach, 0.0f);
+        const int same = (planes[at + 3] > 0.0f) & (facing > CACHE_NORMAL);
+        const float agrees = same ? near : 0.0f;
+        const float r = values[at], g = values[at + 1], of_b = values[at + 2];
+        const int is_known = values[at + 3] > 0.0f;
+        const float bilinear = (i & 1 ? past_x : 1.0f - past_x) * (i & 2 ? past_y : 1.0f - past_y);
+        const float weight = is_known ? (bilinear + 1e-3f) * agrees : 0.0f;
+        const float fx = fluxes[at], fy = fluxes[at + 1], fz = fluxes[at + 2];
+        const float along = -(fx * a + fy * b + fz * c) * inverse;
+        const float unlike = (CACHE_LIKE - facing) / (CACHE_LIKE - CACHE_UNLIKE);
+        const float share = fmin(fmax(unlike, 0.0f), 1.0f);
+        change += weight * share * (fx * nx + fy * ny + fz * nz - facing * along);
+        sum.r += weight * r;
+        sum.g += weight * g;
+        sum.b += weight * of_b;
+        sum.weights += weight;
+        sum.brightest_r = fmax(sum.brightest_r, is_known ? r : 0.0f);
+        sum.brightest_g = fmax(sum.brightest_g, is_known ? g : 0.0f);
+        sum.brightest_b = fmax(sum.brightest_b, is_known ? of_b : 0.0f);
+    }
+    // A leg or a fold thinner than a cell has one entry for all of its normals.
+    const float bright = fmax(luminance((float3)(sum.r, sum.g, sum.b)), 1e-30f);
+    const float factor = fmin(fmax(1.0f + change / bright, 1.0f / CACHE_TURNED), CACHE_TURNED);
+    sum.r *= factor;
+    sum.g *= factor;
+    sum.b *= factor;
+    return sum;
 }
 
 // Return E_R / pi at the point p with normal n; 0 where no cell around it is known.
 static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, float3 n)
 {
-    float2 past;
-    const int2 corner = cache_corner(cache.columns, cache.rows, p, &past);
-    const int entries = CACHE_SURFACES * cache.columns * cache.rows;
-    float3 sum = (float3)(0.0f), brightest = (float3)(0.0f);
-    float weights = 0.0f, change = 0.0f;
-    for (int k = 0; k < 4 * CACHE_SURFACES; k++) {
-        const int i = k & 3;
-        if (i == 0 && weights > 0.0f)
-            break;
-        const int cell = cache_cell(cache.columns, cache.rows, corner.x + (i & 1), corner.y + (i >> 1))
-            + (k >> 2) * cache.columns * cache.rows;
-        const float4 value = cache.irradiance[cell], plane = cache.plane[cell];
-        const float bilinear = (i & 1 ? past.x : 1.0f - past.x) * (i & 2 ? past.y : 1.0f - past.y);
-        const float known = value.w > 0.0f ? bilinear + 1e-3f : 0.0f;
-        const float weight = known * cache_agreement(plane, p, n);
-        sum += weight * value.xyz;
-        change += weight * turned(cache.irradiance[entries + cell].xyz, cache_normal(plane), n);
-        weights += weight;
-        brightest = fmax(brightest, known > 0.0f ? value.xyz : (float3)(0.0f));
-    }
-    // A leg or a fold thinner than a cell has one entry for all of its normals.
-    const float factor = clamp(1.0f + change / fmax(luminance(sum), 1e-30f), 1.0f / CACHE_TURNED, CACHE_TURNED);
+    const CellLight first = light_around(cache, 0, p.x, p.y, p.z, n.x, n.y, n.z);
+    if (first.weights > 0.0f)
+        return (float3)(first.r, first.g, first.b) / first.weights;
+    const CellLight second = light_around(cache, 1, p.x, p.y, p.z, n.x, n.y, n.z);
+    if (second.weights > 0.0f)
+        return (float3)(second.r, second.g, second.b) / second.weights;
     // Surfaces in no cell take the brightest value around them: they may face brighter light, and an
     // irradiance that is too small would turn faint shadows into black specks.
-    return weights > 0.0f ? factor / weights * sum : brightest;
+    return fmax((float3)(first.brightest_r, first.brightest_g, first.brightest_b),
+                (float3)(second.brightest_r, second.brightest_g, second.brightest_b));
 }
 
 // Return 1 / (E_R / pi) at a point, per color; 0 where it is black.
