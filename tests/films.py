@@ -46,7 +46,7 @@ FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((9, 5), (13, 7)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
-AROUND, WIDE_AROUND = (View(width, 4, projection="equirect") for width in (17, 65))
+AROUND, WIDE_AROUND = (View(width, 4, projection="equirect") for width in (33, 129))
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
     "iprt": {"ratio_rows": 16},
