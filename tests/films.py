@@ -44,7 +44,8 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
-LOOK = View(13, 7, pitch_deg=-35.0)
+LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((9, 5), (13, 7)))
+"""Most branches of the kernels are reached by few pixels; some films need more to meet all."""
 AROUND, WIDE_AROUND = (View(width, 4, projection="equirect") for width in (33, 129))
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
@@ -85,7 +86,7 @@ def by(method: str, **own: Any) -> dict[str, Any]:
 
 def films(**settings: Any) -> dict[str, Film]:
     """All of them, by name; with `settings` besides their own."""
-    room, glossy = _room(32, 16), _glossy(_room(29, 15))
+    room, glossy = _room(20, 10), _glossy(_room(19, 9))
     clay, plastic, mirror, brass = _objects()
     # A grid that reaches there too has few voxels on each object, of which every one takes long.
     far = ball((1.2, -1.0, 1.2), 0.03, Material(), subdivisions=0)
@@ -93,15 +94,15 @@ def films(**settings: Any) -> dict[str, Film]:
     every, glazed = _objects(), (textured, plastic, mirror)
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (room, _bending((*glazed, brass)), LOOK, {"gbuffer": "cl"}),
-        "layers": (room, (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
+        "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (room, (clay, mirror), LOOK, by("iprt2023", objects="triangles")),
         "around": (_drifting(glossy), every, AROUND, {}),
         "layers around": (_landscape(), (clay,), AROUND, LAYERS),
         "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
-        "blocks": (glossy, (clay, brass), LOOK, {**SEEN_ONLY, "light_scale": 2}),
+        "blocks": (glossy, (clay, brass), LARGE_LOOK, {**SEEN_ONLY, "light_scale": 2}),
         "blocks around": (_drifting(room), (plastic,), WIDE_AROUND, {"light_scale": 4}),
-        "walk": (_carried(room), (clay, brass), LOOK, {}),
-        "remembered": (_glossy(_passing(30, 15)), (clay,), LOOK, SEEN_ONLY),
+        "walk": (_carried(_room(32, 16)), (clay, brass), LARGE_LOOK, {}),
+        "remembered": (_glossy(_passing(30, 15)), (clay,), LARGE_LOOK, SEEN_ONLY),
         "environment": (room, every, LOOK, by("ibl")),
         "shadowing environment": (glossy, glazed, LOOK, by("em")),
         "delta paths": (room, glazed, LOOK, by("dpt")),
@@ -113,29 +114,34 @@ def films(**settings: Any) -> dict[str, Film]:
             AROUND,
             by("dit", resolution=8, directions="boxes"),
         ),
-        "differential paths": (room, (clay, plastic), LOOK, by("pt-diff", surfaces="all")),
-        "learned": (room, (clay, brass), LOOK, {**by("oil", region=1.0), **LITTLE}),
+        "differential paths": (
+            _room(32, 16),
+            (clay, plastic),
+            LARGE_LOOK,
+            by("pt-diff", surfaces="all"),
+        ),
+        "learned": (room, (clay, brass), LARGE_LOOK, {**by("oil", region=1.0), **LITTLE}),
         "learned on a walk": (
             _carried(room),
             (plastic, mirror),
             LOOK,
             {**by("oil", surfaces="all"), **LITTLE},
         ),
-        "cones": (room, (*glazed, far), LOOK, by("vct", **VOXELS)),
+        "cones": (room, (*glazed, far), LARGE_LOOK, by("vct", **VOXELS)),
         "cones around": (
             _landscape(),
             (clay, far),
             AROUND,
             by("vct", **VOXELS, anisotropic=False),
         ),
-        "delta cones": (glossy, (*glazed, far), LOOK, by("dvct", **DELTA_VOXELS)),
+        "delta cones": (_glossy(_room(29, 15)), (*glazed, far), LOOK, by("dvct", **DELTA_VOXELS)),
         "delta cones around": (
             _landscape(),
             (clay, far),
             AROUND,
             by("dvct", **DELTA_VOXELS, anisotropic=False),
         ),
-        "nothing": (_clipped(_room(29, 15)), (), LOOK, {}),
+        "nothing": (_clipped(_room(19, 9)), (), LOOK, {}),
     }
     return {
         name: Film(
@@ -248,7 +254,7 @@ def _drifting(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
 
 
 def _landscape() -> tuple[Frame, Frame]:
-    frame = landscape_frame(31, 17)
+    frame = landscape_frame(19, 11)
     return frame, replace(frame, color=frame.color * np.float32(0.5))
 
 

@@ -19,8 +19,8 @@ from iprt.device.compilers import POCL, SMALL_GRID, KernelTask
 from iprt.device.program import Program, build
 from iprt.errors import KernelError
 
-GROUP = 64
-"""Work items of a group: `ComputeDevice.group_size` on a CPU."""
+GROUPS = {2: (64, 1), 3: (16, 16, 1)}
+"""Work groups by dimensions: `ComputeDevice.group_size` on a CPU. PoCL compiles for one of them."""
 MEMORY_BYTES = 2**21
 """Size of the zeroed memory of a launch. All its buffers point to the middle."""
 
@@ -34,8 +34,9 @@ def launch(context: cl.Context, built: Any, task: KernelTask) -> None:
     kernel = cl.Kernel(built, task.name)
     for index, components in enumerate(task.components):
         kernel.set_arg(index, np.zeros(components, np.int32) if components else middle)
-    items = -(-SMALL_GRID // GROUP) * GROUP if task.large else GROUP
-    cl.enqueue_nd_range_kernel(queue, kernel, (items, 1), (GROUP, 1)).wait()
+    group = GROUPS[task.dimensions]
+    groups = -(-SMALL_GRID // group[0]) if task.large else 1
+    cl.enqueue_nd_range_kernel(queue, kernel, (groups * group[0], *group[1:]), group).wait()
 
 
 def main() -> None:

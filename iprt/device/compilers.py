@@ -42,12 +42,15 @@ class KernelTask(NamedTuple):
     name : str
     components : list of int
         Four-byte components of each parameter; 0: a buffer.
+    dimensions : int
+        2 or 3, of its grid.
     large : bool
         Compile for grids larger than `SMALL_GRID`.
     """
 
     name: str
     components: list[int]
+    dimensions: int
     large: bool
 
 
@@ -105,12 +108,13 @@ class Compilers:
         if asked or self._file(*key).exists():
             return
         components = [parameter.components for parameter in program.signature(kernel)]
+        dimensions = program.dimensions(kernel)
         with self._changed:
             task = next((task for task in self._queue if task.program == program), None)
             if task is None:
                 task = _Task(program)
                 self._queue.append(task)
-            task.kernels.append(KernelTask(kernel, components, large))
+            task.kernels.append(KernelTask(kernel, components, dimensions, large))
             self._tasks[key] = task
             if self._running < min(self._processes, len(self._queue)):
                 self._running += 1

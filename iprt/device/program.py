@@ -17,7 +17,7 @@ from pyopencl.cache import create_built_program_from_source_cached
 from pyopencl.characterize import has_src_build_cache
 
 from iprt.device.kernel_source import resolved
-from iprt.device.signature import Parameter, signature
+from iprt.device.signature import Parameter, dimensions, signature
 from iprt.errors import KernelError
 from iprt.files.resources import CL
 
@@ -74,6 +74,10 @@ class Program:
     def signature(self, kernel: str) -> tuple[Parameter, ...]:
         """Return the parameters of a kernel, in order."""
         return _signature(self.text, kernel)
+
+    def dimensions(self, kernel: str) -> int:
+        """Return the dimensions of a kernel's grid, of which 1 counts as 2."""
+        return dimensions(self.text, kernel)
 
     @property
     def key(self) -> str:

@@ -1,4 +1,4 @@
-"""Parameters of kernels, parsed from their source.
+"""Parameters and grids of kernels, parsed from their source.
 
 Some drivers do not report the parameters of cached programs.
 """
@@ -16,6 +16,7 @@ import numpy as np
 from iprt.errors import KernelError
 
 SCALARS = {"int": np.int32, "uint": np.uint32, "float": np.float32}
+_LINES = re.DOTALL | re.MULTILINE
 QUALIFIERS = ("const", "__global", "__constant", "restrict", "*")
 
 
@@ -52,12 +53,32 @@ def signature(text: str, kernel: str) -> tuple[Parameter, ...]:
     KernelError
         The source has no such kernel.
     """
-    found = re.search(rf"\bvoid\s+{kernel}\s*\(([^{{]*)\)\s*\{{", text)
-    if found is None:
-        raise KernelError(f"no kernel '{kernel}'")
+    parameters, _ = _parts(text, kernel)
     # Types of buffers may have names, `#define PLANES_IN __global const float *restrict`.
     names = dict(re.findall(r"^ *#define (\w+) (\w.*)$", text, re.MULTILINE))
-    return tuple(_parameter(one, names) for one in found[1].split(","))
+    return tuple(_parameter(one, names) for one in parameters.split(","))
+
+
+def dimensions(text: str, kernel: str) -> int:
+    """Return the dimensions of a kernel's grid: 3 if it runs over tiles or entries, else 2.
+
+    Kernels of one dimension count as those of two: their groups are the same.
+
+    Raises
+    ------
+    KernelError
+        The source has no such kernel.
+    """
+    _, body = _parts(text, kernel)
+    return 3 if re.search(r"\bTILE_ITEM\b|\bget_global_id\(2\)", body) else 2
+
+
+def _parts(text: str, kernel: str) -> tuple[str, str]:
+    """Return the declared parameters and the body of a kernel in resolved source."""
+    found = re.search(rf"\bvoid\s+{kernel}\s*\(([^{{]*)\)\s*\{{(.*?)(?:^\}}|\Z)", text, _LINES)
+    if found is None:
+        raise KernelError(f"no kernel '{kernel}'")
+    return found[1], found[2]
 
 
 def _parameter(declaration: str, names: Mapping[str, str]) -> Parameter:

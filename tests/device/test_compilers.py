@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
 import numpy as np
 import pyopencl as cl
@@ -12,9 +14,12 @@ from pyopencl.cache import create_built_program_from_source_cached
 
 from iprt.device import compilers
 from iprt.device.choose import choose_device, describe_devices
+from iprt.device.compile import GROUPS
 from iprt.device.compilers import Compilers
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel import Kernel
 from iprt.device.program import PlannedKernel, Program
+from tests.films import films, play
 
 FILE, NAME = "world/real/pyramid.cl", "reduce_range"
 CRASHES = """
@@ -80,6 +85,32 @@ def test_grids_of_either_size(several: Compilers, cache: Path) -> None:
     several.wait(program, NAME)
     folders = sorted(path.parent.name for path in cache.rglob("*.so"))
     assert folders == ["64-1-1-goffs0", "64-1-1-goffs0-smallgrid"]
+
+
+def test_kernels_of_tiles_have_groups_of_their_own(several: Compilers, cache: Path) -> None:
+    """PoCL compiles for the group of the launch; another one would be for nothing."""
+    program = Program.of("filter/neighbours.cl")
+    several.request(program, "interpolate", 0)
+    several.wait(program, "interpolate")
+    assert [path.parent.name for path in cache.rglob("*.so")] == ["16-16-1-goffs0-smallgrid"]
+    group = ComputeDevice(choose_device("pocl")).group_size
+    assert {count: group(count) for count in GROUPS} == GROUPS
+
+
+def test_dimensions_of_grids_are_read_from_the_source(device: ComputeDevice) -> None:
+    launched: set[tuple[str, str, int]] = set()
+    launch = Kernel.__call__
+
+    def record(self: Kernel, size: tuple[int, ...], *groups: Any, **own: Any) -> None:
+        launched.add((self.program, self.name, max(len(size), 2)))
+        launch(self, size, *groups, **own)
+
+    with mock.patch.object(Kernel, "__call__", record):
+        play(device, films()["gloss"])
+    programs = {program.name: program for program in device.built_programs}
+    read = {(name, kernel, programs[name].dimensions(kernel)) for name, kernel, _ in launched}
+    assert read == launched
+    assert {dimensions for _, _, dimensions in launched} == set(GROUPS)
 
 
 def test_a_crash_ends_nothing_but_its_process(several: Compilers, cache: Path) -> None:
