@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Self
@@ -21,6 +22,8 @@ from iprt.settings.model import Settings
 
 LEAVING_S = 5.0
 """Longest wait for an idle device at the end."""
+START_STEPS = 8
+"""Most view frames of a warm-up that repeats one frame of the video, where nothing moves."""
 MEMORY_DOUBLED = 10
 """Most frames for a long memory, the earliest of them 512 warm-ups back."""
 
@@ -99,8 +102,9 @@ class Film:
         warm_up : int
             Frames rendered before the first without being yielded, to build its history: the
             preceding ones, in the step of `indices`. Before the start of the video, its first frame
-            is repeated. State with a longer memory (the background that moving things hide) is
-            built from a few frames before those, which are not rendered.
+            is repeated for `START_STEPS` view frames at most. State with a longer memory (the
+            background that moving things hide) is built from a few frames before those, which are
+            not rendered.
         aovs : names from `iprt.aovs.AOVS`
         progress : callable or None
             Called with the number of finished view frames of a frame after each.
@@ -125,21 +129,26 @@ class Film:
         first = self.scene.frame_indices[0]
         before = warm_up_indices(indices, warm_up, first)
         remembered = memory_indices(before, first) if self.scene.source.static_camera else []
-        chosen = [*remembered, *before, *indices]
-        unseen = len(remembered) + len(before)
+        # How many times `accumulate` each frame is rendered.
+        most = max(START_STEPS // self.accumulate, 1)
+        shown = [(index, 0) for index in remembered]
+        shown += [(index, min(times, most)) for index, times in Counter(before).items()]
+        shown += [(index, 1) for index in indices]
+        chosen = [index for index, _ in shown]
+        unseen = len(chosen) - len(indices)
         several = len(set(chosen)) > 1
         drift = self.settings.drift and several
         with self.scene.stream(chosen, strict=self.strict, drift=drift) as frames:
             _ = self.scene.objects  # are read while the first frame is prepared
-            for number, (index, frame) in enumerate(zip(chosen, frames, strict=True)):
+            for number, ((index, times), frame) in enumerate(zip(shown, frames, strict=True)):
                 renderer = self._showing(frame, index, several=several)
                 del frame
-                if number < len(remembered):
+                if not times:
                     continue
                 wanted = number >= unseen
                 layers = aovs if wanted else ()
                 if goal is None:
-                    picture = renderer.render(self.accumulate, layers, progress)
+                    picture = renderer.render(times * self.accumulate, layers, progress)
                 else:
                     picture = converged(renderer, goal, layers, progress)
                 self.device.finish()  # reads events: hours of them would fill the memory

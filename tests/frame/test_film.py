@@ -106,6 +106,30 @@ def test_a_warm_up_is_the_frames_before(scene: Scene, device: ComputeDevice) -> 
     assert not np.array_equal(pictures(scene, device, [3, 4, 5]), whole[3:])
 
 
+@pytest.mark.parametrize(("accumulate", "expected"), [(1, [8, 1, 1]), (3, [6, 3, 3])])
+def test_the_first_frame_of_a_video_is_repeated_without_loading_it_again(
+    scene: Scene,
+    device: ComputeDevice,
+    monkeypatch: pytest.MonkeyPatch,
+    accumulate: int,
+    expected: list[int],
+) -> None:
+    steps: list[int] = []
+    render = Renderer.render
+
+    def rendering(self: Renderer, frames: int, *arguments: Any) -> RenderedFrame:
+        steps.append(frames)
+        return render(self, frames, *arguments)
+
+    monkeypatch.setattr(Renderer, "render", rendering)
+    with film(scene, device, accumulate) as running:
+        list(running.frames([1], warm_up=12))
+        assert steps == expected[:2]
+        steps.clear()
+        list(running.frames([0, 1], warm_up=12))
+    assert steps == expected
+
+
 @pytest.mark.parametrize(
     ("indices", "count", "expected"),
     [

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.influence import VISIBLE
+from iprt.filter.influence import VISIBLE, Probes
 from iprt.gbuffer.guide import Guides
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
@@ -95,6 +95,35 @@ def test_a_shadow_on_sleeping_surfaces_wakes_them(
     expected = (1.0 - truth[-1].mean(-1))[shadow].mean()
     assert depth[2] > 0.7 * expected
     assert depth[5] > 0.9 * expected
+
+
+def test_probes_alone_find_a_shadow_far_from_anything_awake(
+    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The view shows only floor, all of it asleep. An object moves between it and the lamp."""
+    floor = View(128, 128, fov_y_deg=50.0, yaw_deg=8.0, pitch_deg=-50.0)
+    far = ball((-1.2, -0.85, 2.3), 0.5, Material("diffuse", (0.5, 0.3, 0.2)))
+    above = replace(far, to_world=far.to_world.copy())
+    above.to_world[:3, 3] = 0.2, 0.3, -1.4
+
+    def after_the_move() -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+        with Renderer(device, FRAME, [far], floor, SETTINGS) as renderer:
+            renderer.render(24)
+            assert sleeping(renderer).all()
+            renderer.move([above])
+            found = renderer.render(12, ["ratio"]).aovs["ratio"]
+            return sleeping(renderer), found
+
+    with Renderer(device, FRAME, [above], floor, SETTINGS) as renderer:
+        expected = (1.0 - renderer.render(24, ["ratio"]).aovs["ratio"]).mean()
+    assert expected > 0.1
+    asleep, found = after_the_move()
+    assert asleep.mean() < 0.05
+    assert (1.0 - found).mean() > 0.8 * expected
+    monkeypatch.setattr(Probes, "place", lambda *_: None)
+    asleep, found = after_the_move()
+    assert asleep.all()
+    assert (found == 1.0).all()
 
 
 def test_a_mean_of_all_frames_has_no_sleeping_pixels(device: ComputeDevice) -> None:
