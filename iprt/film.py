@@ -22,7 +22,7 @@ from iprt.settings.model import Settings
 
 LEAVING_S = 5.0
 """Longest wait for an idle device at the end."""
-START_STEPS = 8
+START_STEPS = 12
 """Most view frames of a warm-up that repeats one frame of the video, where nothing moves."""
 MEMORY_DOUBLED = 10
 """Most frames for a long memory, the earliest of them 512 warm-ups back."""

@@ -106,7 +106,7 @@ def test_a_warm_up_is_the_frames_before(scene: Scene, device: ComputeDevice) -> 
     assert not np.array_equal(pictures(scene, device, [3, 4, 5]), whole[3:])
 
 
-@pytest.mark.parametrize(("accumulate", "expected"), [(1, [8, 1, 1]), (3, [6, 3, 3])])
+@pytest.mark.parametrize(("accumulate", "expected"), [(1, [12, 1, 1]), (5, [10, 5, 5])])
 def test_the_first_frame_of_a_video_is_repeated_without_loading_it_again(
     scene: Scene,
     device: ComputeDevice,
@@ -123,10 +123,10 @@ def test_the_first_frame_of_a_video_is_repeated_without_loading_it_again(
 
     monkeypatch.setattr(Renderer, "render", rendering)
     with film(scene, device, accumulate) as running:
-        list(running.frames([1], warm_up=12))
+        list(running.frames([1], warm_up=16))
         assert steps == expected[:2]
         steps.clear()
-        list(running.frames([0, 1], warm_up=12))
+        list(running.frames([0, 1], warm_up=16))
     assert steps == expected
 
 
