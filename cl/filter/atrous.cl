@@ -22,8 +22,8 @@
 // Each step has two kernels: one for a single signal of real surfaces (6 planes), and one for batches of
 // reflected signals (3), of which the first `specular` are specular radiance. Build with -DCOMMON as in
 // filter/signal.h, and with -DGUIDED for variance guidance. Without it luminance does not count (IPRT's
-// joint bilateral filter). Loops over taps enclose lane
-// loops: unrolled inside of these, 25 taps are too much for PoCL to vectorize, and take four times as long.
+// joint bilateral filter). Loops over taps enclose lane loops: unrolled inside of these, 25 taps are too much
+// for PoCL to vectorize, and take four times as long.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "gbuffer/stored.h"
