@@ -26,7 +26,7 @@ from unittest import mock
 
 import numpy as np
 import pyopencl.array as cla
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from iprt.device.choose import choose_device
 from iprt.device.compute import ComputeDevice
@@ -92,6 +92,9 @@ class SimulatedDevice(ComputeDevice):
     def share(self, name: str, values: NDArray[Any]) -> cla.Array:
         # It takes the host's memory for unwritten, too.
         return self.upload(name, values)
+
+    def zeros(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
+        return self.upload(name, np.zeros(shape, dtype))
 
 
 @functools.cache
