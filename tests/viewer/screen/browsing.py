@@ -126,8 +126,8 @@ def chromium() -> str:
 
 
 @contextmanager
-def browsing() -> Iterator[Callable[[str, tuple[int, int]], Visitor]]:
-    """Yield a function that opens a page in a window of its own, of a width and height."""
+def browsing() -> Iterator[Callable[..., Visitor]]:
+    """Yield a function that opens an address in a window of its own, of SIZE or another."""
     api = pytest.importorskip(
         "playwright.sync_api", reason="needs the extra `screen`: ./run screen"
     )
@@ -135,7 +135,7 @@ def browsing() -> Iterator[Callable[[str, tuple[int, int]], Visitor]]:
         browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         try:
 
-            def visit(url: str, size: tuple[int, int]) -> Visitor:
+            def visit(url: str, size: tuple[int, int] = SIZE) -> Visitor:
                 viewport = {"width": size[0], "height": size[1]}
                 return Visitor(browser.new_page(viewport=viewport), url)
 

@@ -44,7 +44,7 @@ class Place:
 
     engine: Engine
     host: Host
-    open: Callable[[str, tuple[int, int]], Visitor]
+    open: Callable[..., Visitor]
     visitors: list[Visitor]
 
     def visit(self, size: tuple[int, int] = SIZE) -> tuple[Visitor, Browser]:
