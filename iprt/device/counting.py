@@ -129,6 +129,10 @@ class CountingDevice(ComputeDevice):
         """Allocate an uninitialised buffer of the inner device."""
         return self._inside.empty(name, shape, dtype)
 
+    def zeros(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> cla.Array:
+        """Allocate a buffer of zeros of the inner device."""
+        return self._inside.zeros(name, shape, dtype)
+
     def counted(self, size: tuple[int, ...]) -> Work:
         """Return the work of the last launch, which was over `size` work items."""
         active, *rays = map(int, self.read(self._counters))

@@ -89,6 +89,13 @@ class CheckedDevice(ComputeDevice):
         array.name, array.whole = name, whole
         return array
 
+    def zeros(
+        self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32
+    ) -> GuardedArray:
+        array = self.empty(name, shape, dtype)
+        self.fill_zero(array)
+        return array
+
     def share(self, name: str, values: NDArray[Any]) -> cla.Array:
         """A copy, between guards."""
         return self.upload(name, values)

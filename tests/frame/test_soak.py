@@ -50,6 +50,10 @@ class CountingDevice(ComputeDevice):
         self.made += 1
         return super().empty(*args, **kwargs)
 
+    def zeros(self, *args: Any, **kwargs: Any) -> cla.Array:
+        self.made += 1
+        return super().zeros(*args, **kwargs)
+
     def kernel(self, *args: Any, **kwargs: Any) -> Kernel:
         self.made += 1
         return super().kernel(*args, **kwargs)
