@@ -42,13 +42,13 @@ CORE = "liboclgrind-21.10.so"
 MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {LIBRARY}"
 TIMEOUT_S = 1800.0
 PREFILTERED_ROWS = 16
-"""Those of the finest level here, about as many as the films' panoramas have."""
+"""Rows of the finest level here, about as many as the films' panoramas have."""
 GRID_ROWS = 8
 """Rows of the grid of E_R and of the map of shadows off screen here: half of the least allowed."""
 ROOT = Path(__file__).resolve().parents[1]
 
 NO_FINDING = re.compile(
-    # pyopencl asks every device for what only those of some vendors know.
+    # pyopencl asks every device for properties that only some vendors know.
     r"Function: clGetDeviceInfo\s+Error: +CL_INVALID_VALUE\s+For argument 'param_name'"
 )
 
@@ -60,7 +60,7 @@ class Watched:
     Attributes
     ----------
     kernels : set of str
-        Those that it launched.
+        Kernels that it launched.
     findings : list of str
         Oclgrind's reports, each once for each line of a kernel, and why the program ended early.
     """

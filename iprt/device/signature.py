@@ -62,7 +62,7 @@ def signature(text: str, kernel: str) -> tuple[Parameter, ...]:
 def dimensions(text: str, kernel: str) -> int:
     """Return the dimensions of a kernel's grid: 3 if it runs over tiles or entries, else 2.
 
-    Kernels of one dimension count as those of two: their groups are the same.
+    A kernel of one dimension counts as one of two, which has the same work group.
 
     Raises
     ------

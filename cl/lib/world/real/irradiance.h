@@ -47,7 +47,7 @@ static inline float cache_agreement(float4 plane, float3 p, float3 n)
     return plane.w > 0.0f && facing > CACHE_NORMAL ? fmax(near, 0.0f) : 0.0f;
 }
 
-// E_R / pi by the cells around a point: its sum over those that show the point's surface, weighted; and
+// E_R / pi by the cells around a point: the weighted sum over the cells that show the point's surface, and
 // the brightest value of any.
 typedef struct {
     float r, g, b;
