@@ -19,7 +19,7 @@ from iprt.device.compilers import POCL, SMALL_GRID, KernelTask
 from iprt.device.program import Program, build
 from iprt.errors import KernelError
 
-GROUPS = {2: (64, 1), 3: (16, 16, 1)}
+GROUPS = {2: (64, 1), 3: (16, 4, 1)}
 """Work groups by dimensions: `ComputeDevice.group_size` on a CPU. PoCL compiles for one of them."""
 MEMORY_BYTES = 2**21
 """Size of the zeroed memory of a launch. All its buffers point to the middle."""

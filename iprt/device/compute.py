@@ -155,7 +155,7 @@ class ComputeDevice:
             return (64,) if self.is_cpu else (128,)
         if dimensions == 2:
             return (64, 1) if self.is_cpu else (16, 8)
-        return (16, 16, 1) if self.is_cpu else (16, 8, 1)
+        return (16, 4, 1) if self.is_cpu else (16, 8, 1)
 
     def kernel(
         self,

@@ -92,7 +92,7 @@ def test_kernels_of_tiles_have_groups_of_their_own(several: Compilers, cache: Pa
     program = Program.of("filter/neighbours.cl")
     several.request(program, "interpolate", 0)
     several.wait(program, "interpolate")
-    assert [path.parent.name for path in cache.rglob("*.so")] == ["16-16-1-goffs0-smallgrid"]
+    assert [path.parent.name for path in cache.rglob("*.so")] == ["16-4-1-goffs0-smallgrid"]
     group = ComputeDevice(choose_device("pocl")).group_size
     assert {count: group(count) for count in GROUPS} == GROUPS
 
