@@ -17,7 +17,7 @@
 //      depth      1 plane    metres from the capture centre; 0: open sky
 //      id         1 plane    1: surface that takes shadows; 0: opening or open sky
 //      motion     2 planes   image point in the previous picture, pixels; -1e9: nowhere
-//      place      6 planes   uv in the panorama: of the pixel's centre, and its change to the right and down
+//      place      2 planes   uv of the pixel's centre in the panorama
 //      other_pixel [H*W]     -1 in most pixels. In views about as fine as the panorama, or finer: UNEVEN
 //                            where the four texels around show several planes. resample_*: the pixel
 //                            itself where one of them is at a gap. sharpen_*, which processes those: a
@@ -111,14 +111,9 @@ static inline ALWAYS_INLINE int resample(int x, int y, int sharp, const RealPlan
     const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
     const float3 ahead = local_direction_unbranched(layer.view, (float2)(x + 0.5f, y + 0.5f));
     const float3 direction = view_rotate_to_world(layer.view, ahead);
-    const Footprint inside = footprint(layer.view, ahead, direction);
-    const float2 uv = inside.middle;
+    const float2 uv = equirect_uv(direction);
     layer.place[pixel] = uv.x;
     layer.place[size + pixel] = uv.y;
-    layer.place[2 * size + pixel] = inside.right.x;
-    layer.place[3 * size + pixel] = inside.right.y;
-    layer.place[4 * size + pixel] = inside.down.x;
-    layer.place[5 * size + pixel] = inside.down.y;
     const int texel
         = min((int)(uv.y * layer.panorama_height), layer.panorama_height - 1) * layer.panorama_width
         + min((int)(uv.x * layer.panorama_width), layer.panorama_width - 1);
@@ -166,28 +161,32 @@ __kernel void resample_glossy(
     }
 }
 
-static inline ALWAYS_INLINE Footprint resampled_footprint(int pixel, const RealPlanes layer)
+static inline ALWAYS_INLINE float2 resampled_uv(int x, int y, const RealPlanes layer)
 {
-    const int size = plane_size(layer.width, layer.height);
-    __global const float *place = layer.place + pixel;
-    return (Footprint){(float2)(place[0], place[size]), (float2)(place[2 * size], place[3 * size]),
-                       (float2)(place[4 * size], place[5 * size])};
+    const int pixel = plane_index(x, y, layer.width), size = plane_size(layer.width, layer.height);
+    return (float2)(layer.place[pixel], layer.place[size + pixel]);
+}
+
+static inline Footprint resampled_footprint(int x, int y, const RealPlanes layer)
+{
+    const float3 ahead = view_local_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    return footprint(layer.view, resampled_uv(x, y, layer), ahead, view_rotate_to_world(layer.view, ahead));
 }
 
 // Return the color that a picture has in a pixel, of points_across() lookups.
-static inline ALWAYS_INLINE float3 seen_in_pixel(int pixel, Shown shown, int points, const RealPlanes layer)
+static inline ALWAYS_INLINE float3 seen_in_pixel(int x, int y, Shown shown, int points, const RealPlanes layer)
 {
-    return shown_in_pixel(shown, layer.panorama_width, layer.panorama_height,
-                          resampled_footprint(pixel, layer), points);
+    const int width = layer.panorama_width, height = layer.panorama_height;
+    return points == 1 ? shown_at(shown, width, height, resampled_uv(x, y, layer))
+                       : shown_in_pixel(shown, width, height, resampled_footprint(x, y, layer), points);
 }
 
 // `points`: 0 in a panorama at its own size.
 static inline ALWAYS_INLINE void show_color(int x, int y, int points, const RealPlanes layer)
 {
-    const int pixel = plane_index(x, y, layer.width), texel = y * layer.width + x;
-    store_planes(layer.color, plane_size(layer.width, layer.height), pixel,
-                 points ? seen_in_pixel(pixel, layer.shown, points, layer)
-                        : shown_color(layer.shown, texel));
+    store_planes(layer.color, plane_size(layer.width, layer.height), plane_index(x, y, layer.width),
+                 points ? seen_in_pixel(x, y, layer.shown, points, layer)
+                        : shown_color(layer.shown, y * layer.width + x));
 }
 
 __kernel void resample_color(const RealPlanes layer)
@@ -209,11 +208,13 @@ __kernel void resample_highlight(
     const int points = points_across(layer.view, layer.panorama_height);
     const int of_color = is_panorama(layer) ? 0 : points;
     const Shown part = {panorama_highlight, 0, 0};
-    for (int x = first; x < end; x++) {
+    for (int x = first; x < end; x++)
         show_color(x, y, of_color, layer);
+    // In a loop of its own: in one of both the color takes a seventh longer.
+    for (int x = first; x < end; x++) {
         const int pixel = plane_index(x, y, layer.width), index = (int)gloss[pixel];
         show_highlight(index, index ? load_material(real_materials, index - 1).kind : 0,
-                       index ? seen_in_pixel(pixel, part, points, layer) : (float3)(0.0f), pixel,
+                       index ? seen_in_pixel(x, y, part, points, layer) : (float3)(0.0f), pixel,
                        plane_size(layer.width, layer.height), highlight);
     }
 }
@@ -238,7 +239,7 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     const int mark = layer.other_pixel[itself];
     if (mark == -1)
         return edge;
-    const Footprint inside = resampled_footprint(pixel, layer);
+    const Footprint inside = resampled_footprint(x, y, layer);
     store_corners(layer.shown.color, layer.panorama_surface, layer.panorama_width, layer.panorama_height,
                   inside, x, y, layer.width, layer.height, (__global float *)(layer.other + itself),
                   (__global int *)(layer.corner + itself));
@@ -311,7 +312,7 @@ __kernel void sharpen_glossy(
         const Shown part = {panorama_highlight, 0, 0};
         Window window = edge.window;
         see(&window, part);
-        specular = mix(shown_in_pixel(part, layer.panorama_width, layer.panorama_height, edge.inside, 1),
+        specular = mix(shown_at(part, layer.panorama_width, layer.panorama_height, edge.inside.middle),
                        mix(side_color(&window, edge.whole.y), side_color(&window, edge.whole.x),
                            edge.share),
                        edge.mixtures);

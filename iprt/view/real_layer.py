@@ -116,7 +116,7 @@ class RealLayer:
         self.id = device.zeros(f"{name} id", layout.shape(1))
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
         self.diffuse = self.color
-        self._place = device.zeros(f"{name} place", layout.shape(6))
+        self._place = device.zeros(f"{name} place", layout.shape(2))
         self._diffuse_part = DiffusePart(
             device, layout, name=name, gloss=gloss, color_map=color_map
         )

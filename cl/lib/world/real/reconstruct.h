@@ -33,8 +33,9 @@ static inline ALWAYS_INLINE float2 uv_change(float3 d, float3 by)
                     (d.y * out - level * by.y) / ((flat + d.y * d.y) * IPRT_PI));
 }
 
-// Return the footprint of a pixel, whose centre is in direction `ahead` of the view, d of the world.
-static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict view, float3 ahead, float3 d)
+// Return the footprint of a pixel, whose centre is at `uv`, in direction `ahead` of the view and d of the world.
+static inline ALWAYS_INLINE Footprint footprint(
+    __global const float *restrict view, float2 uv, float3 ahead, float3 d)
 {
     const int equirect = is_equirect(view);
     const float width = -ahead.z / view[9];
@@ -46,7 +47,7 @@ static inline ALWAYS_INLINE Footprint footprint(__global const float *restrict v
     const float3 down = (float3)(projected(equirect, along * ahead.x, 0.0f),
                                  projected(equirect, -row * level, -width),
                                  projected(equirect, along * ahead.z, 0.0f));
-    return (Footprint){equirect_uv(d), uv_change(d, view_rotate_to_world(view, right)),
+    return (Footprint){uv, uv_change(d, view_rotate_to_world(view, right)),
                        uv_change(d, view_rotate_to_world(view, down))};
 }
 
@@ -115,13 +116,16 @@ static inline ALWAYS_INLINE float3 cubic_shown(Shown shown, CubicTaps t)
     return clamp(sum, (1.0f - OVERSHOOT) * low, (1.0f + OVERSHOOT) * high);
 }
 
-// Return a picture's color in a pixel: cubic convolution at its centre, or the mean of `points` x `points`
-// bilinear lookups all over it.
+// Return a picture's color at uv by cubic convolution.
+static inline ALWAYS_INLINE float3 shown_at(Shown shown, int width, int height, float2 uv)
+{
+    return cubic_shown(shown, cubic_taps(width, height, uv));
+}
+
+// Return a picture's mean color in a pixel, of `points` x `points` bilinear lookups all over it.
 static inline ALWAYS_INLINE float3 shown_in_pixel(
     Shown shown, int width, int height, Footprint inside, int points)
 {
-    if (points == 1)
-        return cubic_shown(shown, cubic_taps(width, height, inside.middle));
     const float apart = 1.0f / points;
     float3 sum = (float3)(0.0f);
     for (int i = 0; i < points * points; i++) {
