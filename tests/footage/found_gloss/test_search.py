@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ from tests.worlds import Float, bright_walls, room_frame
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("alpha", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("alpha", [0.05, 0.2])
 def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float) -> None:
     frame = coated_room(alpha)
     (floor,) = find_gloss(frame)
@@ -167,6 +168,16 @@ def test_what_is_clipped_is_reflected_apart() -> None:
 # Evidence -------------------------------------------------------------------------------------
 
 
+@cache
+def parts_of(room: str) -> tuple[RoomCells, CellPlane, list[Float]]:
+    """The room's cells, its floor, and what this reflects for each α; the window may be clipped."""
+    around = RoomCells.of(clipped(matte_room(), 1.0) if room == "clipped" else matte_room(), 128)
+    plane = floor_of(around)
+    patch = Patch.of(around.cells, plane)
+    parts = [reflected(around, patch, alpha, index)[None] for index, alpha in enumerate(ALPHAS)]
+    return around, plane, parts
+
+
 def pictured(
     k: float, texture: float, seed: int = 0, gain: float | None = None
 ) -> tuple[Reflection, float]:
@@ -175,11 +186,7 @@ def pictured(
     With a gain, the window was clipped, and is so many times as bright as it is thought to be.
     """
     rng = np.random.default_rng(seed)
-    room = matte_room() if gain is None else clipped(matte_room(), 1.0)
-    around = RoomCells.of(room, 128)
-    plane = floor_of(around)
-    patch = Patch.of(around.cells, plane)
-    parts = [reflected(around, patch, alpha, index)[None] for index, alpha in enumerate(ALPHAS)]
+    around, plane, parts = parts_of("whole" if gain is None else "clipped")
     color = around.color.copy()
     shade = 1.0 + texture * rng.normal(size=(len(plane.cells), 1))
     lit, window = parts[2][0]
