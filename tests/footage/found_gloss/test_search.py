@@ -27,6 +27,9 @@ from tests.frame.radiosity import ROOM
 from tests.oracles.brdf import specular_albedo
 from tests.worlds import Float, bright_walls, room_frame
 
+ROWS = 96
+"""Of rooms that are smaller than those in which rough coats are found."""
+
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("alpha", [0.05, 0.2])
@@ -47,7 +50,7 @@ def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float) -> None
 
 @pytest.mark.thorough
 def test_a_matte_room_has_no_gloss() -> None:
-    assert find_gloss(matte_room()) == ()
+    assert find_gloss(matte_room(rows=ROWS)) == ()
 
 
 def clipped(frame: Frame, factor: float) -> Frame:
@@ -62,17 +65,17 @@ def clipped(frame: Frame, factor: float) -> Frame:
 @pytest.mark.thorough
 def test_the_reflection_of_a_clipped_window_may_be_brighter_than_the_window_seems() -> None:
     factor, alpha = 0.2, 0.05
-    (floor,) = find_gloss(clipped(coated_room(alpha), factor))
+    (floor,) = find_gloss(clipped(coated_room(alpha, rows=ROWS), factor))
     assert floor.name == "floor"
     assert alpha / 1.5 < floor.material.alpha < 1.5 * alpha
     assert floor.evidence is not None
     assert 0.4 < floor.evidence.strength * factor < 1.6
-    assert find_gloss(clipped(matte_room(), factor)) == ()
+    assert find_gloss(clipped(matte_room(rows=ROWS), factor)) == ()
 
 
 @pytest.mark.thorough
 def test_what_is_declared_is_not_found_again() -> None:
-    frame = coated_room(0.1)
+    frame = coated_room(0.2)
     floor = (frame.fitted_normal[..., 1] > 0.9).astype(np.uint8)
     assert find_gloss(replace(frame, gloss=floor)) == ()
 
