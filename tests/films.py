@@ -44,7 +44,7 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
-LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((9, 5), (13, 7)))
+LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
 AROUND, WIDE_AROUND = (View(width, 4, projection="equirect") for width in (33, 129))
 FEW: dict[str, Any] = {

@@ -45,6 +45,8 @@ PREFILTERED_ROWS = 16
 """Rows of the finest level here, about as many as the films' panoramas have."""
 GRID_ROWS = 8
 """Rows of the grid of E_R and of the map of shadows off screen here: half of the least allowed."""
+VOXELS = 8
+"""Resolution of all volumes here, half of the least allowed, too."""
 ROOT = Path(__file__).resolve().parents[1]
 
 NO_FINDING = re.compile(
@@ -191,12 +193,12 @@ def play_film(name: str) -> None:
 
 
 def with_small_grids(settings: Settings) -> Settings:
-    """The settings with `GRID_ROWS`, which they would refuse."""
+    """The settings with `GRID_ROWS` and `VOXELS`, which they would refuse."""
     irradiance = settings.irradiance.model_copy(update={"rows": GRID_ROWS})
+    volumes = dict.fromkeys(("voxels", "object_voxels", "room_voxels"), VOXELS)
+    small = {"ratio_rows": GRID_ROWS, **volumes}
     of_methods = tuple(
-        group.model_copy(update={"ratio_rows": GRID_ROWS})
-        if hasattr(group, "ratio_rows")
-        else group
+        group.model_copy(update={key: small[key] for key in small if hasattr(group, key)})
         for group in settings.of_methods
     )
     return settings.model_copy(update={"irradiance": irradiance, "of_methods": of_methods})

@@ -140,12 +140,10 @@ SMALLER: dict[str, tuple[str, ...]] = {
     "render scenes360/train": (*SIZE, "--accumulate", "1", "--frames", "0:1"),
     "render equirect": ("--size", "128", "64", "--accumulate", "1", "--frames", "0:1"),
     "compare": ("--accumulate", "1"),
-    "compare --trails": ("--size", "56", "42", "--accumulate", "4", "--frames", "0:11"),
+    "compare --trails": ("--size", "56", "42", "--accumulate", "2", "--frames", "0:6"),
     "bench": (*SIZE, "--repeat", "1"),
     "bench-video": ("--size", "64", "32", "--repeat", "2"),
     "sweep": (*SIZE, "--view", "table", "--accumulate", "1", "--seeds", "1"),
-    "equal-time": (*SIZE, "--view", "table", "--seconds", "0.01", "--accumulate", "1"),
-    "claims": (*SIZE, "--view", "table", "--accumulate", "1"),
     "converge": (*SIZE, "--accumulate", "1,2", "--seeds", "1"),
     "race": (*SIZE, "--accumulate", "1,2", "--seeds", "1"),
     "profile": (*SIZE, "--repeat", "1"),
@@ -154,7 +152,6 @@ SMALLER: dict[str, tuple[str, ...]] = {
 """Flags that are added to the pages' commands, so that they take less time. Later flags win. Sizes
 divide those of the truths."""
 FEWER_FRAMES = {
-    "iprt.measure.equal_time.ROUNDS": 1,
     "iprt.measure.bench.WARM_UP": 2,
     "iprt.measure.sweep.LEAST_TIMED": 8,
 }
@@ -164,26 +161,12 @@ NOT_HERE = {
     "./run": "sets up what is there already; .ci/run begins with it, word for word",
     ".ci/run": "runs these tests",
     "iprt calibrate": "takes two minutes; tests/commands/test_calibrate.py runs it on few pixels",
+    "iprt equal-time": "takes each method; tests/measure/test_equal_time.py runs it on few pixels",
+    "iprt claims": "takes each method; tests/measure/test_claims.py runs it on few pixels",
     "docs/measure.py": "takes fifteen minutes; tests/test_docs.py checks its commands",
     "source": "the tests' environment is active",
     "pip install": "the tests' environment is complete, or the commands that need it are left out",
 }
-
-
-SHRUNK = 4
-PARTS = [
-    *(
-        pytest.param([block], SHRUNK, id=f"{page.stem}-{block[0][0][1]}")
-        for page in (ROOT / "README.md", ROOT / "docs" / "guide.md")
-        for block in command_blocks(page)
-    ),
-    *(
-        pytest.param(command_blocks(ROOT / "docs" / name), 1, id=name)
-        for name in ("footage.md", "meshes.md")
-    ),
-]
-"""Commands that run together: a block of the README or the guide, or another page as a whole. The
-number is the step between kept rows and columns of the scene. Pages may state the output."""
 
 
 def is_here(command: str) -> bool:
@@ -192,22 +175,44 @@ def is_here(command: str) -> bool:
     return not any(command.startswith(start) for start in NOT_HERE)
 
 
+SHRUNK = 4
+PARTS = [
+    *(
+        pytest.param([block], SHRUNK, id=f"{page.stem}-{block[0][0][1]}")
+        for page in (ROOT / "README.md", ROOT / "docs" / "guide.md")
+        for block in command_blocks(page)
+        if any(is_here(" ".join(words)) for words, _ in block)
+    ),
+    pytest.param(command_blocks(ROOT / "docs" / "meshes.md"), SHRUNK, id="meshes.md"),
+    pytest.param(command_blocks(ROOT / "docs" / "footage.md"), 1, id="footage.md"),
+]
+"""Commands that run together: a block of the README or the guide, or another page as a whole. The
+number is the step between kept rows and columns of the scene. Pages may state the output."""
+
+
+@pytest.fixture(scope="module")
+def clone(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a clone's scenes; what is found out about them is found out once."""
+    folder = tmp_path_factory.mktemp("clone")
+    shutil.copytree(ROOT / "scenes360", folder / "scenes360")
+    if request.param > 1:
+        shrink(folder / "scenes360" / "room", request.param)
+    return folder
+
+
 @pytest.mark.gl
 @pytest.mark.thorough
-@pytest.mark.parametrize(("blocks", "step"), PARTS)
+@pytest.mark.parametrize(("blocks", "clone"), PARTS, indirect=["clone"])
 def test_commands_run_as_they_are_written(
     blocks: list[list[tuple[list[str], list[str]]]],
-    step: int,
-    tmp_path: Path,
+    clone: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """They run in order, in a folder with a clone's scenes."""
-    shutil.copytree(ROOT / "scenes360", tmp_path / "scenes360")
-    if step > 1:
-        shrink(tmp_path / "scenes360" / "room", step)
-    (tmp_path / "out").mkdir()  # by ./run demo
-    monkeypatch.chdir(tmp_path)
+    """They run in order."""
+    monkeypatch.chdir(clone)
+    shutil.rmtree("out", ignore_errors=True)
+    Path("out").mkdir()  # by ./run demo
     for fewer_frames, count in FEWER_FRAMES.items():
         monkeypatch.setattr(fewer_frames, count)
     for block in blocks:

@@ -20,6 +20,7 @@ COLOR, DEPTH, RANGE = ["--color", "pano.png"], ["--depth", "depth.exr"], ["--dep
 def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Pictures of a room, good ones and bad ones; the folder that commands run in."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("iprt.scene.real_materials.MIN_HEIGHT", 65)  # gloss is not looked for
     depth, normal = box_room(128, 64)
     rng = np.random.default_rng(3)
     photo = rng.integers(0, 255, (64, 128, 3), np.uint8)

@@ -149,7 +149,7 @@ def test_rays_of_a_picture_are_those_asked_for(device: ComputeDevice) -> None:
 
 @pytest.mark.gl
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["published", "around", "nothing"])
+@pytest.mark.parametrize("name", ["around", "nothing"])
 def test_every_kernel_that_counts_leaves_the_picture_as_it_is(
     device: ComputeDevice, name: str
 ) -> None:

@@ -45,11 +45,15 @@ def test_no_such_kernel() -> None:
 
 
 @pytest.mark.thorough
-def test_every_variant_of_every_kernel(device: ComputeDevice) -> None:
+def test_every_list_of_parameters_of_every_kernel(device: ComputeDevice) -> None:
     variants = planned_kernels()
     assert {one.name for one in variants} == entry_points()
+    told_before = set()
     for file, name, defines, *_ in variants:
         kernel = device.kernel(file, name, defines)
+        if (name, kernel.signature) in told_before:
+            continue
+        told_before.add((name, kernel.signature))
         made = kernel.make()
         declared = [
             (

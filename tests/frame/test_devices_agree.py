@@ -35,7 +35,6 @@ def require_alike(one: Picture, other: Picture, what: str) -> None:
     assert apart.mean() <= MEAN_LEVELS, told
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 def test_pictures_agree(device: ComputeDevice, case: str, tmp_path: Path) -> None:
     """Scenes, each method, and a walk over a video that changes."""

@@ -64,20 +64,28 @@ def test_nothing_else_names_a_method_s_folder(folder: str) -> None:
     assert not knows
 
 
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of iprt, which Python compiles once."""
+    copy = tmp_path_factory.mktemp("package")
+    for top in ("iprt", "cl", "glsl"):
+        shutil.copytree(ROOT / top, copy / top, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("folder", [name for name in FOLDERS if name != DEFAULT])
-def test_deleting_a_folder_deletes_a_method(folder: str, tmp_path: Path) -> None:
+def test_deleting_a_folder_deletes_a_method(folder: str, package: Path) -> None:
     """All others are listed, and one that shares services with it, if any, renders."""
-    for top in ("iprt", "cl", "glsl"):
-        skipped = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / top, tmp_path / top, ignore=skipped)
-    shutil.rmtree(tmp_path / "iprt" / "methods" / folder)
-    shutil.rmtree(tmp_path / "cl" / "methods" / folder, ignore_errors=True)  # some have no kernels
-    code, path = ("-c", CODE, KIN.get(folder, "ibl")), f"{tmp_path}{os.pathsep}{ROOT}"
-    done = run_python(*code, cwd=tmp_path, PYTHONPATH=path)
+    skipped = shutil.ignore_patterns(folder, "__pycache__")
+    for parent in (package / "iprt", package / "cl"):
+        shutil.rmtree(parent / "methods", ignore_errors=True)
+        shutil.copytree(ROOT / parent.name / "methods", parent / "methods", ignore=skipped)
+    code, path = ("-c", CODE, KIN.get(folder, "ibl")), f"{package}{os.pathsep}{ROOT}"
+    done = run_python(*code, cwd=package, PYTHONPATH=path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert told["package"] == str(tmp_path)
+    assert told["package"] == str(package)
     (gone,) = set(methods()) - set(told["methods"])
     assert gone.replace("-", "_") == folder
     assert f"method '{gone}' of iprt cannot be loaded" in done.stderr

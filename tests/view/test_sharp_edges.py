@@ -84,7 +84,7 @@ def ragged() -> Frame:
     return replace(frame, depth=depth.astype(np.float32), color=color.astype(np.float32))
 
 
-FRAMES = {"painted": painted, "textured": textured, "ragged": ragged}
+FRAMES = {"painted": painted, "ragged": ragged}
 
 
 @pytest.mark.thorough

@@ -43,13 +43,11 @@ def recovered(frame: Frame) -> NDArray[np.float32]:
 @pytest.mark.parametrize(
     ("light", "walls"),
     [
-        (lamp(5.0), "white"),
         (lamp(5.0), "tiled"),
-        (lamp(20.0), "gray"),
         (lamp(80.0), "colored"),
         (WARM, "colored"),
     ],
-    ids=["white", "tiled", "gray", "colored", "warm"],
+    ids=["tiled", "colored", "warm"],
 )
 def test_a_lamp_is_as_bright_as_it_was(light: Lamp, walls: str) -> None:
     """The color of a lamp, too, though the picture shows it white."""
@@ -99,14 +97,14 @@ def test_the_rim_of_a_lamp_is_not_painted() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("walls", "strong", "dim"), [("gray", 30.0, 5.0), ("tiled", 20.0, 6.0)])
-def test_light_that_tone_mapping_hides(walls: str, strong: float, dim: float) -> None:
+def test_light_that_tone_mapping_hides() -> None:
     """A lamp that is not clipped, but shown as bright as one that is; depth as estimators see it.
 
     By what is clipped alone, the one would be a sixth as bright as it is.
     """
+    strong, dim = 20.0, 6.0
     lamps = Lamp(-0.2, -1.4, 0.4, (dim,) * 3), Lamp(0.4, -1.4, 0.2, (strong,) * 3)
-    frame = lamp_room(walls, *lamps)
+    frame = lamp_room("tiled", *lamps)
     noise = np.random.default_rng(0).normal(scale=0.005, size=frame.depth.shape)
     depth = (frame.depth * np.exp(noise)).astype(np.float32)
     seen = replace(frame, color=decode_srgb(srgb(tone_mapped(frame.color))), depth=depth)

@@ -103,7 +103,7 @@ def test_after_a_cut_other_lights_hold_at_once() -> None:
 
 def lamp_scene(folder: Path, name: str, extra: str = "") -> Scene:
     """The warm lamp in a room, clipped."""
-    frame = clip(lamp_room("colored", WARM))
+    frame = clip(lamp_room("colored", WARM, rows=32))
     root = write_scene(folder)
     write_rgb(root / "color.exr", frame.color)
     write_channels(root / "depth.exr", Z=frame.depth)
