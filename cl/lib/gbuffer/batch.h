@@ -26,8 +26,9 @@ static inline __global const int *tile_list(__global const int *tiles, int layer
     return tiles + layer * (tiles_of(width, height) + 1);
 }
 
-// Return the place in a list of the group or row of items `t` of `tiles`. A list rarely fills its grid. CPU
-// runtimes give each thread long ranges of groups, of which the first would otherwise get all the work.
+// Return the place in a list of tile `t` of a grid of `tiles`. A list rarely fills its grid. CPU runtimes give
+// each thread long ranges of groups, of which the first would otherwise get all the work. A launch may be
+// part of a grid (iprt/device/bands.py), so that its size is not the grid's.
 #define SPREAD 16
 static inline int spread_place(int t, int tiles)
 {
@@ -39,7 +40,7 @@ static inline int spread_place(int t, int tiles)
 // returns by a condition uniform over its items: with a condition per item, vectorized groups would run on.
 #define TILE_ITEM                                                                                  \
     const int place = spread_place(((int)get_global_id(1) - (int)get_local_id(1)) / TILE,          \
-                                   (int)get_global_size(1) / TILE);                                \
+                                   tiles_of(width, height));                                       \
     __global const int *restrict listed = tile_list(tiles, layer, width, height);                  \
     if (place >= listed[0])                                                                        \
         return;                                                                                    \
@@ -53,7 +54,7 @@ static inline int spread_place(int t, int tiles)
 // -D WIDE a work item has a row of a tile, and a launch TILE x (tiles of the picture) of them.
 #ifdef WIDE
 #define TILE_LANES_ITEM                                                                            \
-    const int place = spread_place(get_global_id(1), get_global_size(1));                          \
+    const int place = spread_place(get_global_id(1), tiles_of(width, height));                     \
     __global const int *restrict listed = tile_list(tiles, layer, width, height);                  \
     if (place >= listed[0])                                                                        \
         return;                                                                                    \
