@@ -29,11 +29,11 @@ static inline __global const int *tile_list(__global const int *tiles, int layer
 // Return the place in a list of tile `t` of a grid of `tiles`. A list rarely fills its grid. CPU runtimes give
 // each thread long ranges of groups, of which the first would otherwise get all the work. A launch may be
 // part of a grid (iprt/device/bands.py), so that its size is not the grid's.
-#define SPREAD 16
+#define RUNS 16
 static inline int spread_place(int t, int tiles)
 {
-    const int share = tiles / SPREAD;
-    return t < SPREAD * share ? t % SPREAD * share + t / SPREAD : t;
+    const int share = tiles / RUNS;
+    return t < RUNS * share ? t % RUNS * share + t / RUNS : t;
 }
 
 // Define the pixel x, y of a work item inside a listed tile; the others return. A group beyond the list
