@@ -149,7 +149,8 @@ class ComputeDevice:
     def group_size(self, dimensions: int) -> tuple[int, ...]:
         """Return the work-group size. It is fixed, so that PoCL compiles each kernel once.
 
-        Kernels in three dimensions work on tiles (`iprt.gbuffer.tiles`).
+        Kernels in three dimensions work on tiles (`iprt.gbuffer.tiles`). A group of a CPU is part
+        of one, or has four in lanes: of fewer, larger groups some threads would get none.
         """
         if dimensions == 1:
             return (64,) if self.is_cpu else (128,)
