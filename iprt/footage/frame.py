@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.depth_noise import fit_tolerance
 from iprt.footage.median import median_of_smallest
-from iprt.footage.normals import estimate_normals, sanitize_normals
+from iprt.footage.normals import estimate_normals, estimate_normals_at, sanitize_normals
 from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -92,12 +92,12 @@ class Frame:
         fitted = estimate_normals(self.depth, self.opening.view(np.uint8), self.fit_tolerance)
         return fitted if self.normal is None else sanitize_normals(self.normal, fitted)
 
-    def fitted_normal_in(self, rows: slice) -> NDArray[np.float32]:
-        """Return these rows of `fitted_normal`; fit no other rows if possible."""
+    def fitted_normal_at(self, texel: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Return `fitted_normal` (N, 3) of flat indices; fit no others if possible."""
         if self.normal is not None or "fitted_normal" in vars(self):
-            return self.fitted_normal[rows]
+            return self.fitted_normal.reshape(-1, 3)[texel]
         same = self.opening.view(np.uint8)
-        return estimate_normals(self.depth, same, self.fit_tolerance, rows)
+        return estimate_normals_at(texel, self.depth, same, self.fit_tolerance)
 
     def recolored(self, **parts: Any) -> Self:
         """Return the frame with other parts, none of which is depth, whose properties it keeps."""

@@ -22,17 +22,17 @@ from iprt.footage.threads import on_all_cores
 from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 
 Picture = NDArray[np.float32]
+Index = NDArray[np.intp]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 WINDOW_REACH = 2
 """Reach of the 5 x 5 window, in texels; columns spread by 1 / sin(theta), so it stays square."""
-_BLOCK_ROWS = 24
+_BLOCK = 1 << 15
+"""Texels that a thread fits at a time."""
 _MIN_SAMPLES = 3
 
 
-def estimate_normals(
-    depth: Picture, same: NDArray[np.uint8], tolerance: float, rows: slice = slice(None)
-) -> Picture:
+def estimate_normals(depth: Picture, same: NDArray[np.uint8], tolerance: float) -> Picture:
     """Fit unit normals that face the capture centre, zero where depth is infinite.
 
     Parameters
@@ -43,29 +43,44 @@ def estimate_normals(
         Windows join texels of equal value only: interpolated depth bends no measured surfaces.
     tolerance : float
         `fit_tolerance` of the depth.
-    rows : slice
 
     Returns
     -------
-    (rows, W, 3) float32
+    (H, W, 3) float32
     """
     height, width = depth.shape
-    start, stop, _ = rows.indices(height)
+    rows, column = max(_BLOCK // width, 1), np.arange(width)
+    blocks = [
+        (np.arange(first, min(first + rows, height))[:, None], column)
+        for first in range(0, height, rows)
+    ]
+    return _fitted(blocks, depth, same, tolerance)
+
+
+def estimate_normals_at(
+    texel: NDArray[np.intp], depth: Picture, same: NDArray[np.uint8], tolerance: float
+) -> Picture:
+    """Return (N, 3) float32: `estimate_normals` of the texels with these flat indices (N,)."""
+    blocks = [
+        np.divmod(texel[first : first + _BLOCK], depth.shape[1])
+        for first in range(0, max(texel.size, 1), _BLOCK)
+    ]
+    return _fitted(blocks, depth, same, tolerance)
+
+
+def _fitted(
+    blocks: list[tuple[Index, Index]], depth: Picture, same: NDArray[np.uint8], tolerance: float
+) -> Picture:
+    """Return the normals of blocks of texels, each given by its rows and columns."""
     with np.errstate(divide="ignore"):
         inverse = np.minimum(np.float32(1.0) / depth, NEAREST).astype(np.float32)
-    spread = column_spread(width, height)
     padded_inverse, padded_same = (over_poles(one, WINDOW_REACH) for one in (inverse, same))
-    normal = np.empty((stop - start, width, 3), np.float32)
 
-    def fit(first: int) -> None:
-        last = min(first + _BLOCK_ROWS, stop)
-        window = _Window(padded_inverse, padded_same, first, spread[first:last])
-        fitted = window.fit_planes(tolerance)
-        surface = inverse[first:last, :, None] > 0.0
-        normal[first - start : last - start] = np.where(surface, fitted, 0.0)
+    def fit(block: tuple[Index, Index]) -> Picture:
+        normal = _Window(padded_inverse, padded_same, *block).fit_planes(tolerance)
+        return np.where(inverse[block][..., None] > 0.0, normal, np.float32(0.0))
 
-    on_all_cores(fit, range(start, stop, _BLOCK_ROWS))
-    return normal
+    return np.concatenate(on_all_cores(fit, blocks))
 
 
 def sanitize_normals(given: Picture, estimate: Picture) -> Picture:
@@ -83,7 +98,7 @@ def sanitize_normals(given: Picture, estimate: Picture) -> Picture:
     (H, W, 3) float32
     """
     height, width = given.shape[:2]
-    sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(width, 0, height, height)
+    sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(width, height)
     x, y, z = given[..., 0], given[..., 1], given[..., 2]
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         length = np.sqrt(x * x + y * y + z * z)
@@ -105,7 +120,7 @@ def _window_tables(
 ) -> dict[tuple[int, int], tuple[Picture, Picture, Picture]]:
     """Return the scale of 1/z and tangent coordinates a, b of each row, by steps down and aside.
 
-    Each is (H, 1) float32. A neighbour more than about 75° away gets a scale that fits no plane.
+    Each is (H,) float32. A neighbour more than about 75° away gets a scale that fits no plane.
     """
     step = np.pi / height
     theta = (np.arange(height) + 0.5) * step
@@ -120,7 +135,7 @@ def _window_tables(
         up = np.sin(theta) * np.cos(to) - np.cos(theta) * np.sin(to) * np.cos(phi)
         ahead = np.where(ahead > 0.25, ahead, 1e-6)
         columns = (1.0 / ahead, across / ahead, up / ahead)
-        scale, a, b = (column.astype(np.float32)[:, None] for column in columns)
+        scale, a, b = (column.astype(np.float32) for column in columns)
         tables[down, steps] = scale, a, b
     return tables
 
@@ -155,8 +170,7 @@ def window_taps(width: int, height: int) -> list[Tap]:
         beyond = cycle >= height
         row = np.where(beyond, 2 * height - 1 - cycle, cycle)
         columns = steps * spread - np.where(beyond, width // 2, 0)
-        scale, a, b = (table[:, 0] for table in tables)
-        taps.append(Tap(row, columns, scale, a, b))
+        taps.append(Tap(row, columns, *tables))
     return taps
 
 
@@ -170,51 +184,43 @@ def over_poles(plane: NDArray[Scalar], rows: int) -> NDArray[Scalar]:
     return extended
 
 
-def _frame_angles(
-    width: int, first: int, last: int, height: int
-) -> tuple[Picture, Picture, Picture, Picture]:
-    """Return sin and cos of theta (rows, 1) and phi (W,) at texel centres."""
-    theta, phi = texel_polar_angles(height)[first:last, None], texel_azimuths(width)
+def _frame_angles(width: int, height: int) -> tuple[Picture, Picture, Picture, Picture]:
+    """Return sin and cos of theta (H, 1) and phi (W,) at texel centres."""
+    theta, phi = texel_polar_angles(height)[:, None], texel_azimuths(width)
     tables = (np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi))
     sin_theta, cos_theta, sin_phi, cos_phi = (table.astype(np.float32) for table in tables)
     return sin_theta, cos_theta, sin_phi, cos_phi
 
 
 class _Window:
-    """The windows around the texels of some rows, in tangent coordinates.
+    """The windows around some texels, in tangent coordinates.
 
     Parameters
     ----------
     inverse : (H + 2 reach, W) float32
         Inverse depth, padded over the poles.
     same : (H + 2 reach, W) uint8
-        `same` of `estimate_normals`, padded like `inverse`.
-    first : int
-        First row, in the unpadded image.
-    spread : (rows,) int
-        Columns per step in each row.
+        `same` of `estimate_normals_at`, padded like `inverse`.
+    row, column : int
+        Indices in the unpadded picture, of shapes that broadcast to that of the texels.
     """
 
     def __init__(
-        self,
-        inverse: Picture,
-        same: NDArray[np.uint8],
-        first: int,
-        spread: NDArray[np.intp],
+        self, inverse: Picture, same: NDArray[np.uint8], row: Index, column: Index
     ) -> None:
-        self._first, self._last, self._spread = first, first + spread.size, spread
-        self._height, self._width = inverse.shape[0] - 2 * WINDOW_REACH, inverse.shape[1]
-        # Pad across the seam, so that neighbours are a slice and no copy.
-        self._margin = WINDOW_REACH * int(spread.max())
-        columns = np.arange(-self._margin, self._width + self._margin) % self._width
-        rows = slice(first, self._last + 2 * WINDOW_REACH)
-        self._inverse, self._same = inverse[rows][:, columns], same[rows][:, columns]
-        self._tables = _window_tables(self._width, self._height)
-        self._joined = bool((self._same == self._same[0, 0]).all())
+        height, width = inverse.shape[0] - 2 * WINDOW_REACH, inverse.shape[1]
+        self._height, self._width, self._row, self._column = height, width, row, column
+        aside = column_spread(width, height)[row]
+        reach = range(-WINDOW_REACH, WINDOW_REACH + 1)
+        columns = {steps: (column + steps * aside) % width for steps in reach}
+        self._start = {steps: row * width + columns[steps] for steps in reach}
+        self._inverse, self._same = inverse.ravel(), same.ravel()
+        self._tables = _window_tables(width, height)
+        self._joined = bool((same == same[0, 0]).all())
         self._center = self._shifted(self._inverse, 0, 0)
 
     def fit_planes(self, tolerance: float) -> Picture:
-        """Return unit normals (rows, W, 3) that face the centre; local slopes where too few fit."""
+        """Return unit normals (..., 3) that face the centre; local slopes where too few fit."""
         slope_b = self._slope([self._sample(down, 0) for down in (2, 1, -1, -2)], axis=2)
         parallel = [self._sample(0, steps) for steps in (-2, -1, 1, 2)]
         # A parallel deviates from the great circle, so its texels do not lie at b = 0.
@@ -323,31 +329,25 @@ class _Window:
         return np.where(surface & np.isfinite(slope), slope, np.float32(0.0))
 
     def _sample(self, down: int, steps: int) -> tuple[Picture, Picture, Picture]:
-        """Return the rise of 1/z over the centre (rows, W), and tangent coordinates a, b (rows, 1).
+        """Return the rise of 1/z over the centre, and tangent coordinates a, b.
 
         A neighbour more than about 75° away gets a rise that fits no plane.
         """
-        rows = slice(self._first, self._last)
-        scale, a, b = (t[rows] for t in self._tables[down, steps])
+        scale, a, b = (table[self._row] for table in self._tables[down, steps])
         rise: Picture = self._shifted(self._inverse, down, steps) * scale
         rise -= self._center
         return rise, a, b
 
     def _shifted(self, plane: NDArray[Scalar], down: int, steps: int) -> NDArray[Scalar]:
-        top, count = WINDOW_REACH + down, self._spread.size
-        left = self._margin + steps * self._spread
-        if steps == 0 or (left == left[0]).all():
-            return plane[top : top + count, left[0] : left[0] + self._width]
-        shifted = np.empty((count, self._width), plane.dtype)
-        for row, start in enumerate(left.tolist()):
-            shifted[row] = plane[top + row, start : start + self._width]
-        return shifted
+        """Return the texels of a flat padded plane at a number of rows and steps from the centres."""
+        start = self._start[steps] + (WINDOW_REACH + down) * self._width
+        return np.asarray(plane.take(start))
 
     def _to_world(self, across: Picture, up: Picture, ahead: Picture) -> Picture:
         """Return unit vectors facing the centre, from components east, north and away from it."""
-        sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(
-            self._width, self._first, self._last, self._height
-        )
+        sin_theta, cos_theta, sin_phi, cos_phi = _frame_angles(self._width, self._height)
+        sin_theta, cos_theta = sin_theta[:, 0][self._row], cos_theta[:, 0][self._row]
+        sin_phi, cos_phi = sin_phi[self._column], cos_phi[self._column]
         scale = -1.0 / np.sqrt(across * across + up * up + ahead * ahead)
         across, up, ahead = across * scale, up * scale, ahead * scale
         outward = ahead * sin_theta - up * cos_theta

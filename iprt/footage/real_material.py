@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
+from iprt.footage.normals import column_spread
+from iprt.footage.threads import on_all_cores
 from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 from iprt.geometry.material import Material
 
@@ -18,6 +20,9 @@ MAX_REAL_MATERIALS = 255
 """Largest number of materials: `Frame.gloss` stores 1 + their index in a byte, and 0 is diffuse."""
 PARALLEL = 0.9
 """Least cosine between the normals of a texel and a plane: up to 26 degrees apart."""
+SMOOTH = 0.2
+"""Slope against a plane up to which a surface is parallel to it without a fit: 11 degrees."""
+_ROWS = 32
 
 
 @dataclass(frozen=True)
@@ -139,23 +144,56 @@ def _alike(color: NDArray[np.float32], wanted: Triple, tolerance: float) -> Mask
 
 
 def _on_plane(frame: Frame, plane: Plane, rows: slice) -> Mask:
-    x, y, z = plane.normal
-    theta, phi = texel_polar_angles(frame.height)[rows, None], texel_azimuths(frame.width)
-    across = x * np.sin(phi) - z * np.cos(phi)
-    distance = np.dot(plane.point, plane.normal)
-    depth = frame.depth[rows]
-    on = np.zeros(depth.shape, bool)
-    for row, (sine, cosine) in enumerate(zip(np.sin(theta), np.cos(theta), strict=True)):
-        reach = np.where(np.isfinite(depth[row]), depth[row], 0.0)
-        offset = reach * (sine * across + y * cosine) - distance
-        on[row] = np.abs(offset) <= plane.tolerance
-    found = np.flatnonzero(on.any(axis=1))
-    if len(found):
-        first, _, _ = rows.indices(frame.height)
-        near = slice(found[0], found[-1] + 1)
-        normal = frame.fitted_normal_in(slice(first + near.start, first + near.stop))[on[near]]
-        on[on] = np.abs(normal @ np.asarray(plane.normal)) >= PARALLEL
+    """Return (rows, W) bool: the texels near the plane whose surface is parallel to it.
+
+    Normals are fitted only to texels that are not `SMOOTH`.
+    """
+    first, stop, _ = rows.indices(frame.height)
+    on, smooth = np.zeros((2, stop - first, frame.width), bool)
+
+    def measure(start: int) -> None:
+        block = slice(start, min(start + _ROWS, stop))
+        own = slice(block.start - first, block.stop - first)
+        on[own], smooth[own] = _near(frame, plane, block)
+
+    on_all_cores(measure, range(first, stop, _ROWS))
+    doubtful = on if frame.normal is not None else on & ~smooth
+    texel = np.flatnonzero(doubtful)
+    normal = frame.fitted_normal_at(texel + first * frame.width)
+    on.ravel()[texel] = np.abs(normal @ np.asarray(plane.normal, np.float32)) >= PARALLEL
     return on
+
+
+def _near(frame: Frame, plane: Plane, rows: slice) -> tuple[Mask, Mask]:
+    """Return texels (rows, W) within tolerance of a plane, and those with a slope below `SMOOTH`.
+
+    Slopes are those towards four neighbours, of which none is an opening.
+    """
+    beyond = slice(max(rows.start - 1, 0), min(rows.stop + 1, frame.height))
+    theta, phi = texel_polar_angles(frame.height)[beyond, None], texel_azimuths(frame.width)
+    x, y, z = plane.normal
+    across = (x * np.sin(phi) - z * np.cos(phi)).astype(np.float32)
+    offset = np.sin(theta).astype(np.float32) * across + (y * np.cos(theta)).astype(np.float32)
+    with np.errstate(invalid="ignore"):
+        offset *= frame.depth[beyond]
+        offset -= np.float32(np.dot(plane.point, plane.normal))
+    own = slice(rows.start - beyond.start, rows.stop - beyond.start)
+    on = np.abs(offset[own]) <= plane.tolerance
+    smooth = np.zeros_like(on)
+    if not on.any():
+        return on, smooth
+    offset[frame.opening[beyond]] = np.nan
+    # The rows next to a pole have a neighbour less, and are left to the fit.
+    inner = slice(max(own.start, 1), min(own.stop, len(offset) - 1))
+    middle, aside = offset[inner], column_spread(frame.width, frame.height)[beyond][inner]
+    column = np.arange(frame.width) + np.stack([-aside, aside])[..., None]
+    beside = np.take_along_axis(middle[None], column % frame.width, axis=-1)
+    neighbors = offset[inner.start - 1 : inner.stop - 1], offset[inner.start + 1 : inner.stop + 1]
+    most = np.float32(SMOOTH * np.pi / frame.height) * frame.depth[beyond][inner]
+    with np.errstate(invalid="ignore"):
+        flat = [np.abs(other - middle) <= most for other in (*neighbors, *beside)]
+    smooth[inner.start - own.start : inner.stop - own.start] = np.logical_and.reduce(flat)
+    return on, smooth
 
 
 def _nearest(mask: Mask, width: int, height: int) -> Mask:

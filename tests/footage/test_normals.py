@@ -155,17 +155,18 @@ def test_tiny_panoramas(size: tuple[int, int]) -> None:
     assert np.allclose(np.linalg.norm(fit(depth), axis=-1), 1.0, atol=1e-5)
 
 
-@pytest.mark.parametrize("rows", [slice(0, 1), slice(13, 70), slice(100, 128)])
-def test_some_rows_are_those_of_all(rows: slice) -> None:
+@pytest.mark.parametrize("texels", [slice(0, 256), slice(3, None, 7), slice(0, 0)])
+def test_normals_at_texels_are_those_of_all(texels: slice) -> None:
     depth, _ = box_room(256, 128)
     frame = Frame(
         np.zeros((128, 256, 3), np.float32), depth.astype("f4"), np.zeros((128, 256), bool)
     )
-    some = frame.fitted_normal_in(rows)
+    texel = np.arange(depth.size)[texels]
+    some = frame.fitted_normal_at(texel)
     assert "fitted_normal" not in vars(frame)
-    assert np.array_equal(some, frame.fitted_normal[rows])
+    assert np.array_equal(some, frame.fitted_normal.reshape(-1, 3)[texel])
     given = replace(frame, normal=frame.fitted_normal)
-    assert np.array_equal(given.fitted_normal_in(rows), given.fitted_normal[rows])
+    assert np.array_equal(given.fitted_normal_at(texel), given.fitted_normal.reshape(-1, 3)[texel])
 
 
 def test_given_normals_are_repaired() -> None:

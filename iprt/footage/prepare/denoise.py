@@ -81,7 +81,7 @@ class Noise:
         whole = (samples > 0.0).all(axis=1)
         if stale.any():
             shapes = windows.shapes[stale] * samples[stale, :, None]
-            self._off[stale] = np.stack([_departure(shapes[..., :n]) for n in (6, 3)], axis=-1)
+            self._off[stale] = _departures(shapes)
         if np.count_nonzero(whole) < 30:
             return 0.0, 0.0
         bent, flat = np.quantile(self._off[whole], 1.0 / 3.0, axis=0)
@@ -119,16 +119,19 @@ def _windows(height: int, width: int) -> _Windows:
     return _Windows(at, shapes * ahead[..., None])
 
 
-def _departure(shapes: Float) -> Float:
-    """Return (windows,) RMS residuals of least-squares fits of 1.
+def _departures(shapes: Float) -> Float:
+    """Return (windows, 2) RMS residuals of least-squares fits of 1, by all shapes and by three.
 
     Each window fits 1 by a linear combination of its shapes (windows, n, terms).
     """
     size = np.linalg.norm(shapes, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(shapes / np.where(size > 0.0, size, 1.0))
-    one = np.ones(basis.shape[:2])
-    rest = one - np.einsum("nij,nj->ni", basis, np.einsum("nij,ni->nj", basis, one))
-    return np.asarray(np.sqrt((rest * rest).mean(axis=1)))
+    # The first columns of an orthonormal basis span what the first shapes span.
+    rest, off = np.ones(basis.shape[:2]), []
+    for terms in (basis[..., :3], basis[..., 3:]):
+        rest = rest - np.einsum("nij,nj->ni", terms, terms.sum(axis=1))
+        off.append(np.sqrt((rest * rest).mean(axis=1)))
+    return np.stack(off[::-1], axis=-1)
 
 
 def smoothed(depth: Picture, noise: Noise | None = None) -> Picture:

@@ -13,12 +13,12 @@ from iprt import cli
 from iprt.errors import FormatError, SceneError
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.gloss import Glossy
-from iprt.footage.real_material import Plane, RealMaterial, chromaticity
+from iprt.footage.real_material import PARALLEL, Plane, RealMaterial, chromaticity
 from iprt.geometry.material import Material
 from iprt.scene.manifest import parse_manifest
 from iprt.scene.scene import Scene
 from tests.oracles.worlds import World
-from tests.scene.files import MANIFEST, VIEW, write_scene
+from tests.scene.files import MANIFEST, VIEW, directions, write_scene
 from tests.worlds import bright_walls, room_frame
 
 ROOM = World()
@@ -56,6 +56,21 @@ def test_a_plane_takes_what_lies_on_it_and_along_it() -> None:
     np.testing.assert_array_equal(thick.region(FRAME), DOWN)
     above = replace(floor, plane=Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0.1))
     assert not above.region(FRAME).any()
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+@pytest.mark.parametrize("tolerance", [0.01, 0.5])
+def test_a_plane_takes_what_fitted_normals_say(noise: float, tolerance: float) -> None:
+    """Neighbours show without a fit that a texel's surface is parallel to the plane."""
+    wide = room_frame(ROOM, 512, 256, bright_walls)
+    error = 1.0 + noise * np.random.default_rng(3).standard_normal(wide.depth.shape)
+    frame = replace(wide, depth=(wide.depth * error).astype(np.float32), normal=None)
+    floor = RealMaterial("floor", COAT, plane=Plane((0.0, -1.4, 0.0), (0.0, 1.0, 0.0), tolerance))
+    height = (frame.depth[..., None] * directions(512, 256))[..., 1]
+    near = np.abs(height + 1.4) <= tolerance
+    fitted = near & (np.abs(frame.fitted_normal[..., 1]) >= PARALLEL)
+    assert np.count_nonzero(near & ~fitted) > 100 or tolerance < 0.1
+    assert np.count_nonzero(floor.place(frame) != fitted) <= 1e-3 * np.count_nonzero(fitted)
 
 
 def test_a_color_is_a_hue_whatever_lights_it() -> None:
