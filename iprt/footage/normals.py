@@ -339,7 +339,7 @@ class _Window:
         return rise, a, b
 
     def _shifted(self, plane: NDArray[Scalar], down: int, steps: int) -> NDArray[Scalar]:
-        """Return the texels of a flat padded plane at a number of rows and steps from the centres."""
+        """Return texels of a flat padded plane, at these rows and steps from the centres."""
         start = self._start[steps] + (WINDOW_REACH + down) * self._width
         return np.asarray(plane.take(start))
 
