@@ -104,7 +104,7 @@ class Highlight:
         self._samples = [device.empty(f"highlight samples {i}", (blocks, 4)) for i in range(2)]
         self._cones = device.empty("highlight cones", (MOST_CONES, 4))
         self._gloss: NDArray[np.uint8] | None = None
-        self._count = 0
+        self._placed, self._count = np.zeros(blocks, bool), 0
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
         self._min_base = device.empty("highlight floor", cells)
@@ -148,7 +148,8 @@ class Highlight:
         if self._gloss is gloss:
             return
         texels = self._layout.sites(gloss)
-        sites = np.flatnonzero(texels >= 0).astype(np.int32)
+        self._placed = texels >= 0
+        sites = np.flatnonzero(self._placed).astype(np.int32)
         if len(sites):
             self._device.write(self._sites[: len(sites)], sites)
             self._device.write(self._blocks, texels)
@@ -205,7 +206,7 @@ class Highlight:
         buffers = {"sites": self._paths, "cells": self._cell_paths}
         glossy = np.logical_or.reduceat(marks > 0, np.arange(0, panorama.height, CELL), axis=0)
         glossy = np.logical_or.reduceat(glossy, np.arange(0, panorama.width, CELL), axis=1)
-        used = {"sites": self._layout.sites(marks) >= 0, "cells": glossy}
+        used = {"sites": self._placed, "cells": glossy}
 
         def make() -> Arrays:
             self._trace_rays(real, None)
