@@ -144,7 +144,7 @@ __kernel void resample_panorama(const RealPlanes layer)
 
 __kernel void resample_glossy(
     const RealPlanes layer,
-    __global const int *restrict panorama_gloss,
+    __global const uchar *restrict panorama_gloss,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
     __global float *restrict roughness)
@@ -294,7 +294,7 @@ __kernel void sharpen_edges(const RealPlanes layer)
 
 __kernel void sharpen_glossy(
     const RealPlanes layer,
-    __global const int *restrict panorama_gloss,
+    __global const uchar *restrict panorama_gloss,
     __global const float *restrict panorama_highlight,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,

@@ -66,7 +66,7 @@ TRACING_KERNEL void trace_sites(
     __global const int *restrict blocks,            // texel of each block's site, -1: none
     __global const float4 *restrict cones,          // directions in which surfaces have changed
     const int cone_count,                           // negative: everywhere
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials, // lib/world/brdf.h
     const RealLayer real,
     __global float4 *restrict paths,                // in, out: most_rays per block
@@ -96,7 +96,7 @@ TRACING_KERNEL void trace_sites(
 }
 
 // Return the first material in a cell, 0: none; the texels of that material, and their number.
-static inline int cell_texels(__global const int *restrict gloss, int width, int height, int x, int y,
+static inline int cell_texels(__global const uchar *restrict gloss, int width, int height, int x, int y,
                               int *texels, int *count)
 {
     const int x1 = min((x + 1) * CELL, width), y1 = min((y + 1) * CELL, height);
@@ -119,7 +119,7 @@ TRACING_KERNEL void trace_cells(
     const int rows,
     __global const float4 *restrict cones,          // trace_sites
     const int cone_count,
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     const RealLayer real,
     __global float4 *restrict paths,                // in, out: `rays` per cell
     const Work work)
@@ -208,7 +208,7 @@ __kernel void filter_sites(
     const int count,
     __global const int *restrict blocks,
     __global const int4 *restrict layout,
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials,
     const RealLayer real,
     __global const float4 *restrict samples,
@@ -289,7 +289,7 @@ __kernel void measure_cells(
     __global const int4 *restrict layout,
     __global const float4 *restrict samples,
     __global const float4 *restrict paths,          // of cells
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     const RealLayer real,
     __global float *restrict highlight,             // out: 3 a texel
     __global float4 *restrict seen,                 // out: columns x rows
@@ -334,7 +334,7 @@ __kernel void measure_cells(
 __kernel void remove_highlight(
     const int width,
     const int height,
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials,
     __global const float *restrict color,        // 3 a texel: captured radiance
     const int columns,                           // cells

@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.block import Block, Float4s, Int32, Ints
+from iprt.device.block import Block, Bytes, Float4s, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
@@ -36,7 +36,7 @@ class GlossArgs(Block):
 
     Attributes
     ----------
-    map : (H, W) int32
+    map : (H, W) uint8
         0: diffuse, else 1 + index of the material.
     materials, reflectance, gain
         `Highlight.table`, `reflectance` and `gain`.
@@ -44,7 +44,7 @@ class GlossArgs(Block):
         Cells of `gain`.
     """
 
-    map: Ints
+    map: Bytes
     materials: Float4s
     reflectance: Float4s
     gain: Float4s
