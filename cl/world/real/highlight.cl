@@ -10,12 +10,11 @@
 //   gather_sites      paths, pictures             samples, per site: radiance; variance of the mean's
 //                                                 luminance
 //   filter_sites      samples, surface            samples
-//   measure_cells     samples, paths of cells     highlight of glossy texels: interpolated; means over
-//                                                 a cell's: color (w: their gloss, 0 none),
+//   measure_cells     samples, paths of cells     radiated of glossy texels: their highlight, interpolated;
+//                                                 means over a cell's: color (w: their gloss, 0 none),
 //                                                 highlight, irradiance / pi
-//   remove_highlight  color, highlight, gain, min_base (per cell)  highlight, all texels: the specular
-//                                                 part, within [0, color]; radiated: the radiance for
-//                                                 rays
+//   remove_highlight  color, radiated, gain, min_base (per cell)  radiated, all texels: the radiance for
+//                                                 rays, color without the specular part
 //
 // The gain corrects for unknown properties of the surfaces, see iprt/world/real/highlight_gain.py.
 //
@@ -291,7 +290,7 @@ __kernel void measure_cells(
     __global const float4 *restrict paths,          // of cells
     __global const uchar *restrict gloss,
     const RealLayer real,
-    __global float *restrict highlight,             // out: 3 a texel
+    __global float *restrict radiated,              // out: 3 a texel
     __global float4 *restrict seen,                 // out: columns x rows
     __global float4 *restrict specular,             // out
     __global float4 *restrict irradiance,           // out
@@ -315,7 +314,7 @@ __kernel void measure_cells(
             const float3 found = of.stride > 0
                 ? between_sites(blocks, of, samples, real, texel)
                 : (float3)(0.0f);
-            vstore3(found, texel, highlight);
+            vstore3(found, texel, radiated);
             if (gloss[texel] != index)
                 continue;
             count++;
@@ -341,27 +340,22 @@ __kernel void remove_highlight(
     const int rows,
     __global const float4 *restrict gain,        // float4 per cell
     __global const float4 *restrict min_base,       // float4 per cell: least remainder without the highlight
-    __global float *restrict highlight,          // in, out: 3 a texel
-    __global float *restrict radiated)           // out: 3 a texel
+    __global float *restrict radiated)           // in, out: 3 a texel
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const int texel = y * width + x;
     const float3 seen = vload3(texel, color);
-    float3 specular = (float3)(0.0f), left = seen;
+    float3 left = seen;
     if (gloss[texel]) {
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
         const float2 at = (float2)(x + 0.5f, y + 0.5f);
         const float3 share = gain_at(gain, columns, rows, at);
         const float3 most = fmax(seen - gain_at(min_base, columns, rows, at), 0.0f);
-        specular = clamp(share * vload3(texel, highlight), (float3)(0.0f), most);
-        specular = conductor ? seen : specular;
+        const float3 specular = clamp(share * vload3(texel, radiated), (float3)(0.0f), most);
         left = conductor ? seen : seen - specular;
     }
-    // Pages of the buffer that hold zeros alone need no memory while nothing writes them.
-    if (gloss[texel] || any(vload3(texel, highlight) != 0.0f))
-        vstore3(specular, texel, highlight);
     vstore3(left, texel, radiated);
 }

@@ -121,7 +121,7 @@ class Highlight:
         )
 
     def run(self) -> None:
-        """Fill the panorama's `highlight` and `radiated` for its current video frame."""
+        """Fill the panorama's `radiated` for its current video frame."""
         panorama = self._panorama
         self._place(panorama.marks)
         cones = panorama.changed.taken()
@@ -139,7 +139,6 @@ class Highlight:
             rows=rows,
             gain=self.gain,
             min_base=self._min_base,
-            highlight=panorama.highlight,
             radiated=panorama.radiated,
         )
 
@@ -156,7 +155,7 @@ class Highlight:
         self._gloss, self._count = gloss, len(sites)
 
     def _split(self, cones: NDArray[np.float32] | None) -> None:
-        """Fill `highlight` and `gain`; surfaces have changed within the cones, None: anywhere."""
+        """Fill `gain` and the computed highlights; surfaces have changed within the cones, None: anywhere."""
         panorama, settings, count = self._panorama, self._settings, self._count
         rows, columns, _ = self.gain.shape
         real = {
@@ -231,7 +230,7 @@ class Highlight:
         )
 
     def _calibrate(self, real: Mapping[str, Any], samples: cla.Array) -> None:
-        """Fill `highlight` of glossy texels from `samples`, and `gain`."""
+        """Compute the highlights of glossy texels from `samples`, in place of `radiated`, and `gain`."""
         rows, columns, _ = self.gain.shape
         seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(
@@ -240,7 +239,7 @@ class Highlight:
             rays=CELL_RAYS,
             samples=samples,
             paths=self._cell_paths,
-            highlight=self._panorama.highlight,
+            radiated=self._panorama.radiated,
             seen=seen_cells,
             specular=specular_cells,
             irradiance=irradiance_cells,

@@ -62,7 +62,7 @@ def planes(device: ComputeDevice, world: RealWorld) -> dict[str, NDArray[np.gene
 def split(device: ComputeDevice, world: RealWorld) -> dict[str, NDArray[np.generic]]:
     """What is split off the floor."""
     panorama = world.panorama
-    return {"highlight": device.read(panorama.highlight), "rest": device.read(panorama.radiated)}
+    return {"rest": device.read(panorama.radiated)}
 
 
 def require_equal(
