@@ -60,7 +60,7 @@ def signature(text: str, kernel: str) -> tuple[Parameter, ...]:
 
 @cache
 def _names(text: str) -> dict[str, str]:
-    """Return macros: types of buffers may have names, `PLANES_IN __global const float *restrict`."""
+    """Return macros: types of buffers may have names, `PLANES_IN __global const float *`."""
     return dict(re.findall(r"^ *#define (\w+) (\w.*)$", text, re.MULTILINE))
 
 

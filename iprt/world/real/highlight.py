@@ -155,7 +155,7 @@ class Highlight:
         self._gloss, self._count = gloss, len(sites)
 
     def _split(self, cones: NDArray[np.float32] | None) -> None:
-        """Fill `gain` and the computed highlights; surfaces have changed within the cones, None: anywhere."""
+        """Compute highlights and `gain`; surfaces have changed within the cones, None: anywhere."""
         panorama, settings, count = self._panorama, self._settings, self._count
         rows, columns, _ = self.gain.shape
         real = {
@@ -230,7 +230,7 @@ class Highlight:
         )
 
     def _calibrate(self, real: Mapping[str, Any], samples: cla.Array) -> None:
-        """Compute the highlights of glossy texels from `samples`, in place of `radiated`, and `gain`."""
+        """Fill `gain`, and `radiated` of glossy texels with their highlight, from `samples`."""
         rows, columns, _ = self.gain.shape
         seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(
