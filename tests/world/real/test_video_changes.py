@@ -64,7 +64,8 @@ def planes(device: ComputeDevice, world: RealWorld) -> dict[str, NDArray[np.gene
 def split(device: ComputeDevice, world: RealWorld) -> dict[str, NDArray[np.generic]]:
     """What is split off the floor."""
     panorama = world.panorama
-    return {"rest": device.read(panorama.radiated)}
+    rest = device.read(panorama.radiated)
+    return {"highlight": device.read(panorama.radiance) - rest, "rest": rest}
 
 
 def require_equal(
