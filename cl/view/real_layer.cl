@@ -9,7 +9,7 @@
 //
 // in   view       [16]       lib/gbuffer/view.h
 //      previous   [16]       view of the previous picture
-//      panorama   lib/world/real/real.h surface, range; three floats a texel of color and highlight;
+//      panorama   lib/world/real/real.h surface, range; three floats a texel of color;
 //                 -D CLIPPED: its clipped texels (lib/world/real/panorama.h)
 // out  color      3 planes   linear radiance, L_cam of IPRT Eq. 2 (reconstruct.h); the panorama's own bits
 //                            in an equirect view of its size
@@ -27,7 +27,8 @@
 //      other      [H*W]      xyz: share of the other side in the radiance, w: in the area, in [0, 1]; where
 //                            UNEVEN, shares of the four texels (lib/world/real/uneven.h)
 //      corner     [H*W]      where UNEVEN: four pixels that show these texels
-// and from *_glossy, from the panorama's gloss, highlight and the table of real materials
+// and from *_glossy, from the panorama's gloss, its radiance for rays, with the highlights
+// and without, and the table of real materials
 // (lib/world/brdf.h)
 //      gloss      1 plane    0: diffuse, else 1 + index of the real material
 //      roughness  1 plane    its GGX alpha
@@ -144,7 +145,7 @@ __kernel void resample_panorama(const RealPlanes layer)
 
 __kernel void resample_glossy(
     const RealPlanes layer,
-    __global const int *restrict panorama_gloss,
+    __global const uchar *restrict panorama_gloss,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
     __global float *restrict roughness)
@@ -199,7 +200,8 @@ __kernel void resample_color(const RealPlanes layer)
 
 __kernel void resample_highlight(
     const RealPlanes layer,
-    __global const float *restrict panorama_highlight,
+    __global const float *restrict panorama_radiance,
+    __global const float *restrict panorama_radiated,
     __global const float4 *restrict real_materials,
     __global const float *restrict gloss,
     __global float *restrict highlight)
@@ -207,7 +209,7 @@ __kernel void resample_highlight(
     LANES_ITEM(layer.width, layer.height);
     const int points = points_across(layer.view, layer.panorama_height);
     const int of_color = is_panorama(layer) ? 0 : points;
-    const Shown part = {panorama_highlight, 0, 0};
+    const Shown part = {panorama_radiance, 0, 0, panorama_radiated};
     for (int x = first; x < end; x++)
         show_color(x, y, of_color, layer);
     // In a loop of its own: in one of both the color takes a seventh longer.
@@ -294,8 +296,9 @@ __kernel void sharpen_edges(const RealPlanes layer)
 
 __kernel void sharpen_glossy(
     const RealPlanes layer,
-    __global const int *restrict panorama_gloss,
-    __global const float *restrict panorama_highlight,
+    __global const uchar *restrict panorama_gloss,
+    __global const float *restrict panorama_radiance,
+    __global const float *restrict panorama_radiated,
     __global const float4 *restrict real_materials,
     __global float *restrict gloss,
     __global float *restrict roughness,
@@ -309,7 +312,7 @@ __kernel void sharpen_glossy(
     const Material material = load_material(real_materials, max(index - 1, 0));
     float3 specular = (float3)(0.0f);
     if (index) {
-        const Shown part = {panorama_highlight, 0, 0};
+        const Shown part = {panorama_radiance, 0, 0, panorama_radiated};
         Window window = edge.window;
         see(&window, part);
         specular = mix(shown_at(part, layer.panorama_width, layer.panorama_height, edge.inside.middle),

@@ -51,6 +51,15 @@ def _blank(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     return np.frombuffer(pages, kind, count).reshape(shape)
 
 
+def _pages(blank: NDArray[Any]) -> mmap.mmap:
+    """Return the pages of an array from `_blank`."""
+    owner: Any = blank
+    while isinstance(owner, np.ndarray):
+        owner = owner.base
+    pages: mmap.mmap = owner.obj
+    return pages
+
+
 class ComputeDevice:
     """Context, profiling queue and named buffers on one OpenCL device.
 
@@ -291,6 +300,15 @@ class ComputeDevice:
             array = self._hosted(_blank(shape, dtype), cl.mem_flags.READ_WRITE)
         self.buffers[name] = array.nbytes
         return array
+
+    def discard(self, array: cla.Array) -> None:
+        """Give back the memory of a buffer from `zeros`, on a CPU; its values are lost.
+
+        No enqueued work may use them.
+        """
+        for known, host in self._shared:
+            if known() is array:
+                _pages(host).madvise(mmap.MADV_DONTNEED)
 
     @contextmanager
     def _holding(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> Iterator[None]:

@@ -6,6 +6,7 @@ compiled kernels by their text.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -45,16 +46,15 @@ def resolved(text: str, name: str, macros: Mapping[str, str], folder: Path = CL)
 
     def add(text: str, name: str) -> None:
         lines.append(f'#line 1 "{name}"')
-        for number, line in enumerate(_without_comments(text).splitlines(), 1):
-            found = _INCLUDE.match(line) if line.startswith("#include") else None
-            if found is None:
-                lines.append("" if line == _ONCE else line)
+        for part, number in _parts(text):
+            if isinstance(part, str):
+                lines.append(part)
                 continue
-            if found[2]:
-                lines.extend(_structs(found[2], blocks))
+            if part[2]:
+                lines.extend(_structs(part[2], blocks))
             else:
-                beside = Path(name).parent / found[1]
-                file = beside.as_posix() if (folder / beside).is_file() else f"lib/{found[1]}"
+                beside = os.path.normpath(os.path.join(os.path.dirname(name), part[1]))
+                file = beside if os.path.isfile(os.path.join(folder, beside)) else f"lib/{part[1]}"
                 text = (folder / file).read_text()
                 if file not in included:
                     add(text, file)
@@ -71,6 +71,25 @@ def _structs(module: str, known: dict[str, type[Block]]) -> Iterator[str]:
     for block in vars(import_module(module)).values():
         if isinstance(block, type) and block.__module__ == module and issubclass(block, Block):
             yield from structs(block, known)
+
+
+@cache
+def _parts(text: str) -> list[tuple[str | re.Match[str], int]]:
+    """Return the lines without comments, in runs that end at includes, and each one's number."""
+    parts: list[tuple[str | re.Match[str], int]] = []
+    run: list[str] = []
+    for number, line in enumerate(_without_comments(text).splitlines(), 1):
+        found = _INCLUDE.match(line) if line.startswith("#include") else None
+        if found is None:
+            run.append("" if line == _ONCE else line)
+            continue
+        if run:
+            parts.append(("\n".join(run), number - 1))
+        parts.append((found, number))
+        run = []
+    if run:
+        parts.append(("\n".join(run), 0))
+    return parts
 
 
 @cache

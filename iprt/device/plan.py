@@ -104,6 +104,9 @@ class PlanDevice(ComputeDevice):
         """Record a buffer."""
         return self.empty(name, shape, dtype)
 
+    def discard(self, array: Any) -> None:
+        """Do nothing."""
+
     def share(self, name: str, values: NDArray[Any]) -> PlannedBuffer:
         """Record a shared buffer, which takes memory only on a GPU."""
         if not self.is_cpu:
@@ -111,6 +114,9 @@ class PlanDevice(ComputeDevice):
         return PlannedBuffer(values.shape, values.dtype)
 
     def fill_zero(self, array: Any) -> None:
+        """Do nothing."""
+
+    def wait(self) -> None:
         """Do nothing."""
 
     def write(self, array: Any, values: NDArray[Any]) -> None:

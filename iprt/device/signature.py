@@ -9,6 +9,7 @@ import re
 import string
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -54,9 +55,13 @@ def signature(text: str, kernel: str) -> tuple[Parameter, ...]:
         The source has no such kernel.
     """
     parameters, _ = _parts(text, kernel)
-    # Types of buffers may have names, `#define PLANES_IN __global const float *restrict`.
-    names = dict(re.findall(r"^ *#define (\w+) (\w.*)$", text, re.MULTILINE))
-    return tuple(_parameter(one, names) for one in parameters.split(","))
+    return tuple(_parameter(one, _names(text)) for one in parameters.split(","))
+
+
+@cache
+def _names(text: str) -> dict[str, str]:
+    """Return macros: types of buffers may have names, `PLANES_IN __global const float *`."""
+    return dict(re.findall(r"^ *#define (\w+) (\w.*)$", text, re.MULTILINE))
 
 
 def dimensions(text: str, kernel: str) -> int:
@@ -75,7 +80,8 @@ def dimensions(text: str, kernel: str) -> int:
 
 def _parts(text: str, kernel: str) -> tuple[str, str]:
     """Return the declared parameters and the body of a kernel in resolved source."""
-    found = re.search(rf"\bvoid\s+{kernel}\s*\(([^{{]*)\)\s*\{{(.*?)(?:^\}}|\Z)", text, _LINES)
+    # A pattern that begins with letters is found several times as fast.
+    found = re.search(rf"void\s+{kernel}\s*\(([^{{]*)\)\s*\{{(.*?)(?:^\}}|\Z)", text, _LINES)
     if found is None:
         raise KernelError(f"no kernel '{kernel}'")
     return found[1], found[2]

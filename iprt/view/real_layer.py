@@ -183,7 +183,8 @@ class RealLayer:
         """
         gloss = {
             "panorama_gloss": panorama.gloss,
-            "panorama_highlight": panorama.highlight,
+            "panorama_radiance": panorama.radiance,
+            "panorama_radiated": panorama.radiated,
             "real_materials": real_materials,
         }
         shown = panorama.clipped.shown(panorama.color)

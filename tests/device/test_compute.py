@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import weakref
 from pathlib import Path
 from typing import Any
@@ -171,6 +172,25 @@ def test_a_write_does_not_wait_and_keeps_its_values(device: ComputeDevice) -> No
         device.write(array, np.full(array.shape, value, np.float32))
     held.set_status(cl.command_execution_status.COMPLETE)
     assert (device.read(array) == 2.0).all()
+
+
+def resident() -> int:
+    """Bytes of the process's memory that are in use."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_memory_of_a_discarded_buffer_is_given_back(device: ComputeDevice) -> None:
+    if not device.is_cpu:
+        pytest.skip("zeros are not in the host's memory")
+    own = fresh(device)
+    array = own.zeros("array", (1 << 24,))
+    own.write(array, np.ones(array.shape, np.float32))
+    own.wait()
+    before = resident()
+    own.discard(array)
+    assert resident() < before - array.nbytes // 2
+    own.write(array[:64], np.ones(64, np.float32))
+    assert own.read(array).sum() == 64.0
 
 
 def test_what_was_written_is_not_kept(device: ComputeDevice) -> None:

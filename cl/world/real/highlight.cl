@@ -10,12 +10,11 @@
 //   gather_sites      paths, pictures             samples, per site: radiance; variance of the mean's
 //                                                 luminance
 //   filter_sites      samples, surface            samples
-//   measure_cells     samples, paths of cells     highlight of glossy texels: interpolated; means over
-//                                                 a cell's: color (w: their gloss, 0 none),
+//   measure_cells     samples, paths of cells     radiated of glossy texels: their highlight, interpolated;
+//                                                 means over a cell's: color (w: their gloss, 0 none),
 //                                                 highlight, irradiance / pi
-//   remove_highlight  color, highlight, gain, min_base (per cell)  highlight, all texels: the specular
-//                                                 part, within [0, color]; radiated: the radiance for
-//                                                 rays
+//   remove_highlight  color, radiated, gain, min_base (per cell)  radiated, all texels: the radiance for
+//                                                 rays, color without the specular part
 //
 // The gain corrects for unknown properties of the surfaces, see iprt/world/real/highlight_gain.py.
 //
@@ -66,7 +65,7 @@ TRACING_KERNEL void trace_sites(
     __global const int *restrict blocks,            // texel of each block's site, -1: none
     __global const float4 *restrict cones,          // directions in which surfaces have changed
     const int cone_count,                           // negative: everywhere
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials, // lib/world/brdf.h
     const RealLayer real,
     __global float4 *restrict paths,                // in, out: most_rays per block
@@ -96,7 +95,7 @@ TRACING_KERNEL void trace_sites(
 }
 
 // Return the first material in a cell, 0: none; the texels of that material, and their number.
-static inline int cell_texels(__global const int *restrict gloss, int width, int height, int x, int y,
+static inline int cell_texels(__global const uchar *restrict gloss, int width, int height, int x, int y,
                               int *texels, int *count)
 {
     const int x1 = min((x + 1) * CELL, width), y1 = min((y + 1) * CELL, height);
@@ -119,7 +118,7 @@ TRACING_KERNEL void trace_cells(
     const int rows,
     __global const float4 *restrict cones,          // trace_sites
     const int cone_count,
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     const RealLayer real,
     __global float4 *restrict paths,                // in, out: `rays` per cell
     const Work work)
@@ -208,7 +207,7 @@ __kernel void filter_sites(
     const int count,
     __global const int *restrict blocks,
     __global const int4 *restrict layout,
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials,
     const RealLayer real,
     __global const float4 *restrict samples,
@@ -289,9 +288,9 @@ __kernel void measure_cells(
     __global const int4 *restrict layout,
     __global const float4 *restrict samples,
     __global const float4 *restrict paths,          // of cells
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     const RealLayer real,
-    __global float *restrict highlight,             // out: 3 a texel
+    __global float *restrict radiated,              // out: 3 a texel
     __global float4 *restrict seen,                 // out: columns x rows
     __global float4 *restrict specular,             // out
     __global float4 *restrict irradiance,           // out
@@ -315,7 +314,7 @@ __kernel void measure_cells(
             const float3 found = of.stride > 0
                 ? between_sites(blocks, of, samples, real, texel)
                 : (float3)(0.0f);
-            vstore3(found, texel, highlight);
+            vstore3(found, texel, radiated);
             if (gloss[texel] != index)
                 continue;
             count++;
@@ -334,34 +333,29 @@ __kernel void measure_cells(
 __kernel void remove_highlight(
     const int width,
     const int height,
-    __global const int *restrict gloss,
+    __global const uchar *restrict gloss,
     __global const float4 *restrict real_materials,
     __global const float *restrict color,        // 3 a texel: captured radiance
     const int columns,                           // cells
     const int rows,
     __global const float4 *restrict gain,        // float4 per cell
     __global const float4 *restrict min_base,       // float4 per cell: least remainder without the highlight
-    __global float *restrict highlight,          // in, out: 3 a texel
-    __global float *restrict radiated)           // out: 3 a texel
+    __global float *restrict radiated)           // in, out: 3 a texel
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const int texel = y * width + x;
     const float3 seen = vload3(texel, color);
-    float3 specular = (float3)(0.0f), left = seen;
+    float3 left = seen;
     if (gloss[texel]) {
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
         const float2 at = (float2)(x + 0.5f, y + 0.5f);
         const float3 share = gain_at(gain, columns, rows, at);
         const float3 most = fmax(seen - gain_at(min_base, columns, rows, at), 0.0f);
-        specular = clamp(share * vload3(texel, highlight), (float3)(0.0f), most);
-        specular = conductor ? seen : specular;
+        const float3 specular = clamp(share * vload3(texel, radiated), (float3)(0.0f), most);
         left = conductor ? seen : seen - specular;
     }
-    // Pages of the buffer that hold zeros alone need no memory while nothing writes them.
-    if (gloss[texel] || any(vload3(texel, highlight) != 0.0f))
-        vstore3(specular, texel, highlight);
     vstore3(left, texel, radiated);
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,22 +22,33 @@ class Measures:
     def __init__(self) -> None:
         self._depth: Picture | None = None
         self._found: dict[str, float] = {}
+        self._by_rows = False  # whether the parts of measures are known, row by row
 
     def __call__(self, frame: Frame) -> Frame:
         """Return the frame, which knows its measures."""
-        depth = frame.depth
+        vars(frame).update(self.of(frame.depth))
+        return frame
+
+    def of(self, depth: Picture) -> dict[str, float]:
+        """Return the measures of the next frame's depth (H, W)."""
         if self._depth is not depth:
             rows = self._changed(depth)
             found = self._measured(depth, rows) if len(rows) else self._found
             self._found = found or self._measured(depth, np.arange(len(depth)))
             self._depth = depth
-        vars(frame).update(self._found)
-        return frame
+        return self._found
+
+    def know(self, depth: Picture, found: Mapping[str, float]) -> None:
+        """Take measures of the first frame's depth that were found before."""
+        self._depth, self._found = depth, dict(found)
 
     def _changed(self, depth: Picture) -> Rows:
         """Return the rows that differ from the last frame's; all of them at first."""
         if self._depth is not None and self._depth.shape == depth.shape:
-            return np.flatnonzero(differing(self._depth, depth).any(axis=1))
+            changed = np.flatnonzero(differing(self._depth, depth).any(axis=1))
+            if self._by_rows or not len(changed):
+                return changed
+        self._by_rows = True
         height = len(depth)
         self._median, self._departure = MedianOfRows(height), MedianOfRows(max(height - 2, 0))
         self._finite, self._surfaces = np.zeros((2, height), np.intp)
@@ -44,7 +57,7 @@ class Measures:
 
     def _measured(self, depth: Picture, rows: Rows) -> dict[str, float]:
         """Return the measures after a change of some rows; none if all rows must be looked at."""
-        part = depth[rows]
+        part = depth if len(rows) == len(depth) else depth[rows]
         finite = np.isfinite(part)
         self._finite[rows] = np.count_nonzero(finite, axis=1)
         self._nearest[rows] = part.min(axis=1)
@@ -73,4 +86,8 @@ class Measures:
         for run in np.split(middle, np.flatnonzero(np.diff(middle) > 1) + 1):
             departure, self._surfaces[run] = plane_departure(depth[run[0] : run[-1] + 3], height)
             parts.append(departure)
-        return self._departure.of(np.concatenate(parts), middle, int(self._surfaces.sum()))
+        return self._departure.of(
+            parts[0] if len(parts) == 1 else np.concatenate(parts),
+            middle,
+            int(self._surfaces.sum()),
+        )

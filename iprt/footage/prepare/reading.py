@@ -54,15 +54,23 @@ class RawFrames:
 
     def __init__(self, source: FrameSource) -> None:
         self.source = source
+        self._first: DepthSamples | None = None  # decoded for `stored_depth`, and not yet read
 
     @cached_property
     def stored_depth(self) -> StoredDepth | None:
         """Storage of depth, from the first frame of the video; None if that cannot be read."""
         try:
             with self.reading() as reader:
-                return self._stored(reader.depth(self.source.indices[0]))
+                samples = reader.depth(self.source.indices[0])
+            self._first = samples
+            return self._stored(samples)
         except FormatError:
             return None
+
+    def decoded(self, index: int) -> DepthSamples | None:
+        """Return the depth of a frame if it is decoded already; the next call has nothing."""
+        samples, self._first = self._first, None
+        return samples if index == self.source.indices[0] else None
 
     def first_depth(self, samples: DepthSamples) -> None:
         """Set `stored_depth` from samples of the first frame, to avoid decoding them again."""
@@ -149,6 +157,9 @@ class FrameReader:
 
     def depth(self, index: int) -> DepthSamples:
         """Read depth as stored, placed on the sphere."""
+        decoded = self._frames.decoded(index)
+        if decoded is not None:
+            return decoded
         samples: DepthSamples = self._readers["depth"](index)
         return samples if self._placement is None else samples.placed(self._placement)
 

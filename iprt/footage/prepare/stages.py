@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
-from iprt.footage.frame import Frame
+from iprt.footage.frame import OF_DEPTH, Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import Noise, smoothed
 from iprt.footage.prepare.exposure import Drift
@@ -33,6 +33,7 @@ from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.measures import Measures
 from iprt.footage.prepare.reading import Picture, RawFrame
 from iprt.footage.real_material import RealMaterial
+from iprt.footage.video.depth_code import usable
 
 
 class Preparation:
@@ -111,21 +112,34 @@ class Preparation:
         def clean() -> CleanDepth:
             return sanitize_depth(smoothed(depth, self._noise), color, self._filling)
 
-        return kept_depth(depth, color, clean) if self._last is None else clean()
+        if self._last is not None or depth.size < WORTH_KEEPING:
+            return clean()
+        return kept_depth(depth, color, clean, self._measures)
 
 
-def kept_depth(depth: Picture, color: Picture, clean: Callable[[], CleanDepth]) -> CleanDepth:
-    """Return the result of `clean`, which is kept for large panoramas (`iprt.device.kept`)."""
-    if depth.size < WORTH_KEEPING:
-        return clean()
+def kept_depth(
+    depth: Picture, color: Picture, clean: Callable[[], CleanDepth], measures: Measures
+) -> CleanDepth:
+    """Return the result of `clean`, which is kept with its measures (`iprt.device.kept`)."""
 
     def make() -> Arrays:
         result = clean()
         changed = result.depth.view(np.uint32) != depth.view(np.uint32)
         planes = {"changed": np.packbits(changed), "opening": np.packbits(result.opening)}
-        return planes | {"depth": result.depth[changed]}
+        measured = np.array([measures.of(result.depth)[name] for name in OF_DEPTH])
+        return planes | {"depth": result.depth[changed], "measures": measured}
 
-    found = kept("depth", __name__, [depth, color], make)
+    holes = np.pad(~usable(depth).all(axis=1), 1)
+    # Of the colors, only those of holes and of the rims around them decide.
+    beside = color[holes[:-2] | holes[1:-1] | holes[2:]]
+    found = kept("depth", __name__, [depth, beside], make)
+    cleaned = _cleaned(depth, found)
+    measures.know(cleaned.depth, dict(zip(OF_DEPTH, found["measures"].tolist(), strict=True)))
+    return cleaned
+
+
+def _cleaned(depth: Picture, found: Arrays) -> CleanDepth:
+    """Return clean depth from the result that `kept_depth` keeps."""
     changed, opening = (
         np.unpackbits(found[name], count=depth.size).reshape(depth.shape).view(bool)
         for name in ("changed", "opening")

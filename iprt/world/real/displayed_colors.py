@@ -23,11 +23,14 @@ class ShownArgs(Block):
         `ClippedTexels.words()`; None: no texel is clipped.
     clipped_color : (N + 1, 3) float32 or None
         Displayed colors of the clipped texels.
+    rest : (H, W, 3) float32 or None
+        Part of `color` that is not shown. Kernels set it themselves.
     """
 
     color: Floats
     clipped: Uints = when("CLIPPED")
     clipped_color: Floats = when("CLIPPED")
+    rest: Floats = when("PART")
 
 
 class ShownTexels:

@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.block import Block, Float4s, Int32, Ints
+from iprt.device.block import Block, Bytes, Float4s, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
@@ -36,7 +36,7 @@ class GlossArgs(Block):
 
     Attributes
     ----------
-    map : (H, W) int32
+    map : (H, W) uint8
         0: diffuse, else 1 + index of the material.
     materials, reflectance, gain
         `Highlight.table`, `reflectance` and `gain`.
@@ -44,7 +44,7 @@ class GlossArgs(Block):
         Cells of `gain`.
     """
 
-    map: Ints
+    map: Bytes
     materials: Float4s
     reflectance: Float4s
     gain: Float4s
@@ -104,7 +104,7 @@ class Highlight:
         self._samples = [device.empty(f"highlight samples {i}", (blocks, 4)) for i in range(2)]
         self._cones = device.empty("highlight cones", (MOST_CONES, 4))
         self._gloss: NDArray[np.uint8] | None = None
-        self._count = 0
+        self._placed, self._count = np.zeros(blocks, bool), 0
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
         self.gain = device.empty("highlight gain", cells)
         self._min_base = device.empty("highlight floor", cells)
@@ -121,7 +121,7 @@ class Highlight:
         )
 
     def run(self) -> None:
-        """Fill the panorama's `highlight` and `radiated` for its current video frame."""
+        """Fill the panorama's `radiated` for its current video frame."""
         panorama = self._panorama
         self._place(panorama.marks)
         cones = panorama.changed.taken()
@@ -139,7 +139,6 @@ class Highlight:
             rows=rows,
             gain=self.gain,
             min_base=self._min_base,
-            highlight=panorama.highlight,
             radiated=panorama.radiated,
         )
 
@@ -148,14 +147,15 @@ class Highlight:
         if self._gloss is gloss:
             return
         texels = self._layout.sites(gloss)
-        sites = np.flatnonzero(texels >= 0).astype(np.int32)
+        self._placed = texels >= 0
+        sites = np.flatnonzero(self._placed).astype(np.int32)
         if len(sites):
             self._device.write(self._sites[: len(sites)], sites)
             self._device.write(self._blocks, texels)
         self._gloss, self._count = gloss, len(sites)
 
     def _split(self, cones: NDArray[np.float32] | None) -> None:
-        """Fill `highlight` and `gain`; surfaces have changed within the cones, None: anywhere."""
+        """Compute highlights and `gain`; surfaces have changed within the cones, None: anywhere."""
         panorama, settings, count = self._panorama, self._settings, self._count
         rows, columns, _ = self.gain.shape
         real = {
@@ -205,7 +205,7 @@ class Highlight:
         buffers = {"sites": self._paths, "cells": self._cell_paths}
         glossy = np.logical_or.reduceat(marks > 0, np.arange(0, panorama.height, CELL), axis=0)
         glossy = np.logical_or.reduceat(glossy, np.arange(0, panorama.width, CELL), axis=1)
-        used = {"sites": self._layout.sites(marks) >= 0, "cells": glossy}
+        used = {"sites": self._placed, "cells": glossy}
 
         def make() -> Arrays:
             self._trace_rays(real, None)
@@ -230,7 +230,7 @@ class Highlight:
         )
 
     def _calibrate(self, real: Mapping[str, Any], samples: cla.Array) -> None:
-        """Fill `highlight` of glossy texels from `samples`, and `gain`."""
+        """Fill `gain`, and `radiated` of glossy texels with their highlight, from `samples`."""
         rows, columns, _ = self.gain.shape
         seen_cells, specular_cells, irradiance_cells = self._cells
         self._measure(
@@ -239,7 +239,7 @@ class Highlight:
             rays=CELL_RAYS,
             samples=samples,
             paths=self._cell_paths,
-            highlight=self._panorama.highlight,
+            radiated=self._panorama.radiated,
             seen=seen_cells,
             specular=specular_cells,
             irradiance=irradiance_cells,

@@ -24,6 +24,8 @@ LEAST = 0.5
 """Least diffuse reflectance of a dark speck, relative to the material's darker parts."""
 REACH = 1.5
 """Standard deviation, in cells, of the Gaussian that averages texture."""
+BLURRED = round(4.0 * REACH)
+"""Cells beyond which the Gaussian ends."""
 
 
 def highlight_gain(
@@ -47,6 +49,21 @@ def highlight_gain(
     min_base : (rows, columns, 4) float32
         Radiance that the highlight leaves wherever the captured radiance reaches it.
     """
+    gain, min_base = np.zeros((2, *gloss.shape, 4), np.float32)
+    gain[..., :3] = 1.0
+    # Rows far from gloss have a gain of 1.
+    rows = np.flatnonzero(gloss.any(axis=1))
+    if len(rows):
+        near = slice(max(rows[0] - BLURRED, 0), rows[-1] + BLURRED + 1)
+        parts = seen[near], specular[near], irradiance[near], gloss[near]
+        gain[near, :, :3], min_base[near, :, :3] = _gain_of_rows(*parts)
+    return gain, min_base
+
+
+def _gain_of_rows(
+    seen: Cells, specular: Cells, irradiance: Cells, gloss: NDArray[np.integer]
+) -> tuple[Cells, Cells]:
+    """Return gain and least remainder (rows, columns, 3); no other rows have gloss."""
     base = np.zeros(seen.shape)
     irradiance = _averaged(irradiance, gloss)
     for index in range(1, int(gloss.max(initial=0)) + 1):
@@ -63,10 +80,7 @@ def highlight_gain(
     # Faint highlights are below the uncertainty of the base: they are kept.
     strength = np.divide(computed, FAINT * mean, out=np.zeros(seen.shape), where=there)
     trust = np.minimum(strength, 1.0) ** 2
-    gain, min_base = np.zeros((2, *gloss.shape, 4), np.float32)
-    gain[..., :3] = 1.0 + trust * (np.clip(could, 0.0, 1.0) - 1.0)
-    min_base[..., :3] = LEAST * base
-    return gain, min_base
+    return 1.0 + trust * (np.clip(could, 0.0, 1.0) - 1.0), LEAST * base
 
 
 def _averaged(irradiance: Cells, gloss: NDArray[np.integer]) -> Cells:
@@ -91,8 +105,7 @@ def _reflectance(seen: Cells, specular: Cells, irradiance: Cells) -> Cells:
 
 def _blurred(cells: Cells) -> Cells:
     """Return the Gaussian mean."""
-    reach = round(4.0 * REACH)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / REACH) ** 2)
+    weights = np.exp(-0.5 * (np.arange(-BLURRED, BLURRED + 1) / REACH) ** 2)
     return _filtered(cells, weights / weights.sum())
 
 

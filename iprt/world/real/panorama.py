@@ -109,14 +109,11 @@ class Panorama:
     surfaces : Surfaces
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
         Distant environment behind windows, if requested.
-    gloss : (H, W) int32 or None
+    gloss : (H, W) uint8 or None
         0 where the surface is diffuse, else 1 + index of its real material, if requested.
-    highlight : (H, W, 3) float32 or None
-        With `gloss`: the part of `radiance` that is specular reflection towards the capture centre
-        (`Highlight`).
     radiated : (H, W, 3) float32
-        Radiance of real surfaces for rays: `radiance` itself, but without highlights where
-        surfaces are glossy (`Highlight`).
+        Radiance of real surfaces for rays: `radiance` itself, but where surfaces are glossy without
+        highlights, the specular reflection towards the capture centre (`Highlight`).
     marks : (H, W) uint8
         `gloss` on the host.
     changed : ChangedSurfaces
@@ -168,10 +165,9 @@ class Panorama:
         self.changed_rows = np.ones(self.height, bool)
         self.changed_columns = slice(0, self.width)
         self.marks = np.zeros(texels, np.uint8)
-        self.gloss = self.highlight = self._radiated = None
+        self.gloss = self._radiated = None
         if gloss:
-            self.gloss = device.zeros("panorama.gloss", texels, np.int32)
-            self.highlight = device.zeros("panorama.highlight", (*texels, 3))
+            self.gloss = device.zeros("panorama.gloss", texels, np.uint8)
             self._radiated = device.empty("panorama.radiated", (*texels, 3))
         self.background: Background | None = None
         if background is not None:
@@ -220,7 +216,10 @@ class Panorama:
             if tiles.any():
                 self.changed.add(tiles)
                 self.marks = marks
-                self._device.write(self.gloss, marks)
+                if self._device.is_cpu:
+                    self.gloss = self._device.share("panorama.gloss", marks)
+                else:
+                    self._device.write(self.gloss, marks)
 
     def _measure_flux(self, _: Frame) -> None:
         self.flux = self._pictures.flux()

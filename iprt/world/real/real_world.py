@@ -48,6 +48,7 @@ class RealWorld:
     def __init__(self, device: ComputeDevice, frame: Frame, features: Features) -> None:
         self._features = features
         self.frame = frame
+        self._still = not features.video  # and its surfaces hold what a next frame would need
         self.cut_version = 0
         self.panorama = Panorama(
             device,
@@ -140,6 +141,9 @@ class RealWorld:
     def prepare(self) -> None:
         """Run the passes of `shown`, before a view uses the frame."""
         self.shown.walk(self.frame)
+        if self._still:
+            self.panorama.surfaces.release()
+            self._still = False
 
     def _map_colors(self, frame: Frame) -> None:
         assert self._color_map is not None

@@ -77,7 +77,7 @@ class Surfaces:
     ----------
     width, height : int
     inverse : (size,) float32
-        Inverse depth in the lines of `lines`; openings have the sign bit.
+        Inverse depth in the lines of `lines`, until `release`; openings have the sign bit.
     lines : (H, 4) int32
         `Lines.table`.
     surface : (H, W, 4) float32
@@ -99,6 +99,7 @@ class Surfaces:
         self._marks = device.empty("panorama.marks", (self._band, width), np.uint8)
         self._normal: cla.Array | None = None
         self._given: Given | None = None
+        self._inverted = False
         floats = 3 * (self._band + 2) * self._stride
         self._planes = device.zeros("panorama.planes", (floats + 2 * MARGIN,))
         column, row = equirect_edges(width, height)
@@ -187,7 +188,9 @@ class Surfaces:
         rows = np.ones(self.height, bool)
         if tiles is not None:
             rows = tiles.any(axis=1).repeat(tile_side(self.height))[: self.height]
-        for first, count in self._pieces(rows):
+        stale = rows if self._inverted else np.ones(self.height, bool)
+        self._inverted = True
+        for first, count in self._pieces(stale):
             part = slice(first, first + count)
             device.write(self._depth[:count], depth[part])
             device.write(self._marks[:count], marks[part])
@@ -205,6 +208,12 @@ class Surfaces:
             size = self._items(columns, count)
             self._build(size, own, fitted=int(normal is None), range=range_)
         return tiles, reached, columns
+
+    def release(self) -> None:
+        """Wait, and give back the memory of `inverse`, which the next `load` fills again."""
+        self._device.wait()
+        self._device.discard(self.inverse)
+        self._inverted = False
 
     def _columns(self, tiles: Mask | None, rows: Mask) -> slice:
         """Return the columns in which `surface` may change; all if the seam is among them."""

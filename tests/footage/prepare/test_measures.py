@@ -62,3 +62,15 @@ def test_rows_that_stay_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(Measures, "_measured", counted)
     assert measures(frame_of(later)).median_depth == frame_of(later).median_depth
     assert looked == [1]
+
+
+def test_measures_go_on_from_known_ones() -> None:
+    first, *later = film(16)
+    measures = Measures()
+    measures.know(first, Measures().of(first))
+    for depth in (first, first.copy(), *later):
+        mine = measures(frame_of(depth))
+        for name in OF_DEPTH:
+            assert getattr(mine, name) == pytest.approx(getattr(frame_of(depth), name), rel=1e-7), (
+                name
+            )

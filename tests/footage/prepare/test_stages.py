@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iprt.footage.frame import Frame
+from iprt.footage.frame import OF_DEPTH, Frame
 from iprt.footage.prepare import clipped_lights, gloss, stages
 from iprt.footage.prepare.fill import CleanDepth, sanitize_depth
 from iprt.footage.prepare.reading import Picture, RawFrame
@@ -91,10 +91,28 @@ def test_kept_results_are_the_ones_that_are_made(
     for frames in (read, prepared(raws)):
         for frame, other in zip(frames, made, strict=True):
             require_equal(frame, other)
+            for name in OF_DEPTH:
+                assert vars(frame)[name] == vars(other)[name]
             assert frame.clipped is not None
             assert other.clipped is not None
             np.testing.assert_array_equal(frame.clipped.texel, other.clipped.texel)
             np.testing.assert_array_equal(frame.clipped.color, other.clipped.color)
+
+
+@pytest.mark.usefixtures("keeping")
+def test_kept_holes_are_those_of_their_colors() -> None:
+    """A small hole is a window if it is brighter than its rim, of which one row is enough."""
+    color = np.ones((128, 256, 3), np.float32)
+    depth = np.full((128, 256), 2.0, np.float32)
+    depth[5, 40] = 0.0
+    bright_rim = color.copy()
+    bright_rim[4] = 9.0
+    color[5, 40] = 4.0
+    bright_rim[5, 40] = 4.0
+    for _ in range(2):
+        for picture, is_window in ((color, True), (bright_rim, False)):
+            (frame,) = Preparation().frames([RawFrame(picture, depth, None)])
+            assert frame.opening[5, 40] == is_window
 
 
 def test_stages_know_the_colors_of_the_frames_before() -> None:

@@ -35,9 +35,11 @@ def frame_at(x: float, radiance: Radiance = bright_walls) -> Frame:
     return replace(frame, normal=None, opening=opening, gloss=gloss, real_materials=(COAT,))
 
 
-def world_of(device: ComputeDevice, *frames: Frame, still: bool = True) -> RealWorld:
+def world_of(
+    device: ComputeDevice, *frames: Frame, still: bool = True, video: bool = True
+) -> RealWorld:
     """The real world after these frames, all of which a view has shown."""
-    footage = Footage.of(frames[0], clips=False, drifts=False, video=True, static_camera=still)
+    footage = Footage.of(frames[0], clips=False, drifts=False, video=video, static_camera=still)
     world = RealWorld(device, frames[0], Features.of([Material()], SEES, Settings(), footage))
     world.prepare()
     for frame in frames[1:]:
@@ -62,7 +64,8 @@ def planes(device: ComputeDevice, world: RealWorld) -> dict[str, NDArray[np.gene
 def split(device: ComputeDevice, world: RealWorld) -> dict[str, NDArray[np.generic]]:
     """What is split off the floor."""
     panorama = world.panorama
-    return {"highlight": device.read(panorama.highlight), "rest": device.read(panorama.radiated)}
+    rest = device.read(panorama.radiated)
+    return {"highlight": device.read(panorama.radiance) - rest, "rest": rest}
 
 
 def require_equal(
@@ -78,6 +81,13 @@ def test_surfaces_that_stay_keep_what_a_first_frame_would_find(
 ) -> None:
     frames = [frame_at(x) for x in places]
     followed, fresh = world_of(device, *frames), world_of(device, frames[-1])
+    require_equal(planes(device, followed), planes(device, fresh))
+
+
+def test_a_still_can_be_followed_by_another(device: ComputeDevice) -> None:
+    """It has given back what surfaces are made of."""
+    frames = frame_at(0.0), frame_at(0.3)
+    followed, fresh = world_of(device, *frames, video=False), world_of(device, frames[1])
     require_equal(planes(device, followed), planes(device, fresh))
 
 

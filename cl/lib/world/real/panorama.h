@@ -62,7 +62,7 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
 // Return channel `c` of a texel as displayed.
 static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
 {
-    const float sent = shown.color[3 * texel + c];
+    const float sent = shown.color[3 * texel + c] - (shown.rest ? shown.rest[3 * texel + c] : 0.0f);
     if (!shown.clipped)
         return sent;
     const uint word = shown.clipped[2 * (texel >> 5)], before = shown.clipped[2 * (texel >> 5) + 1];
@@ -77,5 +77,6 @@ static inline ALWAYS_INLINE float3 shown_color(Shown shown, int texel)
 {
     return shown.clipped ? (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
                                     shown_texel(shown, texel, 2))
+         : shown.rest  ? vload3(texel, shown.color) - vload3(texel, shown.rest)
                          : vload3(texel, shown.color);
 }
