@@ -354,8 +354,9 @@ __kernel void remove_highlight(
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
         const float2 at = (float2)(x + 0.5f, y + 0.5f);
-        const float3 share = gain_at(gain, columns, rows, at);
-        const float3 most = fmax(seen - gain_at(min_base, columns, rows, at), 0.0f);
+        const float2 size = (float2)((float)columns, (float)rows);
+        const float3 share = gain_at(gain, columns, rows, size, at);
+        const float3 most = fmax(seen - gain_at(min_base, columns, rows, size, at), 0.0f);
         specular = clamp(share * vload3(texel, highlight), (float3)(0.0f), most);
         specular = conductor ? seen : specular;
         left = conductor ? seen : seen - specular;

@@ -10,8 +10,9 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.block import Block, Float4s, Int32, Ints
+from iprt.device.block import Block, Float2, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import float2
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
@@ -42,6 +43,8 @@ class GlossArgs(Block):
         `Highlight.table`, `reflectance` and `gain`.
     columns, rows : int
         Cells of `gain`.
+    size : float2
+        Columns and rows: see `GridArgs`.
     """
 
     map: Ints
@@ -50,6 +53,10 @@ class GlossArgs(Block):
     gain: Float4s
     columns: Int32
     rows: Int32
+    size: Float2 = None
+
+    def __post_init__(self) -> None:
+        self.size = float2(self.columns, self.rows)
 
 
 class Highlight:

@@ -29,10 +29,11 @@ typedef struct {
 #define FROM_FRONT 1     // nearer than the front
 #define FROM_BACK 2      // farther than the back
 
-static inline float plane_radius(float4 plane, float gx, float r, float slope)
+// `reach`: by how much the plane may leave its centre depth.
+static inline float plane_radius(float4 plane, float gx, float r, float reach)
 {
     const float radius = gx > 0.0f ? r / gx : INFINITY;
-    return clamp(radius, plane.w * (1.0f - slope), plane.w * (1.0f + slope));
+    return clamp(radius, plane.w - reach, plane.w + reach);
 }
 
 // Intersect the solid interval of one texel with the segment [t0, t1] of the ray, whose radii are r0 and
@@ -47,24 +48,24 @@ static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int t
         hit->from = FROM_NOWHERE;
         return 0;
     }
-    const float slope = OBJECT_SLOPE * layer.footprint;
     const float tolerance = OBJECT_TOLERANCE * layer.footprint * front.w;
+    // A step no larger than the steepest plane's stays on the same surface.
+    const float step = OBJECT_SLOPE * (layer.footprint * front.w);
+    const float back_step = OBJECT_SLOPE * (layer.footprint * back.w);
     const float go = dot(front.xyz, o), gd = dot(front.xyz, d);
     const float ho = dot(back.xyz, o), hd = dot(back.xyz, d);
     // Distance past the front, and distance before the back.
-    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, slope);
-    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, slope);
-    const float before0 = plane_radius(back, ho + t0 * hd, r0, slope) - r0;
-    const float before1 = plane_radius(back, ho + t1 * hd, r1, slope) - r1;
+    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, step);
+    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, step);
+    const float before0 = plane_radius(back, ho + t0 * hd, r0, back_step) - r0;
+    const float before1 = plane_radius(back, ho + t1 * hd, r1, back_step) - r1;
     const int inside = past0 > tolerance && before0 > tolerance;
     if (!hit->outside) {
         hit->outside = !inside || past1 <= tolerance || before1 <= tolerance;
         if (inside)
             return 0;
     }
-    // A step no larger than the steepest plane's stays on the same surface. Past a larger step, and from
-    // beside the objects, the ray's side follows from its position.
-    const float step = slope * front.w;
+    // Past a larger step, and from beside the objects, the ray's side follows from its position.
     if (hit->from == FROM_NOWHERE || (hit->from == FROM_FRONT ? past0 : before0) > step) {
         const int nearer = past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f);
         hit->from = nearer || (inside && past0 <= before0) ? FROM_FRONT : FROM_BACK;
@@ -157,8 +158,8 @@ static inline void clip_half_space(float a, float b, float *t0, float *t1)
 static inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
 {
     const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
-    const float left = world.rectangle.x - cx, right = world.rectangle.z - cx;
-    const float upper = world.rectangle.y - cy, lower = world.rectangle.w - cy;
+    const float left = world.edges.x - cx, right = world.edges.z - cx;
+    const float upper = world.edges.y - cy, lower = world.edges.w - cy;
     clip_half_space(focal * o.x + left * o.z, focal * d.x + left * d.z, &t0, &t1);
     clip_half_space(-focal * o.x - right * o.z, -focal * d.x - right * d.z, &t0, &t1);
     clip_half_space(-focal * o.y + upper * o.z, -focal * d.y + upper * d.z, &t0, &t1);
