@@ -180,7 +180,8 @@ def scene_sizes(shapes: Sequence[Shape | None]) -> SceneSizes:
     nodes = wide_count(max(instances, 1)) + sum(wide_count(count) for count in packets)
     if nodes > MAX_NODES:
         raise SceneError(
-            f"the objects' hierarchy has {nodes} nodes, more than {MAX_NODES}: simplify their meshes"
+            f"the hierarchy of the objects has {nodes} nodes, more than {MAX_NODES}: "
+            "simplify their meshes"
         )
     return SceneSizes(
         nodes=nodes,

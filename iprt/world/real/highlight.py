@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float2, Float4s, Int32, Ints
 from iprt.device.compute import ComputeDevice
-from iprt.device.vectors import float2
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
+from iprt.device.vectors import float2
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
 from iprt.world.real.changed_surfaces import MOST_CONES
