@@ -11,7 +11,7 @@
 #if !defined(OBJECTS_BVH) && !defined(DISTANT_ENVIRONMENT)
 
 // Most footprints by which a texel's tangent plane may leave its centre depth.
-#define OBJECT_SLOPE 6.0f
+#define OBJECT_SLOPE 6
 // Offset of rays above a surface, in texel footprints of its layer.
 #define OBJECT_LIFT 2.0f
 // Depth errors up to this many texel footprints do not count as entry into a solid.
@@ -29,11 +29,10 @@ typedef struct {
 #define FROM_FRONT 1     // nearer than the front
 #define FROM_BACK 2      // farther than the back
 
-// `reach`: by how much the plane may leave its centre depth.
-static inline float plane_radius(float4 plane, float gx, float r, float reach)
+static inline float plane_radius(float4 plane, float gx, float r, float nearest, float farthest)
 {
     const float radius = gx > 0.0f ? r / gx : INFINITY;
-    return clamp(radius, plane.w - reach, plane.w + reach);
+    return clamp(radius, plane.w * nearest, plane.w * farthest);
 }
 
 // Intersect the solid interval of one texel with the segment [t0, t1] of the ray, whose radii are r0 and
@@ -49,23 +48,22 @@ static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int t
         return 0;
     }
     const float tolerance = OBJECT_TOLERANCE * layer.footprint * front.w;
-    // A step no larger than the steepest plane's stays on the same surface.
-    const float step = OBJECT_SLOPE * (layer.footprint * front.w);
-    const float back_step = OBJECT_SLOPE * (layer.footprint * back.w);
     const float go = dot(front.xyz, o), gd = dot(front.xyz, d);
     const float ho = dot(back.xyz, o), hd = dot(back.xyz, d);
     // Distance past the front, and distance before the back.
-    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, step);
-    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, step);
-    const float before0 = plane_radius(back, ho + t0 * hd, r0, back_step) - r0;
-    const float before1 = plane_radius(back, ho + t1 * hd, r1, back_step) - r1;
+    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, layer.nearest, layer.farthest);
+    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, layer.nearest, layer.farthest);
+    const float before0 = plane_radius(back, ho + t0 * hd, r0, layer.nearest, layer.farthest) - r0;
+    const float before1 = plane_radius(back, ho + t1 * hd, r1, layer.nearest, layer.farthest) - r1;
     const int inside = past0 > tolerance && before0 > tolerance;
     if (!hit->outside) {
         hit->outside = !inside || past1 <= tolerance || before1 <= tolerance;
         if (inside)
             return 0;
     }
-    // Past a larger step, and from beside the objects, the ray's side follows from its position.
+    // A step no larger than the steepest plane's stays on the same surface. Past a larger step, and from
+    // beside the objects, the ray's side follows from its position.
+    const float step = layer.slope * front.w;
     if (hit->from == FROM_NOWHERE || (hit->from == FROM_FRONT ? past0 : before0) > step) {
         const int nearer = past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f);
         hit->from = nearer || (inside && past0 <= before0) ? FROM_FRONT : FROM_BACK;
