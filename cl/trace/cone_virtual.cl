@@ -16,6 +16,7 @@
 //      samples           1 plane: number of the pixel's cones since the start, in and out
 //      touched           1 plane: TOUCHED_FRAMES where a cone hit an object
 #include "trace/prefiltered.h"
+#include "trace/sums.h"
 #include "trace/traced.h"
 #include "maths/sampling.h"
 #include "maths/work_counters.h"
@@ -41,19 +42,19 @@ TRACING_KERNEL void cone_virtual(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-#ifdef DELTA
-#endif
-    const TracedPixel at = traced_pixel(pixels, item, 0x76636f6eu);
-    const Material material = load_material(materials, at.id - 1);
-    const float3 color = load_planes(albedo, at.size, at.pixel);
-    const float3 viewer = -at.p / length(at.p);
-    float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
-    float lobe = 0.0f, lobe_nearness = 0.0f;
+    Sums diffuse_sum, specular_sum;
+    clear_sums(diffuse_sum);
+    clear_sums(specular_sum);
+    volatile float lobe = 0.0f, lobe_nearness = 0.0f;
     int met = 0;
-    const uint first = samples[at.pixel];
     for (int ray = 0; ray < pixels.rays; ray++) {
-        const float2 u = sobol_2d(first + ray, at.seed);
-        const float choice = sobol_1d(first + ray, hash_combine(at.seed, 1));
+        const TracedPixel at = traced_pixel(pixels, item, 0x76636f6eu);
+        const Material material = load_material(materials, at.id - 1);
+        const float3 color = load_traced(albedo, at.size, at.pixel);
+        const float3 viewer = -at.p / length(at.p);
+        const uint index = READ_AGAIN(samples + at.pixel) + ray;
+        const float2 u = sobol_2d(index, at.seed);
+        const float choice = sobol_1d(index, hash_combine(at.seed, 1));
         const BrdfSample sample =
             brdf_sample(material, color, at.n, viewer, (float3)(u, choice));
         const float cosine = dot(at.n, sample.wi);
@@ -88,18 +89,19 @@ TRACING_KERNEL void cone_virtual(
 #endif
         const float3 arriving = object.radiance + object.passed * behind;
         met |= object.passed < 1.0f;
-        diffuse_sum += diffuse_share * arriving;
-        specular_sum += specular_share * arriving;
+        add_to(diffuse_sum, diffuse_share * arriving);
+        add_to(specular_sum, specular_share * arriving);
         const float away = object.passed < 0.5f ? object.distance
             : real.passed < 0.5f ? real.distance : FAR_HIT;
         lobe += luminance(specular_share);
         lobe_nearness += luminance(specular_share) / fmax(away, 1e-6f);
     }
-    samples[at.pixel] = first + pixels.rays;
+    const TracedPixel at = traced_pixel(pixels, item, 0x76636f6eu);
+    samples[at.pixel] += pixels.rays;
     if (diffuse)
-        store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)pixels.rays);
+        store_planes(diffuse, at.size, at.pixel, summed(diffuse_sum) / (float)pixels.rays);
     if (specular) {
-        store_planes(specular, at.size, at.pixel, specular_sum / (float)pixels.rays);
+        store_planes(specular, at.size, at.pixel, summed(specular_sum) / (float)pixels.rays);
         store_wrapped(hit_distance, at.pixel, at.x, pixels.width, seam,
                       lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
     }

@@ -46,37 +46,33 @@ TRACING_KERNEL void path_trace_real(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const TracedPixel at = traced_pixel(pixels, item, 0x70617468u);
     const int paths = PATHS_PER_PAIR * pixels.rays;
-    float3 hidden = (float3)(0.0f), sent = (float3)(0.0f);
+    Sums hidden, sent;
+    clear_sums(hidden);
+    clear_sums(sent);
     int met = 0;
-    const uint first = samples[at.pixel];
-    PathSurface start;
-    start.o = real_start(world.real, at.p, at.n);
-    start.o_object = at.p + world.real.bias * at.n;
-    start.n = start.viewer = at.n;
-    start.albedo = (float3)(0.0f);
-    start.material = -1;
+    for (int path = 0; path < paths; path++) {
+        const TracedPixel at = traced_pixel(pixels, item, 0x70617468u);
 #ifdef LOCAL_REGION
-    const int traced = in_region(world.objects.bounds, world.objects.count, at.p) ? paths : 0;
+        if (!in_region(world.objects.bounds, world.objects.count, at.p))
+            break;
 #elif defined(DISTANT_ENVIRONMENT)
-    const int traced = on_plane(environment.plane, at.p, at.n) ? paths : 0;
-#else
-    const int traced = paths;
+        if (!on_plane(environment.plane, at.p, at.n))
+            break;
 #endif
-    for (int path = 0; path < traced; path++) {
-        const PathSums sums = trace_pairs(world, start, at.seed, first + path, environment);
-#ifdef ONE_PASS
-        hidden += sums.unoccluded - sums.passing;
-#else
-        hidden += sums.blocked;
-#endif
-        sent += sums.diffuse;
-        met |= sums.met;
+        PathSurface start;
+        start.o = real_start(world.real, at.p, at.n);
+        start.o_object = at.p + world.real.bias * at.n;
+        start.n = start.viewer = at.n;
+        start.albedo = (float3)(0.0f);
+        start.material = -1;
+        const PathSums sums = {sent, 0, hidden};
+        met |= trace_pairs(world, start, at.seed, READ_AGAIN(samples + at.pixel) + path, environment, sums);
     }
-    samples[at.pixel] = first + paths;
+    const TracedPixel at = traced_pixel(pixels, item, 0x70617468u);
+    samples[at.pixel] += paths;
     const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)paths;
-    store_signal(signal, at, scale, hidden, sent);
+    store_signal(signal, at, scale, summed(hidden), summed(sent));
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

@@ -26,29 +26,29 @@ TRACING_KERNEL void path_trace_virtual(
 {
     LIST_ITEM(pixels.count[0]);
     COUNT_ITEM;
-    const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
     const int paths = PATHS_PER_PAIR * pixels.rays;
-    const uint first = samples[at.pixel];
-    const float distance = length(at.p);
-    PathSurface start;
-    start.o = start.o_object = at.p + object_lift(world.objects, distance) * at.n;
-    start.n = at.n;
-    start.viewer = -at.p / distance;
-    start.albedo = load_planes(albedo, at.size, at.pixel);
-    start.material = at.id - 1;
-    float3 diffuse_sum = (float3)(0.0f), specular_sum = (float3)(0.0f);
+    Sums diffuse_sum, specular_sum;
+    clear_sums(diffuse_sum);
+    clear_sums(specular_sum);
     int met = 0;
     for (int path = 0; path < paths; path++) {
-        const PathSums sums = trace_pairs(world, start, at.seed, first + path, environment);
-        diffuse_sum += sums.diffuse;
-        specular_sum += sums.specular;
-        met |= sums.met;
+        const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
+        const float distance = length(at.p);
+        PathSurface start;
+        start.o = start.o_object = at.p + object_lift(world.objects, distance) * at.n;
+        start.n = at.n;
+        start.viewer = -at.p / distance;
+        start.albedo = load_traced(albedo, at.size, at.pixel);
+        start.material = at.id - 1;
+        const PathSums sums = {diffuse_sum, specular_sum, 0};
+        met |= trace_pairs(world, start, at.seed, READ_AGAIN(samples + at.pixel) + path, environment, sums);
     }
-    samples[at.pixel] = first + paths;
+    const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
+    samples[at.pixel] += paths;
     if (diffuse)
-        store_planes(diffuse, at.size, at.pixel, diffuse_sum / (float)paths);
+        store_planes(diffuse, at.size, at.pixel, summed(diffuse_sum) / (float)paths);
     if (specular)
-        store_planes(specular, at.size, at.pixel, specular_sum / (float)paths);
+        store_planes(specular, at.size, at.pixel, summed(specular_sum) / (float)paths);
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;
 }

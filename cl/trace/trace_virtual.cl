@@ -73,34 +73,33 @@ TRACING_KERNEL void trace_virtual(
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
 #ifdef OBJECTS_BVH
-    // Hit of the last ray that started within the pixel, rather than its position, normal and albedo:
-    // fewer registers.
-    ObjectHit start;
-    start.instance = -1;
-    uint start_index = 0;
+    // Number of the last ray that started within the pixel, from 1 on. Where it did is traced again, as its hit
+    // would be held in registers along each ray.
+    uint last_start = 0;
 #endif
     for (int ray = 0; ray < more; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
         const uint seed = at.seed, index = READ_AGAIN(samples + at.pixel) + ray;
-        float3 n = at.n, viewer = -normalize(at.p), color = load_planes(albedo, at.size, at.pixel);
+        float3 n = at.n, viewer = -normalize(at.p), color = load_traced(albedo, at.size, at.pixel);
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
 #ifdef OBJECTS_BVH
         // Start at a random position in the pixel if it shows the same material, else where the last ray did.
-        if (jitter.on) {
-            const float3 d = jittered(jitter, at, index);
+        for (int again = 0; again < 2 * jitter.on; again++) {
+            const uint from = again ? last_start : index + 1;
+            if (from == 0)
+                break;
+            const float3 d = jittered(jitter, at, from - 1);
             ObjectHit hit;
             if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, 0, &hit)
                 && object_material(world.objects, hit) == at.id - 1) {
-                start = hit;
-                start_index = index;
+                const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
+                o = seen.position;
+                n = seen.normal;
+                color = seen.albedo;
+                viewer = -d;
+                last_start = from;
+                break;
             }
-        }
-        if (start.instance >= 0) {
-            viewer = -jittered(jitter, at, start_index);
-            const Scatterer seen = object_point(world.objects, start, (float3)(0.0f), -viewer);
-            o = seen.position;
-            n = seen.normal;
-            color = seen.albedo;
         }
 #endif
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));

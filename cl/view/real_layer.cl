@@ -262,18 +262,20 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     const float2 texels = (float2)(layer.panorama_width, layer.panorama_height);
     const float share
         = pixel_coverage(&window, coverage, inside.right * texels, inside.down * texels);
+    const float blurred_share = blurred_coverage(&window, coverage);
     const int2 whole = whole_texels(sides, pure, coverage);
     const float3 first = side_color(&window, whole.x), second = side_color(&window, whole.y);
     const float3 blurred = load_planes(layer.color, size, pixel);
     store_planes(layer.color, size, pixel, mix(blurred, mix(second, first, share), mixtures));
 
     const int is_first = share > 0.5f;
-    const float of_first = mix(blurred_coverage(&window, coverage), share, mixtures);
+    const float of_first = mix(blurred_share, share, mixtures);
     const float area = is_first ? 1.0f - of_first : of_first;
     const float3 theirs = area * (is_first ? second : first);
     const float3 light = theirs + (1.0f - area) * (is_first ? first : second);
     const int beyond = nearest_texel(&window, is_first ? whole.y : whole.x);
-    const float2 there = view_project(layer.view, texel_direction(beyond % layer.panorama_width,
+    __global const float *restrict view = layer.view + anew(0);
+    const float2 there = view_project(view, texel_direction(beyond % layer.panorama_width,
                                                             beyond / layer.panorama_width,
                                                             layer.panorama_width, layer.panorama_height));
     const int in_view = there.x >= 0.0f && there.y >= 0.0f && there.x < layer.width && there.y < layer.height;
@@ -281,7 +283,7 @@ static inline ALWAYS_INLINE Edge sharpen(int x, int y, const RealPlanes layer)
     layer.other[itself] = in_view ? (float4)(theirs / fmax(light, FLT_MIN), area) : (float4)(0.0f);
 
     const int texel = nearest_texel(&window, is_first ? sides.x : sides.y);
-    const float3 direction = view_direction(layer.view, (float2)(x + 0.5f, y + 0.5f));
+    const float3 direction = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     const float radius = show_surface(layer, texel, direction, BEYOND, pixel, size);
     if (layer.camera.rows)
         show_motion(layer, direction, radius, pixel, size);

@@ -42,6 +42,8 @@ SCENE_DEPTH = (MAX_OBJECTS - 1).bit_length()
 INSTANCE_ROWS = constant("lib/world/objects/bvh.h", "BVH_INSTANCE_ROWS")
 STACK = -(-MESH_DEPTH // LEVELS) + -(-SCENE_DEPTH // LEVELS)
 """Entries on a ray's traversal stack, `-D BVH_STACK`, enough for both levels."""
+MAX_NODES = 1 << 24
+"""Nodes whose numbers fit into an entry of a GPU's stack, beside a bit for each child."""
 _SPREAD = 4.0
 """Largest factor by which a round trip through object space may amplify rounding errors."""
 
@@ -165,12 +167,24 @@ def shapes_of(instances: Sequence[Instance]) -> list[Shape | None]:
 
 
 def scene_sizes(shapes: Sequence[Shape | None]) -> SceneSizes:
-    """Return the row counts of the buffers of these shapes."""
+    """Return the row counts of the buffers of these shapes.
+
+    Raises
+    ------
+    SceneError
+        The meshes have too many triangles in all.
+    """
     unique = {shape.key: shape.mesh for shape in shapes if shape is not None}
     packets = [packet_count(len(drawable(m.positions, m.triangles))) for m in unique.values()]
     instances = sum(shape is not None for shape in shapes)
+    nodes = wide_count(max(instances, 1)) + sum(wide_count(count) for count in packets)
+    if nodes > MAX_NODES:
+        raise SceneError(
+            f"the hierarchy of the objects has {nodes} nodes, more than {MAX_NODES}: "
+            "simplify their meshes"
+        )
     return SceneSizes(
-        nodes=wide_count(max(instances, 1)) + sum(wide_count(count) for count in packets),
+        nodes=nodes,
         packets=sum(packets),
         instances=instances,
         vertices=sum(len(mesh.positions) for mesh in unique.values()),

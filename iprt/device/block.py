@@ -18,6 +18,7 @@ import pyopencl.array as cla
 Int32 = Annotated[int, "const int"]
 Float32 = Annotated[float, "const float"]
 Int4 = Annotated[Any, "const int4"]
+Float2 = Annotated[Any, "const float2"]
 Float4 = Annotated[Any, "const float4"]
 Floats = Annotated[cla.Array | None, "__global const float *restrict"]
 Float2s = Annotated[cla.Array | None, "__global const float2 *restrict"]

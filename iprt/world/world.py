@@ -7,7 +7,8 @@ from typing import Protocol
 
 import pyopencl.array as cla
 
-from iprt.device.block import Block, Float4s, Floats, Int32, when
+from iprt.device.block import Block, Float2, Float4s, Floats, Int32, when
+from iprt.device.vectors import float2
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectsArgs
@@ -30,9 +31,13 @@ class RelitArgs(Block):
     view : (16,) float32
         `View.kernel_constants()` of `screen`.
     width, height : int
+    size : float2
+        Width and height: see `GridArgs`.
     panorama : (2 * rows * rows, 4) float32 or None
         Equirect.
     rows : int
+    panorama_size : float2
+        Its columns and rows.
     """
 
     screen: Float4s = None
@@ -41,6 +46,12 @@ class RelitArgs(Block):
     height: Int32 = 0
     panorama: Float4s = None
     rows: Int32 = 0
+    size: Float2 = None
+    panorama_size: Float2 = None
+
+    def __post_init__(self) -> None:
+        self.size = float2(self.width, self.height)
+        self.panorama_size = float2(2 * self.rows, self.rows)
 
 
 @dataclass(kw_only=True)
@@ -124,9 +135,15 @@ class World:
         around : ((2 * rows * rows, 4) float32, rows) or None
             `RatioMap.ratio`; None: the view shows the whole panorama.
         """
-        self._relit = RelitArgs(screen=screen, view=constants, width=view.width, height=view.height)
-        if around is not None:
-            self._relit.panorama, self._relit.rows = around
+        panorama, rows = (None, 0) if around is None else around
+        self._relit = RelitArgs(
+            screen=screen,
+            view=constants,
+            width=view.width,
+            height=view.height,
+            panorama=panorama,
+            rows=rows,
+        )
 
     def arguments(
         self, features: Features, view: cla.Array | None, *, captured: bool = False

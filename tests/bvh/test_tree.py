@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.bvh import scene
 from iprt.bvh.build import MESH_DEPTH, PACKET, mesh_tree
-from iprt.bvh.scene import SCENE_DEPTH, STACK, SceneBuilder
+from iprt.bvh.scene import SCENE_DEPTH, STACK, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.tree import Tree, build_tree, fit
 from iprt.bvh.wide import NO_CHILD, REFERENCES, wide_count, widen
 from iprt.errors import SceneError
@@ -191,3 +192,15 @@ def test_more_objects_than_the_tree_has_room_for_are_refused() -> None:
         SceneBuilder().build(instances)
     line = f"the scene has {MAX_OBJECTS + 1} objects, more than {MAX_OBJECTS}: join their meshes"
     assert str(refusal.value) == line
+
+
+def test_more_nodes_than_a_stack_entry_can_name_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    instance = instance_of(same_centres(100))
+    sizes = scene_sizes(shapes_of([instance]))
+    monkeypatch.setattr(scene, "MAX_NODES", sizes.nodes)
+    assert scene_sizes(shapes_of([instance])) == sizes
+    monkeypatch.setattr(scene, "MAX_NODES", sizes.nodes - 1)
+    with pytest.raises(SceneError, match=f"has {sizes.nodes} nodes, more than {sizes.nodes - 1}"):
+        scene_sizes(shapes_of([instance]))

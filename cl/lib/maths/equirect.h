@@ -37,8 +37,14 @@ static inline ALWAYS_INLINE float2 equirect_uv(float3 d)
     return (float2)(u - (u >= 1.0f ? 1.0f : 0.0f) + (u < 0.0f ? 1.0f : 0.0f), v);
 }
 
-// Return the row-major index of the texel at uv.
+// Return the row-major index of the texel at uv. `size` is (width, height): along rays it is an argument of the
+// kernel of its own, because compilers for GPUs would keep its conversion in registers.
+static inline int sized_texel(float2 uv, int width, int height, float2 size)
+{
+    return min((int)(uv.y * size.y), height - 1) * width + min((int)(uv.x * size.x), width - 1);
+}
+
 static inline int equirect_texel(float2 uv, int width, int height)
 {
-    return min((int)(uv.y * height), height - 1) * width + min((int)(uv.x * width), width - 1);
+    return sized_texel(uv, width, height, (float2)((float)width, (float)height));
 }

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "maths/sampling.h"
+#include "trace/sums.h"
 #include "world/brdf.h"
 #include "world/direction.h"
 #include "world/real/learned.h"
@@ -47,17 +48,11 @@ typedef struct {
     int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
 } PathSurface;
 
-// Incident radiance at the first surface of paths, times f cos over the density.
+// Where incident radiance at the first surface of paths, times f cos over the density, is summed.
 typedef struct {
-    float3 diffuse;      // without the albedo
-    float3 specular;
-#ifdef ONE_PASS
-    float3 unoccluded;   // at real surfaces: light of the environment without objects
-    float3 passing;      // and the part of it that passes the objects
-#else
-    float3 blocked;      // at real surfaces: light of the environment that objects occlude
-#endif
-    int met;             // a ray from the first surface hits an object
+    volatile float *diffuse;    // without the albedo
+    volatile float *specular;   // null: nowhere
+    volatile float *blocked;    // at real surfaces: light of the environment that objects occlude
 } PathSums;
 
 // Return f cos of a direction and the density with which the BRDF samples it.
@@ -122,22 +117,17 @@ static inline float3 path_radiance(const World world, const Learned learned, con
 #define PATH_RADIANCE(hit, o, d) captured_radiance(world.real, hit, d)
 #endif
 
-// Trace one path from a surface. It is a single loop with one call of each traversal, because OpenCL
-// compilers inline these.
-static inline ALWAYS_INLINE PathSums trace_pairs(
-    const World world, PathSurface at, uint seed, uint index, const Environment environment)
+// Trace one path from a surface. Returns 1 if a ray from there hits an object, else 0. It is a single loop with
+// one call of each traversal, because OpenCL compilers inline these.
+static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, uint seed, uint index,
+                                            const Environment environment, const PathSums sums)
 {
-    PathSums sums;
-    sums.diffuse = sums.specular = (float3)(0.0f);
-#ifdef ONE_PASS
-    sums.unoccluded = sums.passing = (float3)(0.0f);
-#else
-    sums.blocked = (float3)(0.0f);
-#endif
-    sums.met = 0;
-    // `first_*` belong to the first surface, `throughput` to the surfaces after it.
-    float first_diffuse = 1.0f;
-    float3 first_specular = (float3)(0.0f), throughput = (float3)(1.0f);
+    int met = 0;
+    // `first_*` belong to the first surface, `throughput` to the surfaces after it. In memory, as Sums are.
+    volatile float first_diffuse = 1.0f;
+    Sums first_specular;
+    clear_sums(first_specular);
+    float3 throughput = (float3)(1.0f);
     for (int ray = 0; ray < RAYS_PER_BOUNCE * MAX_BOUNCES; ray++) {
         const int bounce = ray / RAYS_PER_BOUNCE;
         const int delta = bounce == 0 && at.material < 0;
@@ -160,14 +150,14 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
         if (dark && is_aimed(s))
             continue;
         if (dark)
-            return sums;
+            return met;
 
         ObjectHit hit;
         hit.t = INFINITY;
         const float away = is_aimed(s) ? light_distance(world.real, s.texel, at.o, s.wi) : INFINITY;
         const int object = trace_objects(world.objects, at.o_object, s.wi, away, is_aimed(s), &hit);
         if (is_aimed(s) && object && !delta) {
-            sums.met |= bounce == 0;
+            met |= bounce == 0;
             continue;
         }
 #ifndef ONE_PASS
@@ -175,7 +165,7 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
         if (delta && !object && is_aimed(s))
             continue;
         if (delta && !object)
-            return sums;
+            return met;
 #endif
         RealHit real = trace_real_layer(world.real, at.o, s.wi, delta ? INFINITY : hit.t);
         int aimed_at = !is_aimed(s);
@@ -201,31 +191,28 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
 #endif
         // Where an object's face coincides with the surface that it stands on, the object is hit.
         const int at_object = object && (is_aimed(s) || !(real.t < hit.t - world.real.bias));
-        sums.met |= bounce == 0 && at_object;
+        met |= bounce == 0 && at_object;
         const float3 passed = bounce == 0 ? (float3)(1.0f) : at.albedo * s.diffuse + s.specular;
         if (aimed_at && (delta || !at_object)) {
             const float3 arriving =
                 inverse * throughput * passed * PATH_RADIANCE(real, at.o, s.wi);
             if (delta) {
-#ifdef ONE_PASS
-                sums.unoccluded += s.diffuse * arriving;
-                sums.passing += at_object ? (float3)(0.0f) : s.diffuse * arriving;
-#else
-                sums.blocked += at_object ? s.diffuse * arriving : (float3)(0.0f);
-#endif
+                if (at_object)
+                    add_to(sums.blocked, s.diffuse * arriving);
             } else {
-                sums.diffuse += (bounce == 0 ? s.diffuse : first_diffuse) * arriving;
-                sums.specular += (bounce == 0 ? s.specular : first_specular) * arriving;
+                add_to(sums.diffuse, (bounce == 0 ? s.diffuse : first_diffuse) * arriving);
+                if (sums.specular)
+                    add_to(sums.specular, (bounce == 0 ? s.specular : summed(first_specular)) * arriving);
             }
         }
         if (is_aimed(s))
             continue;
         if (!at_object)
-            return sums;
+            return met;
         const float own = s.density > 0.0f ? 1.0f / s.density : 1.0f;
         if (bounce == 0) {
             first_diffuse = own * s.diffuse;
-            first_specular = own * s.specular;
+            add_to(first_specular, own * s.specular);
         } else {
             throughput *= own * passed;
         }
@@ -236,5 +223,5 @@ static inline ALWAYS_INLINE PathSums trace_pairs(
         at.albedo = next.albedo;
         at.material = next.material;
     }
-    return sums;
+    return met;
 }

@@ -24,6 +24,13 @@ typedef struct {
     uint seed;
 } TracedPixel;
 
+// Return load_planes(). Indices are unsigned, whose sums compilers do not take apart: along each ray they would
+// keep the offset of each plane in a pair of registers.
+static inline float3 load_traced(__global const float *restrict planes, uint size, uint pixel)
+{
+    return (float3)(planes[pixel], planes[size + pixel], planes[2 * size + pixel]);
+}
+
 // Return the pixel of item number `item`; `stream` makes the random numbers of kernels independent.
 static inline TracedPixel traced_pixel(const Pixels pixels, int item, uint stream)
 {
@@ -33,9 +40,10 @@ static inline TracedPixel traced_pixel(const Pixels pixels, int item, uint strea
     at.y = listed / width;
     at.pixel = pixel_of(listed, width);
     at.size = plane_size(width, pixels.height);
-    at.n = load_planes(pixels.guide, at.size, at.pixel);
-    at.p = load_planes(pixels.guide + 3 * at.size, at.size, at.pixel);
-    at.id = abs((int)pixels.guide[6 * at.size + at.pixel]);
+    const uint size = at.size, pixel = at.pixel;
+    at.n = load_traced(pixels.guide, size, pixel);
+    at.p = load_traced(pixels.guide, size, 3 * size + pixel);
+    at.id = abs((int)pixels.guide[6 * size + pixel]);
     at.seed = hash_combine(hash_combine((uint)listed, stream), (uint)pixels.frame_seed);
     return at;
 }

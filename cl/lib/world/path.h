@@ -91,7 +91,7 @@ static inline int gloss_at(const World world, const RealHit hit)
 static inline ALWAYS_INLINE float3 seen_highlight(
     const World world, const Material material, float3 p)
 {
-    return seen_share(world.gloss, material, world.real.grid.width, world.real.grid.height, p);
+    return seen_share(world.gloss, material, world.real.grid.size, p);
 }
 
 // Sample the direction in which a glossy real surface at p with normal n reflects a ray along d.

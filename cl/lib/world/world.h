@@ -20,19 +20,19 @@
 
 static inline float3 sky_radiance(const RealLayer real, float3 d)
 {
-    return panorama_bilinear(real.color, real.grid.width, real.grid.height, equirect_uv(d));
+    return equirect_bilinear(real.color, 3, real.grid.width, real.grid.height, real.grid.size, equirect_uv(d));
 }
 
 // Return the factor at a surface point in direction d from the capture centre.
 static inline float3 relit_factor(const Relit relit, float3 d)
 {
     const float2 p = view_project(relit.view, d);
-    if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.width && p.y < relit.height)
+    if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.size.x && p.y < relit.size.y)
         return relit.screen[(int)p.y * relit.width + (int)p.x].xyz;
     if (!relit.panorama)
         return (float3)(1.0f);
     return equirect_bilinear((__global const float *)relit.panorama, 4, 2 * relit.rows, relit.rows,
-                             equirect_uv(d));
+                             relit.panorama_size, equirect_uv(d));
 }
 
 #define SEEN_IN_FRAME 0     // pictures that hold the radiance of hits: of the frame
@@ -53,7 +53,7 @@ static inline ALWAYS_INLINE int radiance_picture(const RealLayer real, const Rea
     if (real.outside && surface && (int)surfaces[hit.texel].w & SURFACE_OPENING) {
         // Behind windows: as the camera saw it in that direction, else extrapolated.
         *uv = equirect_uv(d);
-        const int texel = equirect_texel(*uv, real.grid.width, real.grid.height);
+        const int texel = sized_texel(*uv, real.grid.width, real.grid.height, real.grid.size);
         if (real.background.surface) {
             picture = SEEN_BEHIND;
             surfaces = real.background.surface;
@@ -68,11 +68,12 @@ static inline ALWAYS_INLINE int radiance_picture(const RealLayer real, const Rea
 static inline ALWAYS_INLINE float3 picture_radiance(const RealLayer real, int picture, float2 uv)
 {
     const int outside = picture == SEEN_OUTSIDE;
-    return panorama_bilinear(outside                  ? real.outside
+    return equirect_bilinear(outside                      ? real.outside
                                  : picture == SEEN_BEHIND ? real.background.color
                                                           : real.color,
-                             outside ? 2 * OUTSIDE_ROWS : real.grid.width,
-                             outside ? OUTSIDE_ROWS : real.grid.height, uv);
+                             3, outside ? 2 * OUTSIDE_ROWS : real.grid.width,
+                             outside ? OUTSIDE_ROWS : real.grid.height,
+                             outside ? (float2)(2.0f * OUTSIDE_ROWS, OUTSIDE_ROWS) : real.grid.size, uv);
 }
 
 // Return the radiance without objects of a hit of a ray in direction d.

@@ -55,7 +55,7 @@ TRACING_KERNEL void cone_gloss(
         shown += less.front * object.radiance;
         hidden = (1.0f - object.passed) * all_arriving(around, cone, real);
     }
-    const float3 share = seen_share(gloss, material, real_width, real_height, at.p);
+    const float3 share = seen_share(gloss, material, (float2)((float)real_width, (float)real_height), at.p);
     store_planes(change, at.size, at.pixel, lobe.weight * (shown - share * hidden));
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;

@@ -50,8 +50,8 @@ __kernel void build_object_surface(
     float low = f.w, high = b.w;
     for (int corner = 0; corner < 4; corner++) {
         const float3 w = view_direction(view, (float2)(x + (corner & 1), y + (corner >> 1)));
-        low = fmin(low, plane_radius(f, dot(f.xyz, w), 1.0f, slope));
-        high = fmax(high, plane_radius(b, dot(b.xyz, w), 1.0f, slope));
+        low = fmin(low, plane_radius(f, dot(f.xyz, w), 1.0f, 1.0f - slope, 1.0f + slope));
+        high = fmax(high, plane_radius(b, dot(b.xyz, w), 1.0f, 1.0f - slope, 1.0f + slope));
     }
     planes[2 * texel] = f;
     planes[2 * texel + 1] = b;

@@ -94,21 +94,20 @@ TRACING_KERNEL void trace_sites(
     }
 }
 
-// Return the first material in a cell, 0: none; the texels of that material, and their number.
-static inline int cell_texels(__global const uchar *restrict gloss, int width, int height, int x, int y,
-                              int *texels, int *count)
+// Return a mask of the texels of the first material in a cell, row by row; 0: none is glossy.
+static inline ulong cell_texels(__global const uchar *restrict gloss, int width, int height, int x, int y)
 {
-    const int x1 = min((x + 1) * CELL, width), y1 = min((y + 1) * CELL, height);
+    const int columns = min(CELL, width - x * CELL), rows = min(CELL, height - y * CELL);
     int index = 0;
-    *count = 0;
-    for (int row = y * CELL; row < y1; row++)
-        for (int column = x * CELL; column < x1; column++) {
-            const int texel = row * width + column;
-            index = index ? index : gloss[texel];
-            if (index && gloss[texel] == index)
-                texels[(*count)++] = texel;
+    ulong texels = 0;
+    for (int row = 0; row < rows; row++)
+        for (int column = 0; column < columns; column++) {
+            const int found = gloss[(y * CELL + row) * width + x * CELL + column];
+            index = index ? index : found;
+            if (index && found == index)
+                texels |= (ulong)1 << (row * CELL + column);
         }
-    return index;
+    return texels;
 }
 
 TRACING_KERNEL void trace_cells(
@@ -126,15 +125,18 @@ TRACING_KERNEL void trace_cells(
     const int cell_x = get_global_id(0), cell_y = get_global_id(1);
     if (cell_x >= columns || cell_y >= rows)
         return;
-    int count, texels[CELL * CELL];
     const int cell = cell_y * columns + cell_x;
-    cell_texels(gloss, real.grid.width, real.grid.height, cell_x, cell_y, texels, &count);
-    if (count == 0)
+    const ulong texels = cell_texels(gloss, real.grid.width, real.grid.height, cell_x, cell_y);
+    if (texels == 0)
         return;
     COUNT_ITEM;
     const uint seed = hash_combine(hash_combine((uint)cell, 0x63656c6cu), (uint)frame_seed);
+    ulong left = 0;
     for (int ray = 0; ray < rays; ray++) {
-        const int texel = texels[ray % max(count, 1)];
+        left = left ? left : texels;
+        const int next = popcount((left & -left) - 1);
+        left &= left - 1;
+        const int texel = (cell_y * CELL + next / CELL) * real.grid.width + cell_x * CELL + next % CELL;
         const float3 n = -normalize(real.surface[texel].xyz), p = texel_point(real, texel);
         if (!outdated(cones, cone_count, normalize(p), paths[cell * rays + ray]))
             continue;
@@ -352,8 +354,9 @@ __kernel void remove_highlight(
         const int conductor =
             load_material(real_materials, gloss[texel] - 1).kind == KIND_CONDUCTOR;
         const float2 at = (float2)(x + 0.5f, y + 0.5f);
-        const float3 share = gain_at(gain, columns, rows, at);
-        const float3 most = fmax(seen - gain_at(min_base, columns, rows, at), 0.0f);
+        const float2 size = (float2)((float)columns, (float)rows);
+        const float3 share = gain_at(gain, columns, rows, size, at);
+        const float3 most = fmax(seen - gain_at(min_base, columns, rows, size, at), 0.0f);
         const float3 specular = clamp(share * vload3(texel, radiated), (float3)(0.0f), most);
         left = conductor ? seen : seen - specular;
     }

@@ -16,6 +16,7 @@ from iprt.device.block import (
     Block,
     Counters,
     Float2s,
+    Float4,
     Float4s,
     Floats,
     Halves,
@@ -25,6 +26,7 @@ from iprt.device.block import (
     when,
 )
 from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import float4
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, same_places
 from iprt.world.objects.object_layers import ObjectLayerArgs
@@ -83,6 +85,8 @@ class ObjectsArgs(Block):
         `View.kernel_constants()` of `screen`.
     rectangle : int4
         x0, y0, x1, y1 of the screen that objects cover.
+    edges : float4
+        The same: see `GridArgs`.
     """
 
     bounds: Float4s
@@ -92,6 +96,11 @@ class ObjectsArgs(Block):
     equirect: ObjectLayerArgs | None = when(LAYERS)
     view: Floats = when(LAYERS)
     rectangle: Int4 = when(LAYERS)
+    edges: Float4 = when(LAYERS)
+
+    def __post_init__(self) -> None:
+        if self.rectangle is not None:
+            self.edges = float4(tuple(float(self.rectangle[axis]) for axis in "xyzw"))
 
 
 class ObjectBvh:

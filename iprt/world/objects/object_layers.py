@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from iprt.device.block import Block, Float4s, Float32
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel_source import constant
 from iprt.geometry.camera import View
 from iprt.raster.layers import ObjectLayers
 from iprt.raster.region import Rect
 from iprt.world.real.pyramid import GridArgs, Pyramid, PyramidShape, equirect_edges
 
 EMPTY = Rect(0, 0, 0, 0)
+SLOPE = constant("lib/world/objects/objects_raster.h", "OBJECT_SLOPE")
 
 
 @dataclass(kw_only=True)
@@ -34,6 +36,8 @@ class ObjectLayerArgs(Block):
         Albedo, 1 + material index.
     footprint : float
         Of a texel, per metre of distance.
+    slope, nearest, farthest : float
+        By which share a texel's plane may leave its centre depth, and the factors of that depth.
     """
 
     grid: GridArgs
@@ -41,6 +45,14 @@ class ObjectLayerArgs(Block):
     geometry: Float4s
     material: Float4s
     footprint: Float32
+    slope: Float32 = 0.0
+    nearest: Float32 = 1.0
+    farthest: Float32 = 1.0
+
+    def __post_init__(self) -> None:
+        slope = np.float32(SLOPE) * np.float32(self.footprint)
+        self.slope = float(slope)
+        self.nearest, self.farthest = float(1 - slope), float(1 + slope)
 
 
 class TracedLayers:

@@ -10,11 +10,12 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.block import Block, Bytes, Float4s, Int32
+from iprt.device.block import Block, Bytes, Float2, Float4s, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.device.kernel import Kernel
 from iprt.device.kernel_source import constant
+from iprt.device.vectors import float2
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
 from iprt.world.real.changed_surfaces import MOST_CONES
@@ -42,6 +43,8 @@ class GlossArgs(Block):
         `Highlight.table`, `reflectance` and `gain`.
     columns, rows : int
         Cells of `gain`.
+    size : float2
+        Columns and rows: see `GridArgs`.
     """
 
     map: Bytes
@@ -50,6 +53,10 @@ class GlossArgs(Block):
     gain: Float4s
     columns: Int32
     rows: Int32
+    size: Float2 = None
+
+    def __post_init__(self) -> None:
+        self.size = float2(self.columns, self.rows)
 
 
 class Highlight:

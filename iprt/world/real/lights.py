@@ -8,8 +8,9 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.block import Block, Floats, Int32, Ints
+from iprt.device.block import Block, Float2, Floats, Int32, Ints
 from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import float2
 from iprt.geometry.equirect import solid_angles
 
 LIGHT_ROWS = 256
@@ -31,6 +32,8 @@ class LightsArgs(Block):
     count : int
         0: the panorama is too even to aim at anything.
     columns, rows : int
+    size : float2
+        Columns and rows: see `GridArgs`.
     """
 
     cumulative: Floats = None
@@ -39,6 +42,10 @@ class LightsArgs(Block):
     count: Int32 = 0
     columns: Int32 = 1
     rows: Int32 = 1
+    size: Float2 = None
+
+    def __post_init__(self) -> None:
+        self.size = float2(self.columns, self.rows)
 
 
 class Lights:

@@ -8,8 +8,9 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from iprt.device.block import Block, Counters, Float2s, Floats, Int32, when
+from iprt.device.block import Block, Counters, Float2, Float2s, Floats, Int32, when
 from iprt.device.compute import ComputeDevice
+from iprt.device.vectors import float2
 from iprt.geometry.equirect import texel_azimuths, texel_polar_angles
 
 
@@ -23,6 +24,8 @@ class GridArgs(Block):
     Attributes
     ----------
     width, height : int
+    size : float2
+        Width and height. GPUs would keep conversions of these in registers along each ray.
     levels : int
         The coarsest cells span at most π/4 of azimuth.
     range : (cells, 2) float32
@@ -39,7 +42,11 @@ class GridArgs(Block):
     range: Float2s
     column: Float2s
     row: Floats
+    size: Float2 = None
     work: Counters = when("COUNT_WORK", outer="work_counters")
+
+    def __post_init__(self) -> None:
+        self.size = float2(self.width, self.height)
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,7 @@ typedef struct {
     float3 start;        // inverse times the origin
     float3 o;            // the origin's components kx, ky, kz
     int kx, ky;
+    int x_near, y_near, z_near;   // place in a node of the planes that the ray meets first
 #else
     float3 o;            // the origin; the rest is computed again where it is needed, to save registers
 #endif
@@ -90,6 +91,9 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
     ray.inverse = 1.0f / select(copysign((float3)(least), d), d, size > least);
 #ifdef BVH_WIDE
     ray.start = ray.inverse * o;
+    ray.x_near = ray.inverse.x < 0.0f ? 1 : 0;
+    ray.y_near = ray.inverse.y < 0.0f ? 3 : 2;
+    ray.z_near = ray.inverse.z < 0.0f ? 5 : 4;
     ray.kx = bvh_next_axis(ray.kz);
     ray.ky = bvh_next_axis(ray.kx);
     ray.o = bvh_permuted(o, ray.kz);
@@ -105,14 +109,11 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
 #define BVH_NO_CHILD 0x7f800000
 
 // The children of a node that a ray enters before t_max. `first` is BVH_NO_CHILD if there are none, else the
-// column of the nearest is in its last three bits. `rest` holds the others' columns, the next one in its last
-// three bits, and from bit BVH_COUNT on how many they are.
+// column of the nearest is in its last three bits.
 typedef struct {
     int first;
-    int rest;
+    int rest;            // the others, as bvh_enter() has them
 } BvhEntered;
-
-#define BVH_COUNT 21
 
 #ifdef BVH_WIDE
 
@@ -135,6 +136,10 @@ static inline int8 bvh_sorted(int8 key)
     return BVH_EXCHANGED(key, s10325476, 0, -1, 0, -1, 0, -1, 0, -1);
 }
 
+#define BVH_COUNT 21
+
+// `rest` has the others' columns, the next one in its last three bits, and from bit BVH_COUNT on how many they
+// are.
 static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
 {
     __global const float *corner = (__global const float *)node, *size = corner + 3;
@@ -142,13 +147,13 @@ static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray
     const float x = fma(corner[0], ray.inverse.x, -ray.start.x), x_step = size[0] * ray.inverse.x;
     const float y = fma(corner[1], ray.inverse.y, -ray.start.y), y_step = size[1] * ray.inverse.y;
     const float z = fma(corner[2], ray.inverse.z, -ray.start.z), z_step = size[2] * ray.inverse.z;
-    const float8 xa = bvh_planes(bounds, x_step, x), xb = bvh_planes(bounds + 1, x_step, x);
-    const float8 ya = bvh_planes(bounds + 2, y_step, y), yb = bvh_planes(bounds + 3, y_step, y);
-    const float8 za = bvh_planes(bounds + 4, z_step, z), zb = bvh_planes(bounds + 5, z_step, z);
+    const float8 x0 = bvh_planes(bounds + ray.x_near, x_step, x);
+    const float8 x1 = bvh_planes(bounds + (1 - ray.x_near), x_step, x);
+    const float8 y0 = bvh_planes(bounds + ray.y_near, y_step, y);
+    const float8 y1 = bvh_planes(bounds + (5 - ray.y_near), y_step, y);
+    const float8 z0 = bvh_planes(bounds + ray.z_near, z_step, z);
+    const float8 z1 = bvh_planes(bounds + (9 - ray.z_near), z_step, z);
     // Comparisons rather than fmin and fmax, which take several instructions to handle NaN.
-    const float8 x0 = xa < xb ? xa : xb, x1 = xa > xb ? xa : xb;
-    const float8 y0 = ya < yb ? ya : yb, y1 = ya > yb ? ya : yb;
-    const float8 z0 = za < zb ? za : zb, z1 = za > zb ? za : zb;
     const float8 positive = z0 > 0.0f ? z0 : (float8)(0.0f);
     const float8 xy0 = x0 > y0 ? x0 : y0, xy1 = x1 < y1 ? x1 : y1;
     const float8 enter = xy0 > positive ? xy0 : positive;
@@ -172,125 +177,46 @@ static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray
 
 #else
 
-// The nearest child comes first, the others in no strict order.
+// `rest` is a mask of the columns other than the nearest.
 static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
 {
     const float4 row0 = node[0], row1 = node[1];
     const float3 corner = (row0.xyz - ray.o) * ray.inverse;
     const float3 size = (float3)(row0.w, row1.xy) * ray.inverse;
-    __global const int *bounds = (__global const int *)node + 6;
+    // Rays meet low planes first, unless they run against the axis.
+    const int x_near = ray.inverse.x < 0.0f ? 2 : 0, y_near = ray.inverse.y < 0.0f ? 6 : 4;
+    const int z_near = ray.inverse.z < 0.0f ? 10 : 8;
     __global const int *references = (__global const int *)(node + 6);
     BvhEntered entered = {BVH_NO_CHILD, 0};
-    int more = 0;
 #pragma unroll 1
-    for (int column = 0; column < 8; column++) {
-        __global const int *word = bounds + (column >> 2);
-        const int shift = 8 * (column & 3);
-        const float x0 = fma((float)(word[0] >> shift & 255), size.x, corner.x);
-        const float x1 = fma((float)(word[2] >> shift & 255), size.x, corner.x);
-        const float y0 = fma((float)(word[4] >> shift & 255), size.y, corner.y);
-        const float y1 = fma((float)(word[6] >> shift & 255), size.y, corner.y);
-        const float z0 = fma((float)(word[8] >> shift & 255), size.z, corner.z);
-        const float z1 = fma((float)(word[10] >> shift & 255), size.z, corner.z);
-        const float enter = fmax(fmax(fmin(x0, x1), fmin(y0, y1)), fmax(fmin(z0, z1), 0.0f));
-        const float leave = fmin(fmin(fmax(x0, x1), fmax(y0, y1)), fmax(z0, z1)) * BVH_ROUNDING;
-        if (references[column] == INT_MIN || !(enter <= fmin(leave, t_max)))
-            continue;
-        const int key = (as_int(enter) & ~7) | column, farther = max(entered.first, key);
-        entered.first = min(entered.first, key);
-        if (farther != BVH_NO_CHILD) {
-            entered.rest = entered.rest << 3 | (farther & 7);
-            more++;
+    for (int half_of = 0; half_of < 2; half_of++) {
+        __global const uint *word = (__global const uint *)node + 6 + half_of;
+        uint xa = word[x_near], xb = word[2 - x_near], ya = word[y_near], yb = word[10 - y_near];
+        uint za = word[z_near], zb = word[18 - z_near];
+#pragma unroll 1
+        for (int column = 4 * half_of; column < 4 * half_of + 4; column++) {
+            const float x0 = fma((float)(xa & 255u), size.x, corner.x);
+            const float x1 = fma((float)(xb & 255u), size.x, corner.x);
+            const float y0 = fma((float)(ya & 255u), size.y, corner.y);
+            const float y1 = fma((float)(yb & 255u), size.y, corner.y);
+            const float z0 = fma((float)(za & 255u), size.z, corner.z);
+            const float z1 = fma((float)(zb & 255u), size.z, corner.z);
+            xa >>= 8, xb >>= 8, ya >>= 8, yb >>= 8, za >>= 8, zb >>= 8;
+            const float enter = fmax(fmax(x0, y0), fmax(z0, 0.0f));
+            const float leave = fmin(fmin(x1, y1), z1) * BVH_ROUNDING;
+            if (!(enter <= fmin(leave, t_max)) || references[column] == INT_MIN)
+                continue;
+            entered.first = min(entered.first, (as_int(enter) & ~7) | column);
+            entered.rest |= 1 << column;
         }
     }
-    entered.rest |= more << BVH_COUNT;
+    entered.rest &= ~(1 << (entered.first & 7));
     return entered;
 }
 
 #endif
 
-// Find the nearest hit among the four triangles of a packet, if nearer than hit->t. The edge functions of
-// adjacent triangles must be each other's negative, bit for bit, and NaN where all vanish: in degenerate
-// triangles and those seen edge-on.
-#ifdef BVH_WIDE
-
-static inline float bvh_column(float4 v, int column)
-{
-    const float2 half_of = column & 2 ? v.zw : v.xy;
-    return column & 1 ? half_of.y : half_of.x;
-}
-
-static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit *hit)
-{
-// The edge functions of adjacent triangles must be each other's negative, bit for bit.
-#pragma OPENCL FP_CONTRACT OFF
-    __global const float4 *a = bvh.packets + BVH_PACKET_ROWS * packet, *b = a + 3, *c = a + 6;
-    const float3 o = ray.o;
-    const float4 az = a[ray.kz] - o.z, bz = b[ray.kz] - o.z, cz = c[ray.kz] - o.z;
-    const float4 ax = (a[ray.kx] - o.x) - ray.sheared.x * az;
-    const float4 bx = (b[ray.kx] - o.x) - ray.sheared.x * bz;
-    const float4 cx = (c[ray.kx] - o.x) - ray.sheared.x * cz;
-    const float4 ay = (a[ray.ky] - o.y) - ray.sheared.y * az;
-    const float4 by = (b[ray.ky] - o.y) - ray.sheared.y * bz;
-    const float4 cy = (c[ray.ky] - o.y) - ray.sheared.y * cz;
-    const float4 u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
-    const int4 inside = ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f))
-        | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));
-    if (!(inside.x | inside.y | inside.z | inside.w))
-        return 0;
-    // NaN where all edge functions vanish: degenerate triangles and triangles seen edge-on.
-    const float4 sum = u + v + w;
-    const float4 t = (u * az + v * bz + w * cz) * ray.sheared.z / sum;
-    const int4 nearer = inside & (t > 0.0f) & (t < hit->t);
-    const int4 bits = nearer ? as_int4(t) : (int4)(BVH_NO_CHILD);
-    const int nearest = min(min(bits.x, bits.y), min(bits.z, bits.w));
-    if (nearest == BVH_NO_CHILD)
-        return 0;
-    const int column = nearest == bits.x ? 0 : nearest == bits.y ? 1 : nearest == bits.z ? 2 : 3;
-    const float4 inverse = 1.0f / sum;
-    hit->t = as_float(nearest);
-    hit->triangle = 4 * packet + column;
-    hit->u = bvh_column(v * inverse, column);
-    hit->v = bvh_column(w * inverse, column);
-    return 1;
-}
-
-#else
-
-static inline int bvh_packet(const Bvh bvh, const BvhRay ray, int packet, BvhHit *hit)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    __global const float *corners = (__global const float *)(bvh.packets + BVH_PACKET_ROWS * packet);
-    const int kx = bvh_next_axis(ray.kz), ky = bvh_next_axis(kx);
-    __global const float *x = corners + 4 * kx, *y = corners + 4 * ky, *z = corners + 4 * ray.kz;
-    const float3 o = bvh_permuted(ray.o, ray.kz);
-    int met = 0;
-#pragma unroll 1
-    for (int column = 0; column < 4; column++) {
-        const float az = z[column] - o.z, bz = z[column + 12] - o.z, cz = z[column + 24] - o.z;
-        const float ax = (x[column] - o.x) - ray.sheared.x * az;
-        const float bx = (x[column + 12] - o.x) - ray.sheared.x * bz;
-        const float cx = (x[column + 24] - o.x) - ray.sheared.x * cz;
-        const float ay = (y[column] - o.y) - ray.sheared.y * az;
-        const float by = (y[column + 12] - o.y) - ray.sheared.y * bz;
-        const float cy = (y[column + 24] - o.y) - ray.sheared.y * cz;
-        const float u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
-        if (!((u >= 0.0f && v >= 0.0f && w >= 0.0f) || (u <= 0.0f && v <= 0.0f && w <= 0.0f)))
-            continue;
-        const float sum = u + v + w, t = (u * az + v * bz + w * cz) * ray.sheared.z / sum;
-        if (!(t > 0.0f && t < hit->t))
-            continue;
-        const float inverse = 1.0f / sum;
-        hit->t = t;
-        hit->triangle = 4 * packet + column;
-        hit->u = v * inverse;
-        hit->v = w * inverse;
-        met = 1;
-    }
-    return met;
-}
-
-#endif
+#include "world/objects/bvh_packet.h"
 
 static inline float3 bvh_transform(__global const float4 *rows, float3 v, float w)
 {
@@ -322,6 +248,40 @@ static inline int bvh_reference(const Bvh bvh, int node, int column)
     return ((__global const int *)(bvh.nodes + BVH_NODE_ROWS * node + 6))[column];
 }
 
+// A node with children to come back to, and these, as bvh_enter() has them.
+#ifdef BVH_WIDE
+
+typedef uint2 BvhBack;
+
+static inline BvhBack bvh_back(int node, int rest) { return (uint2)(node, rest); }
+
+static inline int bvh_is_left(BvhBack back) { return back.y >= 1u << BVH_COUNT; }
+
+// Take out the next child and return its reference.
+static inline int bvh_next(const Bvh bvh, BvhBack *back)
+{
+    const uint columns = (1u << BVH_COUNT) - 1u, before = back->y;
+    back->y = (before & columns) >> 3 | ((before & ~columns) - (1u << BVH_COUNT));
+    return bvh_reference(bvh, back->x, before & 7);
+}
+
+#else
+
+typedef uint BvhBack;
+
+static inline BvhBack bvh_back(int node, int rest) { return (uint)node << 8 | rest; }
+
+static inline int bvh_is_left(BvhBack back) { return (back & 255u) != 0; }
+
+static inline int bvh_next(const Bvh bvh, BvhBack *back)
+{
+    const int column = 31 - (int)clz(*back & 255u);
+    *back &= ~(1u << column);
+    return bvh_reference(bvh, *back >> 8, column);
+}
+
+#endif
+
 // Find the nearest triangle along o + t d with 0 < t < t_max, or, with `any`, one of them. Returns 1 if there
 // is one. o and d must be finite, and d not 0.
 static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, int any, BvhHit *hit)
@@ -329,7 +289,7 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, int 
     COUNT_RAY(bvh.work, WORK_OBJECTS);
     if (bvh.count == 0)
         return 0;
-    uint2 stack[BVH_STACK];   // nodes with children to come back to, and these as in BvhEntered
+    BvhBack stack[BVH_STACK];
     int top = 0, upper = 0, met = 0;
     int instance = -1;
     int reference = bvh.count == 1 ? ~0 : 0;
@@ -340,8 +300,8 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, int 
             __global const float4 *node = bvh.nodes + BVH_NODE_ROWS * reference;
             const BvhEntered entered = bvh_enter(node, ray, hit->t);
             if (entered.first != BVH_NO_CHILD) {
-                stack[top] = (uint2)(reference, entered.rest);
-                top += entered.rest >= 1 << BVH_COUNT;
+                stack[top] = bvh_back(reference, entered.rest);
+                top += bvh_is_left(stack[top]);
                 BVH_PREFETCH(bvh, bvh_reference(bvh, reference, entered.rest & 7));
                 reference = bvh_reference(bvh, reference, entered.first & 7);
                 continue;
@@ -366,12 +326,10 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, int 
             instance = -1;
             ray = bvh_ray(o, d);
         }
-        const uint2 back = stack[--top];
-        const uint columns = (1u << BVH_COUNT) - 1u;
-        const uint rest = (back.y & columns) >> 3 | ((back.y & ~columns) - (1u << BVH_COUNT));
-        stack[top].y = rest;
-        top += rest >= 1u << BVH_COUNT;
-        reference = bvh_reference(bvh, back.x, back.y & 7);
+        BvhBack back = stack[--top];
+        reference = bvh_next(bvh, &back);
+        stack[top] = back;
+        top += bvh_is_left(back);
     }
     COUNT_STEPS(bvh.work, WORK_OBJECTS, BVH_STEP_CAP);
     return met;

@@ -11,7 +11,7 @@
 #if !defined(OBJECTS_BVH) && !defined(DISTANT_ENVIRONMENT)
 
 // Most footprints by which a texel's tangent plane may leave its centre depth.
-#define OBJECT_SLOPE 6.0f
+#define OBJECT_SLOPE 6
 // Offset of rays above a surface, in texel footprints of its layer.
 #define OBJECT_LIFT 2.0f
 // Depth errors up to this many texel footprints do not count as entry into a solid.
@@ -29,10 +29,10 @@ typedef struct {
 #define FROM_FRONT 1     // nearer than the front
 #define FROM_BACK 2      // farther than the back
 
-static inline float plane_radius(float4 plane, float gx, float r, float slope)
+static inline float plane_radius(float4 plane, float gx, float r, float nearest, float farthest)
 {
     const float radius = gx > 0.0f ? r / gx : INFINITY;
-    return clamp(radius, plane.w * (1.0f - slope), plane.w * (1.0f + slope));
+    return clamp(radius, plane.w * nearest, plane.w * farthest);
 }
 
 // Intersect the solid interval of one texel with the segment [t0, t1] of the ray, whose radii are r0 and
@@ -47,15 +47,14 @@ static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int t
         hit->from = FROM_NOWHERE;
         return 0;
     }
-    const float slope = OBJECT_SLOPE * layer.footprint;
     const float tolerance = OBJECT_TOLERANCE * layer.footprint * front.w;
     const float go = dot(front.xyz, o), gd = dot(front.xyz, d);
     const float ho = dot(back.xyz, o), hd = dot(back.xyz, d);
     // Distance past the front, and distance before the back.
-    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, slope);
-    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, slope);
-    const float before0 = plane_radius(back, ho + t0 * hd, r0, slope) - r0;
-    const float before1 = plane_radius(back, ho + t1 * hd, r1, slope) - r1;
+    const float past0 = r0 - plane_radius(front, go + t0 * gd, r0, layer.nearest, layer.farthest);
+    const float past1 = r1 - plane_radius(front, go + t1 * gd, r1, layer.nearest, layer.farthest);
+    const float before0 = plane_radius(back, ho + t0 * hd, r0, layer.nearest, layer.farthest) - r0;
+    const float before1 = plane_radius(back, ho + t1 * hd, r1, layer.nearest, layer.farthest) - r1;
     const int inside = past0 > tolerance && before0 > tolerance;
     if (!hit->outside) {
         hit->outside = !inside || past1 <= tolerance || before1 <= tolerance;
@@ -64,7 +63,7 @@ static inline int object_leaf(const ObjectLayer layer, float3 o, float3 d, int t
     }
     // A step no larger than the steepest plane's stays on the same surface. Past a larger step, and from
     // beside the objects, the ray's side follows from its position.
-    const float step = slope * front.w;
+    const float step = layer.slope * front.w;
     if (hit->from == FROM_NOWHERE || (hit->from == FROM_FRONT ? past0 : before0) > step) {
         const int nearer = past0 <= 0.0f || (past0 <= tolerance && before0 > 0.0f);
         hit->from = nearer || (inside && past0 <= before0) ? FROM_FRONT : FROM_BACK;
@@ -157,8 +156,8 @@ static inline void clip_half_space(float a, float b, float *t0, float *t1)
 static inline float2 clip_to_rectangle(const Objects world, float3 o, float3 d, float t0, float t1)
 {
     const float focal = world.view[9], cx = world.view[10], cy = world.view[11];
-    const float left = world.rectangle.x - cx, right = world.rectangle.z - cx;
-    const float upper = world.rectangle.y - cy, lower = world.rectangle.w - cy;
+    const float left = world.edges.x - cx, right = world.edges.z - cx;
+    const float upper = world.edges.y - cy, lower = world.edges.w - cy;
     clip_half_space(focal * o.x + left * o.z, focal * d.x + left * d.z, &t0, &t1);
     clip_half_space(-focal * o.x - right * o.z, -focal * d.x - right * d.z, &t0, &t1);
     clip_half_space(-focal * o.y + upper * o.z, -focal * d.y + upper * d.z, &t0, &t1);

@@ -107,7 +107,9 @@ static inline int radial_background(const RealLayer layer, const PolarRay ray, i
         return 0;
     if (ray.od > radius + layer.bias)
         return -1;
+    hit->kind = HIT_SURFACE;
     hit->t = fmax(radius - ray.od, 0.0f);
+    hit->direction = ray.d;
     hit->radius = ray.od + hit->t;
     hit->behind = 1;
     return 1;

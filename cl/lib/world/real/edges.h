@@ -31,13 +31,26 @@ typedef struct {
     int16 texels;
     float x, y;               // the point; 0: centres of the first column and row
     float4 across, down;      // weights of cubic convolution
-    float16 red, green, blue;
+    Shown shown;              // the picture
+    float16 red, green, blue; // -D WIDE: its colors. GPUs have too few registers, and load them in each loop
 } Window;
 
 typedef struct {
     int east, south; // joined with the neighbour there
     int mixed;       // at a gap
 } Joints;
+
+// Return a value that compilers for GPUs do not recognise. What follows from it is computed again for each use,
+// in place of sixteen values that are held in registers from one use to the next.
+static inline ALWAYS_INLINE int anew(int value)
+{
+#ifdef WIDE
+    return value;
+#else
+    volatile int kept = value;
+    return kept;
+#endif
+}
 
 static inline ALWAYS_INLINE float sum_of(float16 v)
 {
@@ -48,7 +61,7 @@ static inline ALWAYS_INLINE float sum_of(float16 v)
 
 static inline ALWAYS_INLINE int16 in_mask(int mask)
 {
-    return ((int16)(mask) >> NUMBERS & 1) != 0;
+    return ((int16)(anew(mask)) >> NUMBERS & 1) != 0;
 }
 
 // Return the union of `bits` over the elements where `is` holds.
@@ -104,17 +117,18 @@ static inline ALWAYS_INLINE Window window_at(int width, int height, float2 uv)
 // Return offsets from the texels' centres to the point.
 static inline ALWAYS_INLINE float16 columns_away(const Window *w)
 {
-    return w->x - convert_float16(NUMBERS & 3);
+    return as_float(anew(as_int(w->x))) - convert_float16(NUMBERS & 3);
 }
 
 static inline ALWAYS_INLINE float16 rows_away(const Window *w)
 {
-    return w->y - convert_float16(NUMBERS >> 2);
+    return as_float(anew(as_int(w->y))) - convert_float16(NUMBERS >> 2);
 }
 
 static inline ALWAYS_INLINE float16 cubic_weight(const Window *w)
 {
-    return w->across.xyzwxyzwxyzwxyzw * w->down.xxxxyyyyzzzzwwww;
+    const float4 down = as_float4(as_int4(w->down) + anew(0));
+    return w->across.xyzwxyzwxyzwxyzw * down.xxxxyyyyzzzzwwww;
 }
 
 static inline ALWAYS_INLINE Joints window_joints(__global const float4 *restrict surface, const Window *w)
@@ -179,28 +193,60 @@ static inline ALWAYS_INLINE float16 channel(Shown shown, int16 t, int c)
                      channel_of_row(shown, t.s89ab, c), channel_of_row(shown, t.scdef, c));
 }
 
-// Fill the window with the picture's colors.
+// Let the window have the picture's colors.
 static inline ALWAYS_INLINE void see(Window *w, Shown shown)
 {
+    w->shown = shown;
+#ifdef WIDE
     w->red = channel(shown, w->texels, 0);
     w->green = channel(shown, w->texels, 1);
     w->blue = channel(shown, w->texels, 2);
+#endif
+}
+
+// Return a channel of the colors. For loops over channels, which are not unrolled on GPUs (TAP_LOOP).
+static inline ALWAYS_INLINE float16 seen(const Window *w, int c)
+{
+#ifdef WIDE
+    return c == 0 ? w->red : c == 1 ? w->green : w->blue;
+#else
+    return channel(w->shown, w->texels + anew(0), c);
+#endif
+}
+
+static inline ALWAYS_INLINE float channel_of(float3 color, int c)
+{
+    return c == 0 ? color.x : c == 1 ? color.y : color.z;
+}
+
+static inline ALWAYS_INLINE float3 with_channel(float3 color, int c, float value)
+{
+    return (float3)(c == 0 ? value : color.x, c == 1 ? value : color.y, c == 2 ? value : color.z);
 }
 
 // Return weights that vanish where texels leave the window, so that results are continuous there.
 static inline ALWAYS_INLINE float16 fading(const Window *w)
 {
     const float4 number = (float4)(0.0f, 1.0f, 2.0f, 3.0f);
-    const float4 across = fmax(1.0f - 0.5f * fabs(w->x - number), FADED);
+    const float4 across = fmax(1.0f - 0.5f * fabs(as_float(anew(as_int(w->x))) - number), FADED);
     const float4 down = fmax(1.0f - 0.5f * fabs(w->y - number), FADED);
     return across.xyzwxyzwxyzwxyzw * down.xxxxyyyyzzzzwwww;
+}
+
+// Return the weighted sum of the window's colors.
+static inline ALWAYS_INLINE float3 sum_of_colors(const Window *w, float16 weight)
+{
+    float3 sum = (float3)(0.0f);
+    TAP_LOOP
+    for (int c = 0; c < 3; c++)
+        sum = with_channel(sum, c, sum_of(weight * seen(w, c)));
+    return sum;
 }
 
 // Return the weighted mean color of the window.
 static inline ALWAYS_INLINE float3 mean_color(const Window *w, float16 weight)
 {
-    return (float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue))
-        / sum_of(weight);
+    return sum_of_colors(w, weight) / sum_of(weight);
 }
 
 // Return 1 in a mask, else 0.
@@ -211,8 +257,13 @@ static inline ALWAYS_INLINE float16 ones(int mask)
 
 static inline ALWAYS_INLINE float16 squared_distance(const Window *w, float3 color)
 {
-    const float16 red = w->red - color.x, green = w->green - color.y, blue = w->blue - color.z;
-    return red * red + green * green + blue * blue;
+    float16 sum = (float16)(0.0f);
+    TAP_LOOP
+    for (int c = 0; c < 3; c++) {
+        const float16 away = seen(w, c) - channel_of(color, c);
+        sum += away * away;
+    }
+    return sum;
 }
 
 // Return a mask of the texel in `mask` whose color is farthest from `from`.
@@ -233,10 +284,13 @@ static inline ALWAYS_INLINE int2 pure_texels(const Window *w, int2 sides, int mi
     return pure;
 }
 
-// Return the weighted mean squared distance of colors from `mean`.
-static inline ALWAYS_INLINE float color_variance(const Window *w, float16 weight, float3 mean)
+// Return the mean color of a side's pure texels, and their variance.
+static inline ALWAYS_INLINE float3 side_mean(const Window *w, int pure, float *variance)
 {
-    return sum_of(weight * squared_distance(w, mean)) / sum_of(weight);
+    const float16 weight = ones(pure) * fading(w);
+    const float3 mean = mean_color(w, weight);
+    *variance = sum_of(weight * squared_distance(w, mean)) / sum_of(weight);
+    return mean;
 }
 
 // Return the coverage expected of an inner texel from the sides of its neighbours: a straight edge.
@@ -251,11 +305,10 @@ static inline ALWAYS_INLINE float expected_coverage(int first, int k)
 static inline ALWAYS_INLINE float16 find_coverage(
     const Window *w, int first, int2 pure, int mixed, float *mixtures)
 {
-    const float16 of_one = ones(pure.x) * fading(w), of_other = ones(pure.y) * fading(w);
-    const float3 one = mean_color(w, of_one), other = mean_color(w, of_other);
+    float variance, other_variance;
+    const float3 one = side_mean(w, pure.x, &variance), other = side_mean(w, pure.y, &other_variance);
     const float3 apart = one - other, bright = fmax(one, other);
-    const float prior = color_variance(w, of_one, one)
-        + color_variance(w, of_other, other) + PRIOR * dot(bright, bright) + FLT_MIN;
+    const float prior = variance + other_variance + PRIOR * dot(bright, bright) + FLT_MIN;
     const float contrast = dot(apart, apart);
     const float16 own = ones(first);
     float16 expected = own;
@@ -263,17 +316,21 @@ static inline ALWAYS_INLINE float16 find_coverage(
     expected.s6 = expected_coverage(first, 6);
     expected.s9 = expected_coverage(first, 9);
     expected.sa = expected_coverage(first, 10);
-    const float16 red = w->red - other.x, green = w->green - other.y;
-    const float16 blue = w->blue - other.z;
-    const float16 share = (red * apart.x + green * apart.y + blue * apart.z + prior * expected)
-        / (contrast + prior);
+    float16 along = prior * expected;
+    TAP_LOOP
+    for (int c = 0; c < 3; c++)
+        along += (seen(w, c) - channel_of(other, c)) * channel_of(apart, c);
+    const float16 share = along / (contrast + prior);
     const float16 coverage =
         select(own, clamp(share, 0.5f * own, 0.5f + 0.5f * own), in_mask(mixed));
-    const float16 red_left = red - coverage * apart.x, green_left = green - coverage * apart.y;
-    const float16 blue_left = blue - coverage * apart.z;
-    const float16 left = red_left * red_left + green_left * green_left + blue_left * blue_left;
+    float4 left = (float4)(0.0f);   // of the inner texels
+    TAP_LOOP
+    for (int c = 0; c < 3; c++) {
+        const float4 away = seen(w, c).s569a - channel_of(other, c) - coverage.s569a * channel_of(apart, c);
+        left += away * away;
+    }
     const float x = w->x - 1.0f, y = w->y - 1.0f;
-    const float off = mix(mix(left.s5, left.s6, x), mix(left.s9, left.sa, x), y);
+    const float off = mix(mix(left.x, left.y, x), mix(left.z, left.w, x), y);
     const float enough = MIXTURE * contrast + ALIKE * dot(bright, bright) + FLT_MIN;
     const float relative = off / enough;
     *mixtures = fmax(1.05f / (1.0f + relative * relative) - 0.05f, 0.0f);
@@ -325,8 +382,7 @@ static inline ALWAYS_INLINE float3 side_color(const Window *w, int own)
     const float16 near = is * fading(w) / (NEAR + squared_way(w));
     const float left = (1.0f - sum_of(known)) / sum_of(near);
     const float16 weight = known + left * near;
-    return fmax((float3)(sum_of(weight * w->red), sum_of(weight * w->green), sum_of(weight * w->blue)),
-                0.0f);
+    return fmax(sum_of_colors(w, weight), 0.0f);
 }
 
 // Return the texel of a mask nearest to the point.

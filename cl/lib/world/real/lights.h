@@ -37,10 +37,10 @@ static inline float3 sample_light(const Lights lights, float2 u)
     const float start = lights.cumulative[low];
     const float within = clamp((u.x - start) / (lights.cumulative[low + 1] - start), 0.0f, 1.0f);
     const int column = lights.cell[low] % lights.columns, row = lights.cell[low] / lights.columns;
-    const float top = unit_circle(0.5f * row / lights.rows).x;
-    const float bottom = unit_circle(0.5f * (row + 1) / lights.rows).x;
+    const float top = unit_circle(0.5f * row / lights.size.y).x;
+    const float bottom = unit_circle(0.5f * (row + 1) / lights.size.y).x;
     const float y = mix(top, bottom, u.y), s = sqrt(fmax(1.0f - y * y, 0.0f));
-    const float2 azimuth = unit_circle((column + within) / lights.columns);   // from -Z, by half a turn
+    const float2 azimuth = unit_circle((column + within) / lights.size.x);   // from -Z, by half a turn
     return (float3)(-s * azimuth.y, y, s * azimuth.x);
 }
 
@@ -85,8 +85,7 @@ static inline ALWAYS_INLINE float light_distance(const RealLayer layer, int texe
 static inline int light_cell(const Lights lights, float3 v)
 {
     const float2 uv = equirect_uv(v);
-    return min((int)(uv.y * lights.rows), lights.rows - 1) * lights.columns
-        + min((int)(uv.x * lights.columns), lights.columns - 1);
+    return sized_texel(uv, lights.columns, lights.rows, lights.size);
 }
 
 // Return the density per solid angle with which light sampling samples d at the start of a ray along d, given

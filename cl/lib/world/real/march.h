@@ -32,8 +32,8 @@ static inline ALWAYS_INLINE int MARCH_NAME(
     at.entry = ENTRY_START;
     // A little ahead: a start on the polar axis has the azimuth of its direction.
     float2 uv = equirect_uv(ray.m + (at.u0 + 1e-6f * at.root0) * ray.d);
-    at.column = clamp((int)(uv.x * width), 0, width - 1);
-    at.row = clamp((int)(uv.y * height), 0, height - 1);
+    at.column = clamp((int)(uv.x * layer.grid.size.x), 0, width - 1);
+    at.row = clamp((int)(uv.y * layer.grid.size.y), 0, height - 1);
 
     int level = 0;
     int offset = 0;   // of this level in grid.range

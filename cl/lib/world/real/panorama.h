@@ -14,10 +14,11 @@ typedef struct {
     int column, next_column, row, next_row; // of a and below_b; rows by their first texels
 } Taps;
 
-// Return the taps at uv. Wraps around in azimuth, clamps to the first and last row at the poles.
-static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
+// Return the taps at uv. Wraps around in azimuth, clamps to the first and last row at the poles. `size` as in
+// sized_texel().
+static inline ALWAYS_INLINE Taps sized_taps(int width, int height, float2 size, float2 uv)
 {
-    const float x = uv.x * width - 0.5f, y = clamp(uv.y * height - 0.5f, 0.0f, height - 1.0f);
+    const float x = uv.x * size.x - 0.5f, y = clamp(uv.y * size.y - 0.5f, 0.0f, size.y - 1.0f);
     // Truncated, as PoCL computes floor() by branches.
     int x0 = (int)x - (x < 0.0f ? 1 : 0), x1 = x0 + 1;
     const int upper = (int)y;
@@ -26,6 +27,11 @@ static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
     x1 = x1 >= width ? x1 - width : x1;
     const int row0 = upper * width, row1 = min(upper + 1, height - 1) * width;
     return (Taps){row0 + x0, row0 + x1, row1 + x0, row1 + x1, fx, fy, x0, x1, row0, row1};
+}
+
+static inline ALWAYS_INLINE Taps equirect_taps(int width, int height, float2 uv)
+{
+    return sized_taps(width, height, (float2)((float)width, (float)height), uv);
 }
 
 static inline ALWAYS_INLINE float blend_taps(
@@ -45,9 +51,9 @@ static inline ALWAYS_INLINE float blend_texels(
 // Return the first three channels at uv, bilinear, of texels of `stride` channels. Channel by channel, so
 // that PoCL vectorizes it.
 static inline ALWAYS_INLINE float3 equirect_bilinear(
-    __global const float *restrict color, int stride, int width, int height, float2 uv)
+    __global const float *restrict color, int stride, int width, int height, float2 size, float2 uv)
 {
-    const Taps t = equirect_taps(width, height, uv);
+    const Taps t = sized_taps(width, height, size, uv);
     return (float3)(blend_texels(color, stride, 0, t), blend_texels(color, stride, 1, t),
                     blend_texels(color, stride, 2, t));
 }
@@ -56,7 +62,7 @@ static inline ALWAYS_INLINE float3 equirect_bilinear(
 static inline ALWAYS_INLINE float3 panorama_bilinear(
     __global const float *restrict color, int width, int height, float2 uv)
 {
-    return equirect_bilinear(color, 3, width, height, uv);
+    return equirect_bilinear(color, 3, width, height, (float2)((float)width, (float)height), uv);
 }
 
 // Return channel `c` of a texel as displayed.

@@ -52,7 +52,7 @@ static inline float real_thickness(const RealLayer layer, float r)
 // Return the index of the texel in a direction of any length.
 static inline int texel_towards(const RealLayer layer, float3 d)
 {
-    return equirect_texel(equirect_uv(d), layer.grid.width, layer.grid.height);
+    return sized_texel(equirect_uv(d), layer.grid.width, layer.grid.height, layer.grid.size);
 }
 
 static inline int real_skip(const RealLayer layer, int *side, float near, float far, float2 range,
@@ -102,7 +102,7 @@ static inline ALWAYS_INLINE float3 hit_point(const RealHit hit)
 // two surfaces. A point behind the other one is moved before it, or its rays would leave the scene.
 static inline float3 real_start(const RealLayer layer, float3 p, float3 n)
 {
-    const float lift = fmax(layer.bias, REAL_LIFT * IPRT_PI / layer.grid.height * length(p));
+    const float lift = fmax(layer.bias, REAL_LIFT * IPRT_PI * length(p) / layer.grid.size.y);
     const float3 o = p + lift * n;
     const int texel = texel_towards(layer, o);
     const float r = length(o);
@@ -267,7 +267,9 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, RealHit
         return -1;
 #endif
     }
+    hit->kind = HIT_SURFACE;
     hit->t = fmax(radius - ray.od, 0.0f);
+    hit->direction = ray.d;
     hit->radius = ray.od + hit->t;
     return 1;
 }
@@ -287,11 +289,13 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
         hit.behind = 0;
         return hit;
     }
-    hit.kind = HIT_SURFACE;
-    hit.direction = d;
-    hit.radius = INFINITY;
-    hit.behind = 0;
+    // Constants: registers would hold other defaults along the march.
+    hit.t = hit.radius = 0.0f;
+    hit.direction = (float3)(0.0f);
+    hit.texel = hit.kind = hit.behind = 0;
 #ifdef IMPOSTOR
+    hit.kind = HIT_SURFACE;
+    hit.radius = INFINITY;
     hit.texel = texel_towards(layer, d);
     COUNT_RAY(layer.grid.work, WORK_REAL);
     COUNT_STEPS(layer.grid.work, WORK_REAL, layer.impostor.steps);
@@ -312,7 +316,7 @@ static inline ALWAYS_INLINE RealHit trace_real_layer(
     const float t_last = fmin(t_max, fabs(ray.od) + 1.25f * layer.farthest);
     if (!(layer.farthest > 0.0f))
         found = 0;
-    else if (!(ray.b > 2e-4f * layer.nearest))
+    else if (!(5e3f * ray.b > layer.nearest))
         found = radial_real(layer, ray, &hit);
     else
         found = march_real_layer(layer, ray, 0.0f, t_last, SIDE_FRONT, &hit);
