@@ -46,7 +46,7 @@ FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
-AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 2), (65, 4)))
+AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 8)))
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
     "irradiance": {"rows": 16, "rays": 1},
@@ -98,7 +98,7 @@ def films(**settings: Any) -> dict[str, Film]:
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     every, glazed = _objects(), (textured, plastic, mirror)
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
-        "triangles": (room, _bending((*glazed, brass)), LOOK, TRIANGLES),
+        "triangles": (_carried(room), _bending((*glazed, brass)), LOOK, TRIANGLES),
         "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (
             room,
