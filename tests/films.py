@@ -44,7 +44,7 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
-LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7)))
+LOOK, LARGE_LOOK, TWICE = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7), (26, 14)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
 AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 8)))
 FEW: dict[str, Any] = {
@@ -108,8 +108,7 @@ def films(**settings: Any) -> dict[str, Film]:
         ),
         "around": (_drifting(glossy), every, WIDE_AROUND, {"light_scale": 2}),
         "layers around": (_landscape(), (clay,), AROUND, LAYERS),
-        "blocks": (glossy, (clay, brass), LARGE_LOOK, {"light_scale": 2}),
-        "remembered": (_glossy(_passing(30, 15)), (clay,), LARGE_LOOK, {}),
+        "remembered": (_glossy(_passing(30, 15)), (clay, brass), TWICE, {"light_scale": 2}),
         "environment": (room, every, LOOK, by("ibl")),
         "shadowing environment": (glossy, glazed, LOOK, by("em")),
         "delta paths": (room, glazed, LOOK, {**by("dpt"), **TWO_LEVELS}),
@@ -142,12 +141,6 @@ def films(**settings: Any) -> dict[str, Film]:
             by("vct", **VOXELS, anisotropic=False),
         ),
         "delta cones": (_glossy(_room(29, 15)), (*glazed, far), LOOK, by("dvct", **DELTA_VOXELS)),
-        "delta cones around": (
-            _landscape(),
-            (clay, far),
-            AROUND,
-            by("dvct", **DELTA_VOXELS, anisotropic=False),
-        ),
         "nothing": (_clipped(_room(19, 9)), (), LOOK, {}),
     }
     return {
