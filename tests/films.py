@@ -187,9 +187,9 @@ def launches() -> Iterator[set[str]]:
         yield names
 
 
-def planned_kernels() -> list[PlannedKernel]:
-    """File, kernel and defines of all that the films build on a GPU, each once."""
-    plan = PlanDevice(is_cpu=False)
+def planned_kernels(*, is_cpu: bool = False) -> list[PlannedKernel]:
+    """File, kernel and defines of all that the films build on a GPU or a CPU, each once."""
+    plan = PlanDevice(is_cpu=is_cpu)
     for film in films().values():
         frame = film.video[0]
         footage = Footage.of(frame, static_camera=film.static_camera)
