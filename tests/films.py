@@ -46,7 +46,7 @@ FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LOOK, LARGE_LOOK, TWICE = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7), (26, 14)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
-AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 8)))
+AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 6)))
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
     "irradiance": {"rows": 16, "rays": 1},
