@@ -44,7 +44,7 @@ TIMEOUT_S = 1800.0
 PREFILTERED_ROWS = 16
 """Rows of the finest level here, about as many as the films' panoramas have."""
 GRID_ROWS = 4
-"""Rows of the grid of E_R and of the map of shadows off screen here: a quarter of the least allowed."""
+"""Rows of the grid of E_R and of the map of shadows off screen: a quarter of the least allowed."""
 VOXELS = 8
 """Resolution of all volumes here, half of the least allowed."""
 ROOT = Path(__file__).resolve().parents[1]
