@@ -65,7 +65,7 @@ def test_one_bounce_is_shadow_alone(device: ComputeDevice) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("estimator", WAYS)
+@pytest.mark.parametrize("estimator", WAYS[:2])
 def test_a_window_casts_a_shadow_by_its_direction(
     device: ComputeDevice, estimator: Estimator
 ) -> None:
@@ -75,7 +75,7 @@ def test_a_window_casts_a_shadow_by_its_direction(
     with kernels(device, frame, objects, estimator, own={**PLANE, "bounces": 1}) as run:
         points, normals = run.receivers()
         run.renderer.method.environment.plane = nearest_plane(points, normals)
-        parts = np.array([run.parts(seed, 4 * RAYS) for seed in range(RUNS)])
+        parts = np.array([run.parts(seed, 2 * RAYS) for seed in range(RUNS)])
         plane = run.renderer.method.environment.plane
     relit = (np.abs(points @ plane[:3] - plane[3]) < 0.018 * np.linalg.norm(points, axis=-1)) & (
         normals @ plane[:3] > 0.91
