@@ -1,4 +1,6 @@
-"""Every kernel under Oclgrind: `python -m tests.oclgrind [FILM...]`, all `tests.films` by default.
+"""Every kernel under Oclgrind: `python -m tests.oclgrind [FILM... | I/N]`.
+
+All `tests.films` by default, or the I-th of N parts of them.
 
 Oclgrind (J. Price and S. McIntosh-Smith, "Oclgrind: An Extensible OpenCL Device Simulator", IWOCL
 2015) interprets kernels and watches all memory: reads and writes out of bounds, data races, values
@@ -220,6 +222,9 @@ def main(names: list[str]) -> int:
         return 0
     if mended_core() is None:
         print("values that nobody has written are not looked for: Oclgrind is not the known build")
+    if names and "/" in names[0]:
+        part, parts = map(int, names[0].split("/"))
+        names = list(films())[part - 1 :: parts]
     with TemporaryDirectory() as cache, ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(functools.partial(watch_film, cache=cache), names or films()))
     kernels = set().union(*(watched.kernels for watched in results))
