@@ -12,12 +12,15 @@ FOLDER = Path(__file__).parent
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m counts
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out views around that are narrower than 33 pixels on a GPU.
 
     They have programs of their own, which no scene needs and which CPUs try.
     """
-    items[:] = [item for item in items if item.path.parent != FOLDER or not _in_vain(item)]
+    vain = {item for item in items if item.path.parent == FOLDER and _in_vain(item)}
+    if vain:
+        config.hook.pytest_deselected(items=list(vain))
+        items[:] = [item for item in items if item not in vain]
 
 
 def _in_vain(item: pytest.Item) -> bool:
