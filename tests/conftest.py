@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import hypothesis
 import pytest
@@ -32,9 +33,18 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("any speed")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let thorough tests be run in parts, as `.ci/run` does."""
+    told = "of the thorough tests only the I-th of N parts"
+    parser.addoption("--part", default="1/1", metavar="I/N", help=told)
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m counts
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark cases of products of parameters as thorough whose values other cases have too."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark cases of products of parameters as thorough whose values other cases have too.
+
+    And leave out the parts of the thorough ones that are not asked for.
+    """
     cases: dict[str, list[Any]] = {}
     for item in items:
         if item.get_closest_marker("thorough") is None and hasattr(item, "callspec"):
@@ -43,6 +53,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for item, needed in zip(functions, _covering(functions), strict=True):
             if not needed:
                 item.add_marker("thorough")
+    part, parts = map(int, config.getoption("--part").split("/"))
+    others = [
+        item
+        for item in items
+        if item.get_closest_marker("thorough") is not None
+        and crc32(item.nodeid.partition("[")[0].encode()) % parts != part - 1
+    ]
+    if others:
+        config.hook.pytest_deselected(items=others)
+        left_out = set(others)
+        items[:] = [item for item in items if item not in left_out]
 
 
 def _covering(functions: list[Any]) -> list[bool]:

@@ -44,21 +44,26 @@ ROOM = World(solids=(Box((-0.8, -0.9, -1.7), (0.25, 0.5, 0.2)),))
 CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
-LOOK, LARGE_LOOK = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7)))
+LOOK, LARGE_LOOK, TWICE = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7), (26, 14)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
-AROUND, WIDE_AROUND = (View(width, 4, projection="equirect") for width in (33, 129))
+AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 6)))
 FEW: dict[str, Any] = {
     "trace": {"object_rays": 1},
-    "iprt": {"ratio_rows": 16},
     "irradiance": {"rows": 16, "rays": 1},
-    "atrous": {"levels": 2},
+    "atrous": {"levels": 1},
     "gloss": {"rays": 2},
+    # The map of shadows off screen takes longer than these pictures.
+    "iprt": {"ratio_rows": 16, "relight_reflections": False},
 }
 VOXELS: dict[str, Any] = {"voxels": 16, "object_voxels": 16}
 DELTA_VOXELS: dict[str, Any] = {"voxels": 16, "room_voxels": 16, "lights": 2, "map_side": 8}
 LITTLE: dict[str, Any] = {"learning": {"samples": 256, "models": 64}}
-SEEN_ONLY: dict[str, Any] = {"iprt": {"relight_reflections": False}}
-"""Without the map of shadows off screen, which takes longer than these pictures."""
+TWO_LEVELS: dict[str, Any] = {"atrous": {"levels": 2}}
+TRIANGLES: dict[str, Any] = {
+    "gbuffer": "cl",
+    "iprt": {"relight_reflections": True},
+    **TWO_LEVELS,
+}
 LAYERS: dict[str, Any] = {
     "method": "iprt2023",
     "iprt2023": {"filter": "fast-slow"},
@@ -93,19 +98,20 @@ def films(**settings: Any) -> dict[str, Film]:
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     every, glazed = _objects(), (textured, plastic, mirror)
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
-        "triangles": (room, _bending((*glazed, brass)), LOOK, {"gbuffer": "cl"}),
+        "triangles": (_carried(room), _bending((*glazed, brass)), LOOK, TRIANGLES),
         "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
-        "published": (room, (clay, mirror), LOOK, by("iprt2023", objects="triangles")),
-        "around": (_drifting(glossy), every, AROUND, {}),
+        "published": (
+            room,
+            (clay, mirror),
+            LOOK,
+            {**by("iprt2023", objects="triangles"), **TWO_LEVELS},
+        ),
+        "around": (_drifting(glossy), every, WIDE_AROUND, {"light_scale": 2}),
+        "remembered": (_glossy(_passing(30, 15)), (clay, brass), TWICE, {"light_scale": 2}),
         "layers around": (_landscape(), (clay,), AROUND, LAYERS),
-        "gloss": (glossy, (clay,), LOOK, SEEN_ONLY),
-        "blocks": (glossy, (clay, brass), LARGE_LOOK, {**SEEN_ONLY, "light_scale": 2}),
-        "blocks around": (_drifting(room), (plastic,), WIDE_AROUND, {"light_scale": 4}),
-        "walk": (_carried(_room(32, 16)), (clay, brass), LARGE_LOOK, {}),
-        "remembered": (_glossy(_passing(30, 15)), (clay,), LARGE_LOOK, SEEN_ONLY),
         "environment": (room, every, LOOK, by("ibl")),
         "shadowing environment": (glossy, glazed, LOOK, by("em")),
-        "delta paths": (room, glazed, LOOK, by("dpt")),
+        "delta paths": (room, glazed, LOOK, {**by("dpt"), **TWO_LEVELS}),
         "delta paths around": (room, (clay,), AROUND, by("dpt", surfaces="all")),
         "impostor": (room, glazed, LOOK, by("dit", resolution=9)),
         "impostor around": (
@@ -135,12 +141,6 @@ def films(**settings: Any) -> dict[str, Film]:
             by("vct", **VOXELS, anisotropic=False),
         ),
         "delta cones": (_glossy(_room(29, 15)), (*glazed, far), LOOK, by("dvct", **DELTA_VOXELS)),
-        "delta cones around": (
-            _landscape(),
-            (clay, far),
-            AROUND,
-            by("dvct", **DELTA_VOXELS, anisotropic=False),
-        ),
         "nothing": (_clipped(_room(19, 9)), (), LOOK, {}),
     }
     return {
@@ -187,9 +187,9 @@ def launches() -> Iterator[set[str]]:
         yield names
 
 
-def planned_kernels() -> list[PlannedKernel]:
-    """File, kernel and defines of all that the films build on a GPU, each once."""
-    plan = PlanDevice(is_cpu=False)
+def planned_kernels(*, is_cpu: bool = False) -> list[PlannedKernel]:
+    """File, kernel and defines of all that the films build on a GPU or a CPU, each once."""
+    plan = PlanDevice(is_cpu=is_cpu)
     for film in films().values():
         frame = film.video[0]
         footage = Footage.of(frame, static_camera=film.static_camera)

@@ -34,6 +34,7 @@ MISSING = (
     "libclc-19) and ptxas (pip install nvidia-cuda-nvcc-cu12)"
 )
 NVIDIA, AMD = ("sm_75", "sm_90"), ("gfx1030", "gfx1100")
+ALL, BRIEF = (NVIDIA, AMD), (NVIDIA[:1], AMD[:1])
 
 ALLOCATED = re.compile(
     r"(\d+) bytes stack.*?(\d+) bytes spill stores, (\d+) bytes spill loads.*?Used (\d+) registers",
@@ -76,7 +77,9 @@ def programs() -> list[Program]:
     return list(dict.fromkeys(Program.of(one.file, one.defines) for one in planned_kernels()))
 
 
-def compiled(program: Program, folder: Path) -> dict[tuple[str, str], Need]:
+def compiled(
+    program: Program, folder: Path, gpus: tuple[tuple[str, ...], tuple[str, ...]] = ALL
+) -> dict[tuple[str, str], Need]:
     """Return the needs of a program's kernels, by vendor and kernel, on the most demanding GPU.
 
     Raises
@@ -84,13 +87,16 @@ def compiled(program: Program, folder: Path) -> dict[tuple[str, str], Need]:
     CompileError
     """
     needs: dict[tuple[str, str], Need] = {}
-    for vendor, found in (("nvidia", nvidia(program, folder)), ("amd", _amd(program, folder))):
+    of_nvidia, of_amd = nvidia(program, folder, gpus[0]), _amd(program, folder, gpus[1])
+    for vendor, found in (("nvidia", of_nvidia), ("amd", of_amd)):
         for _, name, need in found:
             needs[vendor, name] = need.most(needs.get((vendor, name), need))
     return needs
 
 
-def nvidia(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
+def nvidia(
+    program: Program, folder: Path, gpus: tuple[str, ...] = NVIDIA
+) -> Iterator[tuple[str, str, Need]]:
     """Return the needs of a program's kernels: GPU, kernel and need.
 
     Raises
@@ -108,7 +114,7 @@ def nvidia(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
         "-o",
         bitcode,
     )
-    for gpu in NVIDIA:
+    for gpu in gpus:
         cpu = ["-Xclang", "-target-cpu", "-Xclang", gpu]
         _run(CLANG, *target, *cpu, "-O3", "-S", "-x", "ir", bitcode, "-o", assembly)
         _require_single(assembly.read_text(), r"\.f64\b")
@@ -130,9 +136,9 @@ def allocated(told: str) -> dict[str, Need]:
     return needs
 
 
-def _amd(program: Program, folder: Path) -> Iterator[tuple[str, str, Need]]:
+def _amd(program: Program, folder: Path, gpus: tuple[str, ...]) -> Iterator[tuple[str, str, Need]]:
     assembly = folder / "program.s"
-    for gpu in AMD:
+    for gpu in gpus:
         target = ["-target", "amdgcn-mesa-mesa3d", f"-mcpu={gpu}", "-nogpulib"]
         _run(
             *_clang(program, f"{gpu}-amdgcn-mesa-mesa3d", folder),
@@ -226,9 +232,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--write", action="store_true", help="grant what is needed now")
     parser.add_argument(
-        "--brief", action="store_true", help="of each file only the variant with the most defines"
+        "--brief",
+        action="store_true",
+        help="of each file only the variant with the most defines, for one GPU of each vendor",
     )
     asked = parser.parse_args()
+    gpus = BRIEF if asked.brief else ALL
     if not installed():
         print(MISSING)
         return
@@ -241,7 +250,7 @@ def main() -> None:
             own = Path(folder, str(number))
             own.mkdir()
             try:
-                return compiled(program, own)
+                return compiled(program, own, gpus)
             except CompileError as error:
                 failures.append(f"{program.name}: {error}")
                 return {}
@@ -257,7 +266,7 @@ def main() -> None:
     failures += exceeded(needs)
     for line in failures:
         print(line)
-    print(f"{len(chosen)} variants for {', '.join(NVIDIA + AMD)}: {len(failures)} failures")
+    print(f"{len(chosen)} variants for {', '.join(sum(gpus, ()))}: {len(failures)} failures")
     sys.exit(bool(failures))
 
 

@@ -1,4 +1,6 @@
-"""Every kernel under Oclgrind: `python -m tests.oclgrind [FILM...]`, all `tests.films` by default.
+"""Every kernel under Oclgrind: `python -m tests.oclgrind [FILM... | I/N]`.
+
+All `tests.films` by default, or the I-th of N parts of them.
 
 Oclgrind (J. Price and S. McIntosh-Smith, "Oclgrind: An Extensible OpenCL Device Simulator", IWOCL
 2015) interprets kernels and watches all memory: reads and writes out of bounds, data races, values
@@ -43,10 +45,10 @@ MISSING = f"Oclgrind is not installed (apt-get install oclgrind): there is no {L
 TIMEOUT_S = 1800.0
 PREFILTERED_ROWS = 16
 """Rows of the finest level here, about as many as the films' panoramas have."""
-GRID_ROWS = 8
-"""Rows of the grid of E_R and of the map of shadows off screen here: half of the least allowed."""
+GRID_ROWS = 4
+"""Rows of the grid of E_R and of the map of shadows off screen: a quarter of the least allowed."""
 VOXELS = 8
-"""Resolution of all volumes here, half of the least allowed, too."""
+"""Resolution of all volumes here, half of the least allowed."""
 ROOT = Path(__file__).resolve().parents[1]
 
 NO_FINDING = re.compile(
@@ -220,6 +222,9 @@ def main(names: list[str]) -> int:
         return 0
     if mended_core() is None:
         print("values that nobody has written are not looked for: Oclgrind is not the known build")
+    if names and "/" in names[0]:
+        part, parts = map(int, names[0].split("/"))
+        names = list(films())[part - 1 :: parts]
     with TemporaryDirectory() as cache, ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(functools.partial(watch_film, cache=cache), names or films()))
     kernels = set().union(*(watched.kernels for watched in results))

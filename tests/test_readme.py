@@ -160,6 +160,8 @@ NOT_HERE = {
     "iprt view": "waits for a user; tests/viewer/screen/ opens it",
     "./run": "sets up what is there already; .ci/run begins with it, word for word",
     ".ci/run": "runs these tests",
+    "iprt compare scenes360/room --view table --method all": "takes each method; "
+    "tests/measure/test_compare.py names some",
     "iprt calibrate": "takes two minutes; tests/commands/test_calibrate.py runs it on few pixels",
     "iprt equal-time": "takes each method; tests/measure/test_equal_time.py runs it on few pixels",
     "iprt claims": "takes each method; tests/measure/test_claims.py runs it on few pixels",

@@ -38,6 +38,7 @@ INFINITE: Mapping[str, str] = {
     "screen layers range": "where there is no object; cl/world/objects/object_surface.cl",
     "equirect layers range": "the same",
     "real highlight": "all of what metal shows is highlight; cl/view/real_layer.cl",
+    "light highlight": "the same, at light's resolution",
 }
 """Buffers that may hold infinities, and why."""
 

@@ -52,12 +52,9 @@ def shown(device: ComputeDevice, case: str) -> Pictures:
 def shown_elsewhere(case: str, folder: Path) -> Pictures | None:
     """Return PoCL's pictures, made in another process by way of a file in `folder`.
 
-    `IPRT_TEST_PICTURES` names a folder that keeps them for the next driver. None: PoCL is not
-    installed.
+    None: PoCL is not installed.
     """
-    file = Path(os.environ.get("IPRT_TEST_PICTURES", folder)) / f"{case}.npz"
-    if file.exists():
-        return _loaded(file)
+    file = folder / f"{case}.npz"
     usual = {name: value for name, value in os.environ.items() if name not in OVERRIDES}
     child = subprocess.run(
         [sys.executable, "-m", "tests.frame.shown", case, str(file)],
@@ -71,10 +68,6 @@ def shown_elsewhere(case: str, folder: Path) -> Pictures | None:
     if child.returncode == DeviceError.exit_code:
         return None
     assert child.returncode == 0, child.stderr
-    return _loaded(file)
-
-
-def _loaded(file: Path) -> Pictures:
     with np.load(file) as arrays:
         return list(arrays.values())
 

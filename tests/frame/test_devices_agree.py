@@ -22,6 +22,9 @@ LEVELS, SHARE = 2.0 / 255.0, 0.999
 MEAN_LEVELS = 0.1 / 255.0
 """And of all pixels on average: few rays meet something else."""
 
+LIKE_OTHERS = ("chart", "train", "dpt", "ibl", "iprt2023")
+"""Cases whose kernels other cases launch, too."""
+
 Picture = NDArray[np.float32]
 
 
@@ -35,7 +38,13 @@ def require_alike(one: Picture, other: Picture, what: str) -> None:
     assert apart.mean() <= MEAN_LEVELS, told
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=pytest.mark.thorough if case in LIKE_OTHERS else ())
+        for case in CASES
+    ],
+)
 def test_pictures_agree(device: ComputeDevice, case: str, tmp_path: Path) -> None:
     """Scenes, each method, and a walk over a video that changes."""
     if "pocl" in device.device.platform.vendor.lower():

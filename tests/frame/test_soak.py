@@ -27,7 +27,7 @@ from tests.waiting import until
 
 pytestmark = pytest.mark.gl
 
-FRAMES, AGAIN = 240, 24
+FRAMES, AGAIN = 192, 24
 """Frames of the tests' film, and of those that are played a second time."""
 WARM_UP = 96
 """Frames until the interpreter, the driver and FFmpeg have the memory that they keep."""

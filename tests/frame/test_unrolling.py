@@ -12,7 +12,7 @@ pytestmark = pytest.mark.gl
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["layers", "blocks"])
+@pytest.mark.parametrize("name", ["remembered"])
 def test_pictures_agree(device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     film = films()[name]
     pictures = []

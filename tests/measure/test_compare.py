@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt import cli
+from iprt.commands.compare import _asked
 from iprt.errors import FormatError, SceneError
 from iprt.files.images import read_color
 from iprt.measure import metrics, protocol
@@ -136,6 +137,10 @@ def test_methods_may_be_named_in_any_way(
     given = ["--method", "ibl, em", "--method", "ibl", "--view", "near,near", *QUICK]
     names = [result["method"] for result in compared(room, *given)["results"]]
     assert names == [name for name in methods() if name in ("em", "ibl")] * 2
+
+
+def test_all_methods_may_be_asked_for() -> None:
+    assert _asked(["ibl", "all"]) == list(methods())
 
 
 # Truth -------------------------------------------------------------------------------------------

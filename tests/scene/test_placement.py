@@ -79,7 +79,7 @@ def ground(frame: Frame, instance: Instance) -> float:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("noise", [0.0, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02])
 def test_the_foot_is_on_the_true_floor_within_a_fraction_of_white_noise(noise: float) -> None:
     surfaces = RealSurfaces(off(ROOM.frame(WIDTH, HEIGHT), white(noise)))
     gaps = [foot(seat(surfaces, d, yaw)) - FLOOR for d in DISTANCES for yaw in YAWS_DEG]
@@ -92,7 +92,7 @@ def test_the_foot_is_on_the_floor_that_rays_meet_where_errors_are_shared() -> No
     frame = off(ROOM.frame(WIDTH, HEIGHT), shared(NOISE))
     surfaces = RealSurfaces(frame)
     for distance in DISTANCES:
-        cubes = [seat(surfaces, distance, yaw) for yaw in range(0, 360, 15)]
+        cubes = [seat(surfaces, distance, yaw) for yaw in range(0, 360, 30)]
         gaps = [foot(cube) - ground(frame, cube) for cube in cubes]
         assert np.sqrt(np.mean(np.square(gaps))) < 0.5 * NOISE * -FLOOR
         assert abs(np.mean(gaps)) < 0.1 * NOISE * -FLOOR

@@ -40,8 +40,9 @@ LOOK = View(40, 30, pitch_deg=-38.0, fov_y_deg=60.0)
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("estimator", WAYS)
-@pytest.mark.parametrize("surfaces", ["plane", "all"])
+@pytest.mark.parametrize(
+    ("surfaces", "estimator"), [("all", WAYS[0]), ("plane", WAYS[1]), ("plane", WAYS[2])]
+)
 def test_a_ball_hides_light_and_shines(
     device: ComputeDevice, estimator: Estimator, surfaces: str
 ) -> None:
@@ -54,18 +55,17 @@ def test_a_ball_hides_light_and_shines(
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("estimator", WAYS)
-def test_one_bounce_is_shadow_alone(device: ComputeDevice, estimator: Estimator) -> None:
+def test_one_bounce_is_shadow_alone(device: ComputeDevice) -> None:
     frame, objects = furnace("plain"), [ball(*BALL, LAMP)]
     own = {**ALL, "bounces": 1}
-    with kernels(device, frame, objects, estimator, aim_at=lamps(frame), own=own) as run:
+    with kernels(device, frame, objects, WAYS[0], aim_at=lamps(frame), own=own) as run:
         hidden, sent = np.moveaxis(run.parts(0, 4), -2, 0)
     assert hidden.max() > 0.0
     np.testing.assert_array_equal(sent, 0.0)
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("estimator", WAYS)
+@pytest.mark.parametrize("estimator", WAYS[:2])
 def test_a_window_casts_a_shadow_by_its_direction(
     device: ComputeDevice, estimator: Estimator
 ) -> None:
@@ -75,7 +75,7 @@ def test_a_window_casts_a_shadow_by_its_direction(
     with kernels(device, frame, objects, estimator, own={**PLANE, "bounces": 1}) as run:
         points, normals = run.receivers()
         run.renderer.method.environment.plane = nearest_plane(points, normals)
-        parts = np.array([run.parts(seed, 4 * RAYS) for seed in range(RUNS)])
+        parts = np.array([run.parts(seed, 2 * RAYS) for seed in range(RUNS)])
         plane = run.renderer.method.environment.plane
     relit = (np.abs(points @ plane[:3] - plane[3]) < 0.018 * np.linalg.norm(points, axis=-1)) & (
         normals @ plane[:3] > 0.91

@@ -82,9 +82,10 @@ def means3(image: NDArray[np.floating]) -> Float:
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
-@pytest.mark.parametrize("filtered", [False, True], ids=["raw", "filtered"])
 @pytest.mark.parametrize(
-    "albedo", [(0.0, 0.0, 0.0), (0.9, 0.5, 0.1)], ids=["black ball", "red ball"]
+    ("albedo", "filtered"),
+    [((0.0, 0.0, 0.0), False), ((0.9, 0.5, 0.1), True)],
+    ids=["black ball, raw", "red ball, filtered"],
 )
 def test_floor_below_a_ball_matches_monte_carlo(
     device: ComputeDevice, albedo: tuple[float, float, float], filtered: bool, estimator: str

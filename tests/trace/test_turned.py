@@ -27,7 +27,7 @@ VIEWS = {
     "seam": View(40, 32, yaw_deg=180.0),
     "nadir": View(40, 32, pitch_deg=-80.0),
     "zenith": View(40, 32, pitch_deg=80.0),
-    "panorama": View(96, 48, projection="equirect"),
+    "panorama": View(64, 32, projection="equirect"),
 }
 OWN: dict[str, dict[str, Any]] = {
     "vct": {"voxels": 48, "object_voxels": 48},
@@ -43,8 +43,10 @@ def blocks(picture: Float) -> Float:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("view", VIEWS)
-@pytest.mark.parametrize("method", OWN)
+@pytest.mark.parametrize(
+    ("method", "view"),
+    [("vct", "nadir"), ("dvct", "zenith"), ("dit", "seam"), *((name, "panorama") for name in OWN)],
+)
 def test_half_a_turn_changes_nothing(device: ComputeDevice, method: str, view: str) -> None:
     frame = World().frame(256, 128)
     d = View(256, 128, projection="equirect").directions()
@@ -59,7 +61,7 @@ def test_half_a_turn_changes_nothing(device: ComputeDevice, method: str, view: s
     first = render(device, frame, BALLS, look, settings, 16, aovs=["coverage"])
     assert first.aovs["coverage"].mean() > 0.02
     if view == "panorama":
-        second = np.roll(render(device, around, turned, look, settings, 16, aovs=[]).color, 48, 1)
+        second = np.roll(render(device, around, turned, look, settings, 16, aovs=[]).color, 32, 1)
     else:
         back = replace(look, yaw_deg=look.yaw_deg + 180.0)
         second = render(device, around, turned, back, settings, 16, aovs=[]).color

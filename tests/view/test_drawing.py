@@ -123,7 +123,7 @@ def test_ways_are_timed_until_the_device_has_finished(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["triangles", "gloss", "blocks", "published", "environment"])
+@pytest.mark.parametrize("name", ["triangles", "remembered", "published", "environment"])
 def test_in_a_steady_frame_the_host_only_tells_where_the_view_looks(
     gpu: LikeGpu, name: str
 ) -> None:

@@ -32,9 +32,9 @@ ROWS = 96
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("alpha", [0.05, 0.2])
-def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float) -> None:
-    frame = coated_room(alpha)
+@pytest.mark.parametrize(("alpha", "rows"), [(0.05, ROWS), (0.2, 128)])
+def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float, rows: int) -> None:
+    frame = coated_room(alpha, rows=rows)
     (floor,) = find_gloss(frame)
     assert floor.name == "floor"
     assert alpha / 1.5 < floor.material.alpha < 1.5 * alpha

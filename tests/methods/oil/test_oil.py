@@ -38,7 +38,7 @@ def chosen(**learning: Any) -> Settings:
 def plain(method: str) -> Settings:
     """As traced: what remains is noise, which averages out."""
     return Settings.model_validate({
-        "method": method, method: {"surfaces": "all", "bounces": 5}, "learning": FEW,
+        "method": method, method: {"surfaces": "all"}, "learning": FEW,
         "fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False},
         "trace": {"rays": 8, "object_rays": 8},
     })  # fmt: skip

@@ -120,7 +120,7 @@ def turning(visitor: Visitor) -> Iterator[None]:
 
 def test_a_comparison_says_what_is_on_which_side(place: Place) -> None:
     """The bar is where the picture is divided, and divides it elsewhere when it is dragged."""
-    visitor, browser = place.visit(LARGE)
+    visitor, browser = place.visit((760, 400))
     at_rest(visitor, browser)
     plain = visitor.texture()
     visitor.tab("Picture")
