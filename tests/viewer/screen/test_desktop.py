@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import replace
 from itertools import product
@@ -24,7 +25,9 @@ from tests.viewer.turns import SETTINGS
 def rendered(user: User, path: Path, *flags: object, frame: int = 0) -> NDArray[np.uint8]:
     """What `iprt render` writes of the viewer's scene."""
     settings = [
-        f"{group}.{name}={value}" for group, few in FEW.items() for name, value in few.items()
+        f"{group}.{name}={json.dumps(value)}"
+        for group, few in FEW.items()
+        for name, value in few.items()
     ]
     words: list[object] = ["render", user.folder / "clip", "-o", path, "--frames", frame]
     words += ["--size", *SIZE, "--accumulate", FRAMES, "--device", "pocl", *flags]
