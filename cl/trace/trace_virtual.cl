@@ -73,8 +73,8 @@ TRACING_KERNEL void trace_virtual(
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
 #ifdef OBJECTS_BVH
-    // Number of the last ray that started within the pixel, from 1 on. Where it did is traced again, as its hit
-    // would be held in registers along each ray.
+    // Number of the last ray that started within the pixel, from 1 on. Its start is traced again, because the hit
+    // would occupy registers along each ray.
     uint last_start = 0;
 #endif
     for (int ray = 0; ray < more; ray++) {

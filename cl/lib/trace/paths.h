@@ -48,10 +48,10 @@ typedef struct {
     int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
 } PathSurface;
 
-// Where incident radiance at the first surface of paths, times f cos over the density, is summed.
+// Sums, over paths, of the incident radiance at their first surface, times f cos over the density.
 typedef struct {
     volatile float *diffuse;    // without the albedo
-    volatile float *specular;   // null: nowhere
+    volatile float *specular;   // null: not summed
     volatile float *blocked;    // at real surfaces: light of the environment that objects occlude
 } PathSums;
 
@@ -123,7 +123,7 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
                                             const Environment environment, const PathSums sums)
 {
     int met = 0;
-    // `first_*` belong to the first surface, `throughput` to the surfaces after it. In memory, as Sums are.
+    // `first_*` belong to the first surface, `throughput` to the later ones. They are in memory, like the sums.
     volatile float first_diffuse = 1.0f;
     Sums first_specular;
     clear_sums(first_specular);

@@ -24,8 +24,8 @@ typedef struct {
     uint seed;
 } TracedPixel;
 
-// Return load_planes(). Indices are unsigned, whose sums compilers do not take apart: along each ray they would
-// keep the offset of each plane in a pair of registers.
+// Return load_planes(). Compilers split sums of signed indices, and then keep the offset of each plane in a pair
+// of registers along each ray.
 static inline float3 load_traced(__global const float *restrict planes, uint size, uint pixel)
 {
     return (float3)(planes[pixel], planes[size + pixel], planes[2 * size + pixel]);

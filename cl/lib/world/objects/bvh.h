@@ -112,7 +112,7 @@ static inline BvhRay bvh_ray(float3 o, float3 d)
 // column of the nearest is in its last three bits.
 typedef struct {
     int first;
-    int rest;            // the others, as bvh_enter() has them
+    int rest;            // the other children, in the format of bvh_enter()
 } BvhEntered;
 
 #ifdef BVH_WIDE
@@ -138,8 +138,8 @@ static inline int8 bvh_sorted(int8 key)
 
 #define BVH_COUNT 21
 
-// `rest` has the others' columns, the next one in its last three bits, and from bit BVH_COUNT on how many they
-// are.
+// Find the children that a ray enters. `rest` holds the columns of all but the nearest, the next one in its
+// last three bits, and their number from bit BVH_COUNT on.
 static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
 {
     __global const float *corner = (__global const float *)node, *size = corner + 3;
@@ -177,7 +177,7 @@ static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray
 
 #else
 
-// `rest` is a mask of the columns other than the nearest.
+// Find the children that a ray enters. `rest` is a mask of the columns of all but the nearest.
 static inline BvhEntered bvh_enter(__global const float4 *node, const BvhRay ray, float t_max)
 {
     const float4 row0 = node[0], row1 = node[1];
@@ -248,7 +248,7 @@ static inline int bvh_reference(const Bvh bvh, int node, int column)
     return ((__global const int *)(bvh.nodes + BVH_NODE_ROWS * node + 6))[column];
 }
 
-// A node with children to come back to, and these, as bvh_enter() has them.
+// A node, and its children that the ray still has to visit, in the format of bvh_enter().
 #ifdef BVH_WIDE
 
 typedef uint2 BvhBack;

@@ -40,8 +40,8 @@ typedef struct {
     int mixed;       // at a gap
 } Joints;
 
-// Return a value that compilers for GPUs do not recognise. What follows from it is computed again for each use,
-// in place of sixteen values that are held in registers from one use to the next.
+// Return the value, hidden from compilers for GPUs. They compute results of it anew for each use, and do not
+// hold sixteen of them in registers from one use to the next.
 static inline ALWAYS_INLINE int anew(int value)
 {
 #ifdef WIDE
@@ -193,7 +193,7 @@ static inline ALWAYS_INLINE float16 channel(Shown shown, int16 t, int c)
                      channel_of_row(shown, t.s89ab, c), channel_of_row(shown, t.scdef, c));
 }
 
-// Let the window have the picture's colors.
+// Set the picture whose colors the window shows.
 static inline ALWAYS_INLINE void see(Window *w, Shown shown)
 {
     w->shown = shown;
