@@ -56,7 +56,7 @@ __kernel void accumulate(
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
-                                    plane_tolerance, normal_agreement, p, width, height, seam, camera);
+                                    plane_tolerance, normal_agreement, SLEPT, p, width, height, seam, camera);
 #ifdef PUBLISHED
     // The published mean is one of frames, whose lengths are not lowered.
     const float before = history.length;
@@ -93,7 +93,7 @@ __kernel void follow(
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
-                                    plane_tolerance, normal_agreement, p, width, height, seam, camera);
+                                    plane_tolerance, normal_agreement, 0.0f, p, width, height, seam, camera);
     if (fresh) {
         EACH_PLANE(c, planes)
             history.signal[c] = 0.0f;
@@ -125,7 +125,7 @@ __kernel void fetch(
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
-                                    plane_tolerance, normal_agreement, p, width, height, seam, camera);
+                                    plane_tolerance, normal_agreement, 0.0f, p, width, height, seam, camera);
     store_history(planes, &history, signal, length, size, p, x, width, seam);
     store_scalar(planes, history.signal, fast_signal, size, p, x, width, seam);
 }

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel_source import constant, float_constant
 from iprt.filter.signals import Kind, Signal, signal_planes
 from iprt.filter.temporal import (
     FAST_FRAMES,
@@ -23,6 +24,8 @@ from tests.oracles import temporal as oracle
 from tests.oracles.guide import shown
 
 SETTINGS = TemporalSettings()
+GUIDE_ID = constant("lib/gbuffer/guide.h", "GUIDE_ID")
+SLEEPING = float_constant("lib/gbuffer/guide.h", "SLEEPING")
 
 
 class Session:
@@ -140,6 +143,23 @@ def test_equals_twin(
             # What follows builds on it.
             assert (~close).sum() <= 1 + 0.002 * (frame + 1) * close.size, frame
         before = now
+
+
+@pytest.mark.parametrize(("kind", "slept"), [("delta", 8.0), ("diffuse", 8.0), ("ratio", 0.0)])
+def test_a_pixel_that_wakes_had_no_influence(
+    device: ComputeDevice, kind: Kind, slept: float
+) -> None:
+    """Its first sample does not flash. Where E_R is unknown, it has no history."""
+    gbuffer = flat_gbuffer(40, 24)
+    session = Session(device, gbuffer, kind)
+    signal = noise(np.random.default_rng(8), kind, 40, 24)
+    session.add(gbuffer, signal)
+    planes = session.guide.current.get()
+    planes[GUIDE_ID] = np.where(planes[GUIDE_ID] > 0.0, SLEEPING, planes[GUIDE_ID])
+    device.write(session.guide.current, planes)
+    woken = session.add(gbuffer, signal)
+    np.testing.assert_allclose(session.image(woken.signal), signal / (slept + 1.0), rtol=1e-5)
+    np.testing.assert_allclose(read(device, session.layout, woken.length), slept + 1.0)
 
 
 @pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])

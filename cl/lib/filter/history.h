@@ -11,6 +11,14 @@
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
+// Samples without influence for which a sleeping pixel stands: when it wakes, its first sample is noise beside
+// what was shown. After a change, pixels wake because of it, and have no samples. E_R (-DCOMMON) is unknown where
+// pixels sleep.
+#ifdef COMMON
+#define SLEPT 0.0f
+#else
+#define SLEPT 8.0f
+#endif
 #define NEAR_STEP 2           // spacing of nine pixels that stand for a 5x5 neighbourhood
 
 static inline ALWAYS_INLINE void load_signal(
@@ -100,11 +108,12 @@ static inline ALWAYS_INLINE void store_history(
     length[p] = history->length;
 }
 
-// Return the history of the pixel's surface, where the previous picture showed it.
+// Return the history of the pixel's surface, where the previous picture showed it. Where that picture slept, it
+// has `slept` samples without influence.
 static inline ALWAYS_INLINE History fetch_history(
     int planes, PLANES_IN guide, PLANES_IN guide_previous, PLANES_IN motion, PLANES_IN signal_before,
-    PLANES_IN length_before, float plane_tolerance, float normal_agreement, int p, int width, int height,
-    int seam, const Camera camera)
+    PLANES_IN length_before, float plane_tolerance, float normal_agreement, float slept, int p, int width,
+    int height, int seam, const Camera camera)
 {
     int size = plane_size(width, height);
     const Surface surface = surface_before(guide, plane_tolerance, size, p, camera);
@@ -124,6 +133,11 @@ static inline ALWAYS_INLINE History fetch_history(
             if (!(w > 0.0f) || tx < 0 || tx >= width || ty < 0 || ty >= height)
                 continue;
             int q = plane_index(tx, ty, width);
+            if (slept > 0.0f && guide_previous[GUIDE_ID * size + q] == SLEEPING) {
+                samples += w * slept;
+                weights += w;
+                continue;
+            }
             if (!shows_surface(guide_previous, surface, normal_agreement, size, q)
                 || !(length_before[q] > 0.0f))
                 continue;
