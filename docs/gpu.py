@@ -44,7 +44,7 @@ WINDOWS = {
     "resample_glossy": 4,
     "resample_color": 16,
     "resample_highlight": 16,
-    # Windows of 4x4 texels, whose colors are loaded anew in each of eight sums.
+    # Windows of 4x4 texels, whose colors are loaded again for each of eight sums.
     "sharpen_edges": 16,
     "sharpen_glossy": 16,
     "accumulate": 2.5,  # four taps of the history, one of all else

@@ -202,7 +202,7 @@ class _Window:
     same : (H + 2 reach, W) uint8
         `same` of `estimate_normals_at`, padded like `inverse`.
     row, column : int
-        Indices in the unpadded picture, of shapes that broadcast to that of the texels.
+        Indices of the texels in the unpadded picture; their shapes broadcast.
     """
 
     def __init__(
@@ -216,7 +216,9 @@ class _Window:
         self._start = {steps: row * width + columns[steps] for steps in reach}
         self._inverse, self._same = inverse.ravel(), same.ravel()
         self._tables = _window_tables(width, height)
-        self._joined = bool((same == same[0, 0]).all())
+        # Where all texels within reach are of one kind, windows need not compare them.
+        near = same[row.min(initial=height) : row.max(initial=0) + 2 * WINDOW_REACH + 1]
+        self._joined = near.min(initial=255) == near.max(initial=0)
         self._center = self._shifted(self._inverse, 0, 0)
 
     def fit_planes(self, tolerance: float) -> Picture:

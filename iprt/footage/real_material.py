@@ -167,7 +167,7 @@ def _on_plane(frame: Frame, plane: Plane, rows: slice) -> Mask:
 def _near(frame: Frame, plane: Plane, rows: slice) -> tuple[Mask, Mask]:
     """Return texels (rows, W) within tolerance of a plane, and those with a slope below `SMOOTH`.
 
-    Slopes are those towards four neighbours, of which none is an opening.
+    Slopes are measured towards four neighbours. Texels beside an opening count as steep.
     """
     beyond = slice(max(rows.start - 1, 0), min(rows.stop + 1, frame.height))
     theta, phi = texel_polar_angles(frame.height)[beyond, None], texel_azimuths(frame.width)

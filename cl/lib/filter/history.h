@@ -11,9 +11,8 @@
 
 #define HUGE 1e30f            // samples from here on, and NaN, are not used
 #define MAX_LENGTH 1e6f
-// Samples without influence for which a sleeping pixel stands: when it wakes, its first sample is noise beside
-// what was shown. After a change, pixels wake because of it, and have no samples. E_R (-DCOMMON) is unknown where
-// pixels sleep.
+// Samples without influence in the history of a pixel that wakes. Its first sample alone would flash. Pixels
+// that wake because of a change have none (fetch). E_R (-DCOMMON) is unknown where pixels sleep.
 #ifdef COMMON
 #define SLEPT 0.0f
 #else
@@ -108,8 +107,8 @@ static inline ALWAYS_INLINE void store_history(
     length[p] = history->length;
 }
 
-// Return the history of the pixel's surface, where the previous picture showed it. Where that picture slept, it
-// has `slept` samples without influence.
+// Return the history of the pixel's surface, where the previous picture showed it. Where the surface slept, its
+// history is `slept` samples without influence.
 static inline ALWAYS_INLINE History fetch_history(
     int planes, PLANES_IN guide, PLANES_IN guide_previous, PLANES_IN motion, PLANES_IN signal_before,
     PLANES_IN length_before, float plane_tolerance, float normal_agreement, float slept, int p, int width,

@@ -126,7 +126,7 @@ def _departures(shapes: Float) -> Float:
     """
     size = np.linalg.norm(shapes, axis=1, keepdims=True)
     basis, _ = np.linalg.qr(shapes / np.where(size > 0.0, size, 1.0))
-    # The first columns of an orthonormal basis span what the first shapes span.
+    # The first columns of an orthonormal basis and the first shapes span one space.
     rest, off = np.ones(basis.shape[:2]), []
     for terms in (basis[..., :3], basis[..., 3:]):
         rest = rest - np.einsum("nij,nj->ni", terms, terms.sum(axis=1))

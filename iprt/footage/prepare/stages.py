@@ -130,7 +130,7 @@ def kept_depth(
         return planes | {"depth": result.depth[changed], "measures": measured}
 
     holes = np.pad(~usable(depth).all(axis=1), 1)
-    # Of the colors, only those of holes and of the rims around them decide.
+    # Only the colors of holes and of the rims around them matter.
     beside = color[holes[:-2] | holes[1:-1] | holes[2:]]
     found = kept("depth", __name__, [depth, beside], make)
     cleaned = _cleaned(depth, found)

@@ -48,7 +48,7 @@ class RealWorld:
     def __init__(self, device: ComputeDevice, frame: Frame, features: Features) -> None:
         self._features = features
         self.frame = frame
-        self._still = not features.video  # and its surfaces hold what a next frame would need
+        self._still = not features.video  # and its surfaces still hold the input of a next frame
         self.cut_version = 0
         self.panorama = Panorama(
             device,

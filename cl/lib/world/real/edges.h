@@ -40,8 +40,8 @@ typedef struct {
     int mixed;       // at a gap
 } Joints;
 
-// Return the value, hidden from compilers for GPUs. They compute results of it anew for each use, and do not
-// hold sixteen of them in registers from one use to the next.
+// Return the value, hidden from compilers for GPUs. They then compute its sixteen results again for each use and
+// do not keep them in registers.
 static inline ALWAYS_INLINE int anew(int value)
 {
 #ifdef WIDE
