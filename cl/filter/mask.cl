@@ -15,6 +15,7 @@
 // list_traced runs over a tile's row per work item: one atomic per row, and neighbouring rays in the list are
 // neighbours in the picture. Its order differs between runs.
 #include "gbuffer/batch.h"
+#include "filter/signal.h"
 #include "filter/surface.h"
 #include "maths/lanes.h"
 #include "trace/rays.h"
@@ -98,7 +99,7 @@ __kernel void choose_level(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
     PLANES_IN motion[MOST_ENTRIES],              // previous pixel, 2 planes; -1e9 = nowhere
     PLANES_IN touched[MOST_ENTRIES],             // 1 plane, border wrapped
-    PLANES_IN length[MOST_ENTRIES],              // 1 plane, of the previous histories
+    PLANES_IN certainty[MOST_ENTRIES],           // 2 planes, of the previous histories
     const int keep[MOST_ENTRIES],                // where histories are long, a quarter of the rays
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
@@ -148,7 +149,7 @@ __kernel void choose_level(
         const int waits = ((x - origin[0]) | (y - origin[1])) & 1;
         if ((chosen == 0) & (keep != 0) & waits) {
             const int q = pixel_before(motion, p, width, height, seam);
-            if (q >= 0 && length[q] > SETTLED_HISTORY)
+            if (q >= 0 && certainty[LENGTH_PLANE * size + q] > SETTLED_HISTORY)
                 chosen = LEVEL_WAITING;
         }
         level[p] = id > 0.0f ? chosen : LEVEL_NONE;

@@ -14,8 +14,7 @@
 // sparse window, before the à-trous filter with its narrow first levels (after NVIDIA's ReLAX). A lone
 // sample of a rare event is then no longer taken for the mean.
 //
-//   in    guide (7 planes, guide.h), signal (filter/signal.h) and the variance of its scalar g, length
-//         (1 plane: effective number of samples of the mean), level of tracing
+//   in    guide (7 planes, guide.h), signal and its certainty (filter/signal.h), level of tracing
 //   out   signal, variance: the other pixels' are copied
 //
 // A neighbour's weight is the length of its history times the falloff of the à-trous filter with normal and
@@ -135,8 +134,7 @@ __kernel void fix_history(
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     __global const float *restrict signal,   // its planes
-    __global const float *restrict variance, // 1 plane
-    __global const float *restrict length,   // 1 plane
+    __global const float *restrict certainty, // 2 planes
     __global const uchar *restrict level,    // of tracing, 1 plane (mask.cl)
     __global float *restrict signal_out,     // its planes
     __global float *restrict variance_out,   // 1 plane
@@ -151,6 +149,8 @@ __kernel void fix_history(
 {
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
+    PLANES_IN variance = certainty + VARIANCE_PLANE * size;
+    PLANES_IN length = certainty + LENGTH_PLANE * size;
     float nx = guide[p], ny = guide[size + p], nz = guide[2 * size + p];
     float px = guide[3 * size + p], py = guide[4 * size + p], pz = guide[5 * size + p];
     float id = guide[GUIDE_ID * size + p], own = length[p];

@@ -8,8 +8,8 @@
 //                      motion (2 planes, previous position in    with the samples added: signal,
 //                      pixels; -1e9 = nowhere), history,         length (effective number of
 //                      samples, level; with -DCAMERA_MOTION      samples), spread (variance of
-//                      camera.h, between the axes of the two     single samples of g); its scalar g
-//                      guides; with -DPUBLISHED the history is
+//                      camera.h, between the axes of the two     single samples of g); its scalar g;
+//                      guides; with -DPUBLISHED the history is   variance of g's mean
 //                      first clamped to the samples
 //   follow             the same of a fast history                 the same
 //   fetch              guides, motion, history                   history at this picture's pixels,
@@ -17,8 +17,9 @@
 //                                                                fast history
 //   correct_real,      guide, both histories, g, samples, level  history corrected by and clamped to
 //   correct_reflected                                            the fast one, with the samples
-//                                                                added; its g
-//   estimate_variance  guide, g, spread, length                  variance of g's mean
+//                                                                added; its g; variance of g's mean
+//   estimate_variance  guide, g, length                          variance of g's mean where histories
+//                                                                are short, by neighbours
 //
 // g is the displayed scalar (filter/signal.h): for real surfaces the luminance of the first three planes
 // minus the last three, else the signal's. Without correction, fading and motion, the accumulated signal is
@@ -30,12 +31,24 @@
 #define SHORT_HISTORY 4.0f    // fewer samples of one pixel do not determine their variance
 #define UNSURE 8.0f           // few samples of rare events underestimate the variance: 1 + 8 / n
 
+// Return whether neighbours estimate the variance. The mean of four lengths of 4 may be rounded down.
+static inline bool is_short(float samples) { return samples < SHORT_HISTORY - 0.5f; }
+
+// Write the variance of the mean of g; 0 where estimate_variance replaces it.
+static inline ALWAYS_INLINE void store_variance(
+    const History *history, PLANES_OUT certainty, int p, int x, int width, int seam)
+{
+    const float samples = history->length;
+    const float own = (1.0f + UNSURE / samples) * history->spread / (samples - 1.0f);
+    store_wrapped(certainty, p, x, width, seam, is_short(samples) ? 0.0f : own);
+}
+
 __kernel void accumulate(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
     PLANES_IN guide_previous[MOST_ENTRIES],      // the same of the previous picture
     PLANES_IN motion[MOST_ENTRIES],              // 2 planes
     PLANES_IN signal_before[MOST_ENTRIES],       // the history's planes
-    PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
+    PLANES_IN certainty_before[MOST_ENTRIES],    // 2 planes
     const float plane_tolerance,                 // plane distance / depth within one surface
     const float normal_agreement,                // least cosine between its normals
     __global const int *restrict tiles,
@@ -43,7 +56,7 @@ __kernel void accumulate(
     PLANES_IN samples[MOST_ENTRIES],             // its planes; -DPUBLISHED: border too
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
     PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
-    PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
+    PLANES_OUT certainty[MOST_ENTRIES],          // out: 2 planes
     float clamp_sigma,                             // -DPUBLISHED: half width of the box in deviations
     float fading,                                  // least share of the new sample, 0: plain mean
     int rays,                                      // per sample, for short histories (rays.h)
@@ -55,7 +68,7 @@ __kernel void accumulate(
 {
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, certainty_before,
                                     plane_tolerance, normal_agreement, SLEPT, p, width, height, seam, camera);
 #ifdef PUBLISHED
     // The published mean is one of frames, whose lengths are not lowered.
@@ -65,7 +78,8 @@ __kernel void accumulate(
     history.length = before;
 #endif
     add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
-    store_history(planes, &history, signal, length, size, p, x, width, seam);
+    store_history(planes, &history, signal, certainty, size, p, x, width, seam);
+    store_variance(&history, certainty, p, x, width, seam);
 }
 
 __kernel void follow(
@@ -73,7 +87,7 @@ __kernel void follow(
     PLANES_IN guide_previous[MOST_ENTRIES],      // the same of the previous picture
     PLANES_IN motion[MOST_ENTRIES],              // 2 planes
     PLANES_IN signal_before[MOST_ENTRIES],       // the history's planes
-    PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
+    PLANES_IN certainty_before[MOST_ENTRIES],    // 2 planes
     const float plane_tolerance,                 // plane distance / depth within one surface
     const float normal_agreement,                // least cosine between its normals
     __global const int *restrict tiles,
@@ -81,7 +95,7 @@ __kernel void follow(
     PLANES_IN samples[MOST_ENTRIES],             // its planes
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
     PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
-    PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
+    PLANES_OUT certainty[MOST_ENTRIES],          // out: 2 planes
     float limit,                                   // most samples of the history
     int fresh,                                     // the history starts with this picture
     int width,
@@ -92,7 +106,7 @@ __kernel void follow(
 {
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, certainty_before,
                                     plane_tolerance, normal_agreement, 0.0f, p, width, height, seam, camera);
     if (fresh) {
         EACH_PLANE(c, planes)
@@ -100,7 +114,7 @@ __kernel void follow(
         history.length = history.spread = 0.0f;
     }
     add_fast_sample(planes, &history, samples, guide, level, limit, size, p);
-    store_history(planes, &history, signal, length, size, p, x, width, seam);
+    store_history(planes, &history, signal, certainty, size, p, x, width, seam);
 }
 
 __kernel void fetch(
@@ -108,13 +122,13 @@ __kernel void fetch(
     PLANES_IN guide_previous[MOST_ENTRIES],      // the same of the previous picture
     PLANES_IN motion[MOST_ENTRIES],              // 2 planes
     PLANES_IN signal_before[MOST_ENTRIES],       // the history's planes
-    PLANES_IN length_before[MOST_ENTRIES],       // 1 plane
+    PLANES_IN certainty_before[MOST_ENTRIES],    // 2 planes
     const float plane_tolerance,                 // plane distance / depth within one surface
     const float normal_agreement,                // least cosine between its normals
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
-    PLANES_OUT length[MOST_ENTRIES],             // out: 1 plane
+    PLANES_OUT certainty[MOST_ENTRIES],          // out: 2 planes
     PLANES_OUT fast_signal[MOST_ENTRIES],        // out: g, replacing the fast history's own
     int width,
     int height,
@@ -124,15 +138,15 @@ __kernel void fetch(
 {
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
-    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, length_before,
+    History history = fetch_history(planes, guide, guide_previous, motion, signal_before, certainty_before,
                                     plane_tolerance, normal_agreement, 0.0f, p, width, height, seam, camera);
-    store_history(planes, &history, signal, length, size, p, x, width, seam);
+    store_history(planes, &history, signal, certainty, size, p, x, width, seam);
     store_scalar(planes, history.signal, fast_signal, size, p, x, width, seam);
 }
 
 static inline ALWAYS_INLINE void correct_pixel(
-    int planes, PLANES_IN guide, PLANES_IN fast_signal, PLANES_IN fast_length, PLANES_IN samples,
-    __global const uchar *restrict level, PLANES_OUT signal, PLANES_OUT length, int x, int y,
+    int planes, PLANES_IN guide, PLANES_IN fast_signal, PLANES_IN fast_certainty, PLANES_IN samples,
+    __global const uchar *restrict level, PLANES_OUT signal, PLANES_OUT certainty, int x, int y,
     float antilag_sigma, float clamp_sigma, int trusted, float fading, int rays, int width, int height,
     int seam)
 {
@@ -140,17 +154,19 @@ static inline ALWAYS_INLINE void correct_pixel(
     History history;
     if (trusted) {
         const float spread = signal[(planes + SPREAD_PLANE) * size + p];
-        const float share = stale_share(planes, guide, fast_signal, fast_length, length[p], spread,
+        const float share = stale_share(planes, guide, fast_signal, fast_certainty,
+                                        certainty[LENGTH_PLANE * size + p], spread,
                                         antilag_sigma, size, p, width);
         const Box box = nearby_box(planes, guide, fast_signal, clamp_sigma, size, p, width);
-        history = load_history(planes, signal, length, size, p); // loaded late: it takes registers
-        correct_history(planes, &history, fast_signal, fast_length, share, size, p);
+        history = load_history(planes, signal, certainty, size, p); // loaded late: it takes registers
+        correct_history(planes, &history, fast_signal, fast_certainty, share, size, p);
         clamp_history(planes, &history, &box);
     } else {
-        history = load_history(planes, signal, length, size, p);
+        history = load_history(planes, signal, certainty, size, p);
     }
     add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
-    store_history(planes, &history, signal, length, size, p, x, width, seam);
+    store_history(planes, &history, signal, certainty, size, p, x, width, seam);
+    store_variance(&history, certainty, p, x, width, seam);
 }
 
 // One kernel per kind: PoCL does not vectorize loops over a number of planes known only at run time.
@@ -159,11 +175,11 @@ __kernel void correct_real(
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN fast_signal[1],    // the fast history, with g of the slow one, borders wrapped
-    PLANES_IN fast_length[1],
+    PLANES_IN fast_certainty[1],
     PLANES_IN samples[1],        // the signal's planes
     __global const uchar *restrict level[1], // 1 plane: tracing density of this picture
     PLANES_OUT signal[1],        // in, out: the slow history
-    PLANES_OUT length[1],
+    PLANES_OUT certainty[1],
     float antilag_sigma,           // differences below this number of deviations are noise
     float clamp_sigma,             // half width of the box in deviations
     int trusted,                   // the fast history holds enough to compare with
@@ -174,7 +190,7 @@ __kernel void correct_real(
     int seam)
 {
     TILE_ITEM;
-    correct_pixel(REAL_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y,
+    correct_pixel(REAL_PLANES, guide, fast_signal, fast_certainty, samples, level, signal, certainty, x, y,
                   antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
 }
 
@@ -183,11 +199,11 @@ __kernel void correct_reflected(
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN fast_signal[MOST_ENTRIES],         // the fast history, with g of the slow one, borders wrapped
-    PLANES_IN fast_length[MOST_ENTRIES],
+    PLANES_IN fast_certainty[MOST_ENTRIES],
     PLANES_IN samples[MOST_ENTRIES],             // the signal's planes
     __global const uchar *restrict level[MOST_ENTRIES], // 1 plane: tracing density of this picture
     PLANES_OUT signal[MOST_ENTRIES],             // in, out: the slow history
-    PLANES_OUT length[MOST_ENTRIES],
+    PLANES_OUT certainty[MOST_ENTRIES],
     float antilag_sigma,           // differences below this number of deviations are noise
     float clamp_sigma,             // half width of the box in deviations
     int trusted,                   // the fast history holds enough to compare with
@@ -198,8 +214,8 @@ __kernel void correct_reflected(
     int seam)
 {
     TILE_ITEM;
-    correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_length, samples, level, signal, length, x, y,
-                  antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
+    correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_certainty, samples, level, signal, certainty, x,
+                  y, antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
 }
 
 __kernel void estimate_variance(
@@ -207,8 +223,7 @@ __kernel void estimate_variance(
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN signal[MOST_ENTRIES],              // its planes and two more, border wrapped
-    PLANES_IN length[MOST_ENTRIES],              // 1 plane
-    PLANES_OUT variance[MOST_ENTRIES],           // out: 1 plane, of the scalar's mean
+    PLANES_OUT certainty[MOST_ENTRIES],          // in, out: 2 planes
     int width,
     int height,
     int seam,
@@ -217,12 +232,12 @@ __kernel void estimate_variance(
     TILE_ITEM;
     int stride = plane_stride(width), size = plane_size(width, height), p = plane_index(x, y, width);
     PLANES_IN ids = guide + GUIDE_ID * size;
-    PLANES_IN spread = signal + (planes + SPREAD_PLANE) * size;
     PLANES_IN scalar = signal + (planes + SCALAR_PLANE) * size;
-    float samples = length[p], result = 0.0f;
-    if (samples >= SHORT_HISTORY - 0.5f) { // the mean of four lengths of 4 may be rounded down
-        result = (1.0f + UNSURE / samples) * spread[p] / (samples - 1.0f);
-    } else if (ids[p] > 0.0f) {
+    const float samples = certainty[LENGTH_PLANE * size + p];
+    if (!is_short(samples))
+        return;
+    float result = 0.0f;
+    if (ids[p] > 0.0f) {
         float id = ids[p], centre = scalar[p], count = 1.0f, sum = 0.0f, square = 0.0f;
         for (int i = 0; i < SPATIAL_TAPS * SPATIAL_TAPS; i++) {
             int dx = 2 * (i % SPATIAL_TAPS) + 1 - SPATIAL_TAPS;
@@ -238,5 +253,5 @@ __kernel void estimate_variance(
         float boost = (SHORT_HISTORY + UNSURE) / fmax(samples, 1.0f);
         result = boost * fmax(square / count - sum * sum / (count * count), 0.0f);
     }
-    store_wrapped(variance, p, x, width, seam, result);
+    store_wrapped(certainty, p, x, width, seam, result);
 }

@@ -14,13 +14,11 @@ __kernel void environment_samples(
     __global float4 *restrict samples)
 {
     const int i = get_global_id(0);
-    if (i >= samples_count)
+    if (i >= samples_count || !lights_shine(lights))
         return;
-    const float x = (i + 0.5f) / samples_count;
-    const float3 upper = sample_light(lights, (float2)(x, 0.0f));
-    const float3 lower = sample_light(lights, (float2)(x, 1.0f));
-    // At a pole, one end of the cell has no azimuth.
-    const float3 wide = fabs(upper.y) < fabs(lower.y) ? upper : lower;
-    const float radius = sqrt(wide.x * wide.x + wide.z * wide.z);
-    samples[i] = (float4)(wide.z / radius, -wide.x / radius, upper.y, lower.y);
+    int column, row;
+    const float rest = find_light_column(lights, (i + 0.5f) / samples_count, &column);
+    const float across = find_light_row(lights, column, rest, &row);
+    samples[i] = (float4)(unit_circle((column + across) / lights.size.x), light_edge(lights, row),
+                          light_edge(lights, row + 1));
 }

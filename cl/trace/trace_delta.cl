@@ -25,7 +25,7 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     Scatter s = no_scatter(boxes.n);
     const float box_share = !(boxes.total > 0.0f) ? 0.0f
         : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
-    s.light_share = world.lights.count > 0 ? 0.5f * (1.0f - box_share) : 0.0f;
+    s.light_share = lights_shine(world.lights) ? 0.5f * (1.0f - box_share) : 0.0f;
     if (v.x < box_share) {
         s.wi = sample_boxes(world.objects.bounds, world.objects.count, boxes, u,
                             v.x / box_share);

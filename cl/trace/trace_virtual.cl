@@ -4,7 +4,7 @@
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
 //      albedo         3 planes
-//      history        1 plane: effective length of the pixel's temporal mean in the last picture, frames
+//      history        2 planes: certainty of the pixel's temporal mean in the last picture (filter/signal.h)
 //      real, objects  lib/world/world.h
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
 //      specular       3 planes: radiance; null, as is `hit`, if no material has a specular lobe
@@ -13,6 +13,7 @@
 //      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
 //      samples        1 plane: number of the pixel's rays since the start, in and out
 #define RELIT
+#include "filter/signal.h"
 #include "world/path.h"
 #include "trace/rays.h"
 #include "trace/traced.h"
@@ -67,7 +68,8 @@ TRACING_KERNEL void trace_virtual(
     int met = 0;
     const int own = pixel_of(pixels.list[item], pixels.width);
     const int planes = plane_size(pixels.width, pixels.height);
-    const float steady = pixels.rays * share_of_rays(history[own], pixels.rays);
+    const float steady = pixels.rays * share_of_rays(history[LENGTH_PLANE * planes + own],
+                                                    pixels.rays);
     const float deserved = steady * isolation(pixels.guide, planes, own, plane_stride(pixels.width),
                                               load_planes(pixels.guide, planes, own));
     // A quotient may be 2.5 ulp below the exact integer.

@@ -6,7 +6,7 @@ import mmap
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -22,9 +22,11 @@ from iprt.device.compilers import Compilers
 from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
 from iprt.device.program import Define, PlannedKernel, Program, build, device_key
-from iprt.device.recovery import reported, wait
+from iprt.device.recovery import end_of, reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
+HUGE_PAGE = 1 << 21
+"""Bytes from which a buffer of a CPU lies in huge pages, where the system has them."""
 _HUNG: list[Any] = []
 """Host memory that hung devices may still read. Kept until the process ends."""
 
@@ -44,10 +46,22 @@ class _Built:
     kernels: weakref.WeakSet[Kernel] = field(default_factory=weakref.WeakSet)
 
 
+def _size(shape: tuple[int, ...], dtype: DTypeLike) -> int:
+    """Return the bytes of a buffer."""
+    return int(np.prod(shape)) * np.dtype(dtype).itemsize
+
+
 def _blank(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Return zeros in pages of their own, which take no memory before they are written."""
-    count, kind = int(np.prod(shape)), np.dtype(dtype)
-    pages = mmap.mmap(-1, count * kind.itemsize, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    """Return zeros in pages of their own, which take no memory before they are written.
+
+    Large arrays ask for huge pages. Rays then wait less for the translation of addresses.
+    """
+    count, size = int(np.prod(shape)), _size(shape, dtype)
+    pages = mmap.mmap(-1, size, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    if size >= HUGE_PAGE and hasattr(mmap, "MADV_HUGEPAGE"):
+        with suppress(OSError):  # a kernel without them
+            pages.madvise(mmap.MADV_HUGEPAGE)
+    kind = np.dtype(dtype)
     return np.frombuffer(pages, kind, count).reshape(shape)
 
 
@@ -283,7 +297,10 @@ class ComputeDevice:
             The memory does not suffice.
         """
         with self._holding(name, shape, dtype):
-            array = cla.empty(self.queue, shape, dtype)
+            if self.is_cpu and _size(shape, dtype) >= HUGE_PAGE:
+                array = self._hosted(_blank(shape, dtype), cl.mem_flags.READ_WRITE)
+            else:
+                array = cla.empty(self.queue, shape, dtype)
         self.buffers[name] = array.nbytes
         return array
 
@@ -316,7 +333,7 @@ class ComputeDevice:
         try:
             yield
         except (cl.MemoryError, cl.LogicError, OSError) as error:
-            need = int(np.prod(shape)) * np.dtype(dtype).itemsize
+            need = _size(shape, dtype)
             raise DeviceError(
                 f"{self.name} cannot hold the buffer '{name}' ({amount(need)}): "
                 f"{what_to_lower(self.buffers | {name: need})}"
@@ -363,10 +380,7 @@ class ComputeDevice:
         while self._in_flight and self._in_flight[0].command_execution_status == done:
             self._in_flight.popleft()
         self._in_flight.append(event)
-        if self.profile.recording:
-            # The profile reads events late. A bare event does not keep the host values alive.
-            timed = cl.Event.from_int_ptr(event.int_ptr)
-            self.profile.record(timed, "write", Kind.TRANSFER, host.nbytes)
+        self._record_transfer(event, "write", host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """Return a host copy of a buffer, after all enqueued work."""
@@ -377,21 +391,53 @@ class ComputeDevice:
         self.profile.record(event, "read", Kind.TRANSFER, host.nbytes)
         return host
 
+    def fetch(self, array: cla.Array) -> Callable[[], NDArray[Any]]:
+        """Start to copy a buffer to the host, and return a function that returns the copy.
+
+        That function waits for the copy and the work before it, not for work that is enqueued later.
+        """
+        host = np.empty(array.shape, array.dtype)
+        with self.reported("a transfer"):
+            event = cl.enqueue_copy(self.queue, host, array.data, is_blocking=False)
+            self.queue.flush()
+        self._in_flight.append(event)
+        self._record_transfer(event, "read", host.nbytes)
+
+        def fetched() -> NDArray[Any]:
+            if event.command_execution_status != cl.command_execution_status.COMPLETE:
+                self._wait(event)
+            return host
+
+        return fetched
+
     def wait(self) -> None:
         """Wait until all enqueued work is done."""
+        with self.reported("its work"):
+            done = end_of(self.queue)
+        self._wait(done)
+        self._in_flight.clear()
+        self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
+
+    def _wait(self, done: cl.Event) -> None:
+        """Wait for an event of the flushed queue."""
         self.profile.synchronised()
         try:
             with self.reported("its work"):
                 if self.limit_s is None:
-                    self.queue.finish()
+                    done.wait()
                 else:
-                    wait(self.name, self.queue, self.limit_s)
+                    wait(self.name, done, self.limit_s)
         except DeviceHangError:
             # The destructor of a transfer's event would wait for the transfer.
             _HUNG.extend((*self._in_flight, *self._shared))
             raise
-        self._in_flight.clear()
-        self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
+
+    def _record_transfer(self, event: cl.Event, name: str, size: int) -> None:
+        """Record a transfer from or to the host's memory."""
+        if self.profile.recording:
+            # The profile reads events late. A bare event does not keep the host's memory alive.
+            timed = cl.Event.from_int_ptr(event.int_ptr)
+            self.profile.record(timed, name, Kind.TRANSFER, size)
 
     def finish(self) -> None:
         """Wait until all enqueued work is done, and let the profile read event times."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -125,3 +125,7 @@ class PlanDevice(ComputeDevice):
     def read(self, array: Any) -> NDArray[Any]:
         """Return zeros in the shape and dtype of the buffer."""
         return np.zeros(array.shape, array.dtype)
+
+    def fetch(self, array: Any) -> Callable[[], NDArray[Any]]:
+        """Return a function that returns zeros in the shape and dtype of the buffer."""
+        return lambda: self.read(array)

@@ -43,14 +43,16 @@ class HistoryFix:
             plane_sharpness=settings.plane_sharpness,
         )
 
-    def run(self, accumulated: Accumulated, level: cla.Array) -> Accumulated:
-        """Return the same signal, in buffers of this object; `level` is `Mask.level`."""
+    def run(self, accumulated: Accumulated, level: cla.Array) -> tuple[cla.Array, cla.Array]:
+        """Return the signal and its variance, 1 plane, in buffers of this object.
+
+        `level` is `Mask.level`.
+        """
         self._fix(
             self._guide.tiles.grid(),
             guide=self._guide.current,
             signal=accumulated.signal,
-            variance=accumulated.variance,
-            length=accumulated.length,
+            certainty=accumulated.certainty,
             level=level,
         )
-        return Accumulated(self._signal, accumulated.length, self._variance)
+        return self._signal, self._variance

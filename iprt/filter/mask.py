@@ -153,8 +153,8 @@ class Masks:
             Origin of the tracing grid, `FrameContext.grid`, the same as for `Interpolate.run`.
         motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
-        histories : 1 plane or None each, optional
-            `Temporal.lengths` after the last picture. With them, pixels of sparse masks with a long
+        histories : 2 planes or None each, optional
+            `Temporal.certainties` after the last picture. With them, pixels of sparse masks with a long
             history get fewer rays.
         metre : float
             Length of a metre in the units of the guide's positions.
@@ -163,7 +163,7 @@ class Masks:
         """
         masks = self._masks
         tiles = masks[0].guide.tiles
-        lengths = histories or [None] * len(masks)
+        certainties = histories or [None] * len(masks)
         for mask in masks:
             mask.touched, mask.before = mask.before, mask.touched
         size = tiles.lanes(len(masks))
@@ -186,13 +186,13 @@ class Masks:
             carried,
             batched(
                 # Without a history another plane is bound, which is not used.
-                length=[
-                    mask.before if length is None else length
-                    for mask, length in zip(masks, lengths, strict=True)
+                certainty=[
+                    mask.before if certainty is None else certainty
+                    for mask, certainty in zip(masks, certainties, strict=True)
                 ],
                 keep=[
-                    length is not None and mask.settings.sparse
-                    for mask, length in zip(masks, lengths, strict=True)
+                    certainty is not None and mask.settings.sparse
+                    for mask, certainty in zip(masks, certainties, strict=True)
                 ],
                 sigma_position=[mask.settings.sigma_position / metre for mask in masks],
             ),

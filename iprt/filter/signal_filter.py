@@ -76,6 +76,7 @@ class SignalFilter:
         self.variances = self._atrous.variances
         self.accumulated: list[Accumulated] = []
         self.filtered: Sequence[cla.Array] = []
+        self._variances: Sequence[cla.Array] = []
         self._frame: Sequence[Samples] = []
         enough = settings.temporal.enough
         fixed = enough > 0.0 and settings.atrous.levels > 0 and not published
@@ -89,8 +90,8 @@ class SignalFilter:
 
     @property
     def histories(self) -> Sequence[cla.Array]:
-        """`Temporal.lengths` of the signals."""
-        return self._temporal.lengths
+        """`Temporal.certainties` of the signals."""
+        return self._temporal.certainties
 
     def known(self, context: FrameContext) -> Sequence[cla.Array] | None:
         """Return `histories`, if pixels with a long one may get fewer rays in this frame.
@@ -169,16 +170,19 @@ class SignalFilter:
             changed=context.changed,
         )
         self.filtered = [signal.signal for signal in self.accumulated]
+        # The first plane of a certainty is the variance.
+        self._variances = [signal.certainty for signal in self.accumulated]
 
     def _fix(self, _: FrameContext) -> None:
-        self.accumulated = [
-            signal if fix is None else fix.run(signal, level)
+        fixed = [
+            (signal.signal, signal.certainty) if fix is None else fix.run(signal, level)
             for signal, fix, level in zip(self.accumulated, self._fixes, self._levels, strict=True)
         ]
-        self.filtered = [signal.signal for signal in self.accumulated]
+        self.filtered = [signal for signal, _ in fixed]
+        self._variances = [variance for _, variance in fixed]
 
     def _blur(self, radiance: float) -> None:
-        variances = None if self._published else [one.variance for one in self.accumulated]
+        variances = None if self._published else self._variances
         roughness = [samples.roughness for samples in self._frame]
         self.filtered = self._atrous.run(
             self.filtered, variances, roughness=roughness, radiance=radiance

@@ -40,16 +40,13 @@ class Accumulated:
     Attributes
     ----------
     signal : the signal's planes, float32, and the additional ones of `cl/lib/filter/history.h`
-    length : 1 plane float32
-        Effective number of samples of the mean; 0 without any.
-    variance : 1 plane float32
+    certainty : 2 planes float32
         Variance of the mean of the displayed scalar: luminance of E_R - E_RV on real surfaces, of
-        the signal on virtual ones.
+        the signal on virtual ones. Effective number of samples of the mean; 0 without any.
     """
 
     signal: cla.Array
-    length: cla.Array
-    variance: cla.Array
+    certainty: cla.Array
 
 
 class _History:
@@ -57,19 +54,20 @@ class _History:
 
     Attributes
     ----------
-    signals, lengths : lists of buffers
-        Means, with the variances of single samples of g and g itself, and their lengths in samples.
+    signals, certainties : lists of buffers
+        Means, with the variances of single samples of g and g itself, and `Accumulated.certainty`,
+        whose variance a fast history lacks.
     """
 
-    def __init__(self, signals: Sequence[cla.Array], lengths: Sequence[cla.Array]) -> None:
-        self.signals, self.lengths = signals, lengths
+    def __init__(self, signals: Sequence[cla.Array], certainties: Sequence[cla.Array]) -> None:
+        self.signals, self.certainties = signals, certainties
         self._named: dict[str, dict[str, cla.Array]] = {}
 
     def arguments(self, pattern: str) -> dict[str, cla.Array]:
-        """Return the buffers by parameter names: `pattern` with "signal" and "length"."""
+        """Return the buffers by parameter names: `pattern` with "signal" and "certainty"."""
         named = self._named.get(pattern)
         if named is None:
-            buffers = {"signal": self.signals, "length": self.lengths}
+            buffers = {"signal": self.signals, "certainty": self.certainties}
             named = batched(**{pattern.format(name): of for name, of in buffers.items()})
             self._named[pattern] = named
         return named
@@ -109,7 +107,7 @@ class Temporal:
         channels = signal_planes(signals[0].kind)
         defines = signal_defines(signals) | guide.camera_define | {"PUBLISHED": published}
 
-        def planes(label: str, channels: int = 1) -> list[cla.Array]:
+        def planes(label: str, channels: int) -> list[cla.Array]:
             shape = guide.layout.shape(channels)
             return [device.zeros(f"{signal.name} {label}", shape) for signal in signals]
 
@@ -118,18 +116,16 @@ class Temporal:
             return [
                 _History(
                     planes(f"{label} {i}", channels + HISTORY_PLANES),
-                    planes(f"{label} length {i}"),
+                    planes(f"{label} certainty {i}", 2),
                 )
                 for i in range(2)
             ]
 
-        self._variance = planes("variance")
         self._now, self._before = histories("history")
         fixed = {
             **guide.layout.arguments(),
             **guide.camera_argument,
             **tile_arguments([signal.guide for signal in signals]),
-            **batched(variance=self._variance),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,
             "clamp_sigma": settings.clamp_sigma,
@@ -156,9 +152,9 @@ class Temporal:
             )
 
     @property
-    def lengths(self) -> Sequence[cla.Array]:
-        """Effective number of samples of each pixel's mean after the last picture, 1 plane each."""
-        return self._now.lengths
+    def certainties(self) -> Sequence[cla.Array]:
+        """`Accumulated.certainty` of each signal after the last picture."""
+        return self._now.certainties
 
     @property
     def settled(self) -> bool:
@@ -168,8 +164,8 @@ class Temporal:
     def reset(self) -> None:
         """Drop all samples, as after a cut."""
         for history in [self._now] if self._published else [self._now, self._fast]:
-            for length in history.lengths:
-                self._device.fill_zero(length)
+            for certainty in history.certainties:
+                self._device.fill_zero(certainty)
 
     def run(
         self,
@@ -216,10 +212,8 @@ class Temporal:
             self._run(self._accumulate, fetched, added)
         self._run(self._estimate, added)
         return [
-            Accumulated(accumulated, length, variance)
-            for accumulated, length, variance in zip(
-                self._now.signals, self._now.lengths, self._variance, strict=True
-            )
+            Accumulated(signal, certainty)
+            for signal, certainty in zip(self._now.signals, self._now.certainties, strict=True)
         ]
 
     def _unsettle(self, *, changed: bool) -> bool:

@@ -43,7 +43,7 @@ class EnvironmentArgs(Block):
     Attributes
     ----------
     count : int
-        Number of samples; 0: no ray is aimed.
+        Number of samples.
     samples : (count, 4) float32
         See `cl/trace/environment_samples.cl`.
     plane : float4
@@ -88,11 +88,10 @@ class Environment:
         cells = lights.rows * lights.columns
         if self._samples is None:
             self._samples = self._device.zeros("environment samples", (cells, 4))
-        self._count = cells if lights.count > 0 else 0
-        if self._count:
-            self._kernel(
-                (cells,), lights=lights.arguments(), samples_count=cells, samples=self._samples
-            )
+        self._count = cells
+        self._kernel(
+            (cells,), lights=lights.arguments(), samples_count=cells, samples=self._samples
+        )
 
     @property
     def defines(self) -> dict[str, Define]:

@@ -237,13 +237,13 @@ class SparseMethod(Method):
 
     def _history_length(self) -> Image | None:
         def length(accumulated: Accumulated) -> Image | None:
-            return self.read(accumulated.length, slice(0, 1))
+            return self.read(accumulated.certainty, slice(1, 2))
 
         return self._of_signals(length, np.minimum)
 
     def _variance(self) -> Image | None:
         def variance(accumulated: Accumulated) -> Image | None:
-            return self.read(accumulated.variance, slice(0, 1))
+            return self.read(accumulated.certainty, slice(0, 1))
 
         return self._of_signals(variance, np.add)
 

@@ -284,8 +284,8 @@ class VirtualTracer(_Tracer):
         Parameters
         ----------
         albedo : 3 planes
-        history : 1 plane
-            `Temporal.length` of the signals. Only rays need it; cones and paths ignore it.
+        history : 2 planes
+            `Accumulated.certainty` of a signal. Only rays need it; cones and paths ignore it.
         """
         self._launch(world, mask, view, albedo=albedo, history=history)
 

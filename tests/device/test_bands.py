@@ -102,7 +102,7 @@ def scene(tmp_path: Path) -> Scene:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("width", "height", "band_s", "least"), [(40, 24, 0.0, 500), (128, 128, 1e3, 300)]
+    ("width", "height", "band_s", "least"), [(40, 24, 0.0, 500), (128, 128, 1e3, 200)]
 )
 def test_a_picture_in_parts_has_the_same_bits(
     scene: Scene,

@@ -93,7 +93,7 @@ class Frames:
         for i, planes, accumulated in zip(chosen, filtered, signal_filter.accumulated, strict=True):
             result[f"filtered {i}"] = read(device, layout, planes)
             result[f"accumulated {i}"] = read(device, layout, accumulated.signal)
-            result[f"variance {i}"] = read(device, layout, accumulated.variance)
+            result[f"certainty {i}"] = read(device, layout, accumulated.certainty)
         for layer, mask in zip(used, masks, strict=True):
             result[f"level {layer}"] = read(device, layout, mask.level)
             result[f"touched {layer}"] = read(device, layout, mask.touched)

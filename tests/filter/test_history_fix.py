@@ -31,15 +31,14 @@ def run(
     levels = np.zeros_like(length) if level is None else level
     signal_of_guide = Signal("test", kind, gbuffer.guide(device))
     fix = HistoryFix(device, signal_of_guide, SETTINGS, ENOUGH)
-    fixed = fix.run(
+    fixed, varied = fix.run(
         Accumulated(
             upload(device, layout, signal),
-            upload(device, layout, length[None]),
-            upload(device, layout, variance[None]),
+            upload(device, layout, np.stack([variance, length])),
         ),
         device.upload("level", layout.padded(levels[None]).astype(np.uint8)),
     )
-    return read(device, layout, fixed.signal), read(device, layout, fixed.variance)[0]
+    return read(device, layout, fixed), read(device, layout, varied)[0]
 
 
 def twin(

@@ -44,7 +44,9 @@ def run(
     settings = MaskSettings(sigma_position=sigma)
     mask = Mask(device, gbuffer.guide(device, pictures=2), settings, name="test", graded=graded)
     device.write(mask.touched, layout.padded(touched[None]))
-    histories = None if history is None else [upload(device, layout, history[None])]
+    histories = (
+        None if history is None else [upload(device, layout, np.stack([0.0 * history, history]))]
+    )
     Masks(device, [mask]).run(tracing_grid(device, offset), [still(device, layout)], histories)
     count = int(device.read(mask.count)[0])
     listed = np.bincount(device.read(mask.traced)[:count], minlength=layout.width * layout.height)
@@ -181,7 +183,7 @@ def test_a_history_is_looked_up_where_the_surface_was(device: ComputeDevice) -> 
     Masks(device, [mask]).run(
         tracing_grid(device, (0, 0)),
         [upload(device, layout, motion)],
-        [upload(device, layout, history[None])],
+        [upload(device, layout, np.stack([0.0 * history, history]))],
     )
     level = read(device, layout, mask.level)[0]
     assert np.argwhere(level == 3).tolist() == [[12, 21]]

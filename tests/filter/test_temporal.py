@@ -136,8 +136,7 @@ def test_equals_twin(
         # A value on a threshold may fall on either side of it in single precision.
         for image, twin in [
             (result.signal, past.signal),
-            (result.length, past.length[None]),
-            (result.variance, variance[None]),
+            (result.certainty, np.stack([variance, past.length])),
         ]:
             close = np.isclose(session.image(image), twin, rtol=2e-3, atol=2e-4)
             # What follows builds on it.
@@ -159,7 +158,7 @@ def test_a_pixel_that_wakes_had_no_influence(
     device.write(session.guide.current, planes)
     woken = session.add(gbuffer, signal)
     np.testing.assert_allclose(session.image(woken.signal), signal / (slept + 1.0), rtol=1e-5)
-    np.testing.assert_allclose(read(device, session.layout, woken.length), slept + 1.0)
+    np.testing.assert_allclose(session.image(woken.certainty)[1], slept + 1.0)
 
 
 @pytest.mark.parametrize("kind", ["ratio", "delta", "diffuse"])
@@ -171,10 +170,10 @@ def test_still_picture_converges_to_the_mean(device: ComputeDevice, kind: Kind) 
     for signal in samples:
         result = session.add(gbuffer, signal)
     np.testing.assert_allclose(session.image(result.signal), np.mean(samples, 0), rtol=3e-6)
-    assert np.all(session.image(result.length) == 30.0)
+    assert np.all(session.image(result.certainty)[1] == 30.0)
     scalars = np.array([shown(s) for s in samples])
     variance = (1.0 + 8.0 / 30.0) * scalars.var(0, ddof=1) / 30.0
-    np.testing.assert_allclose(session.image(result.variance)[0], variance, rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(session.image(result.certainty)[0], variance, rtol=1e-3, atol=1e-9)
 
 
 def test_fading_after_stillness_and_back(device: ComputeDevice) -> None:
@@ -184,9 +183,9 @@ def test_fading_after_stillness_and_back(device: ComputeDevice) -> None:
     rng = np.random.default_rng(7)
     for _ in range(60):
         result = session.add(gbuffer, rng.random((3, 8, 8)), fading=0.1)
-    np.testing.assert_allclose(session.image(result.length), 19.0)
+    np.testing.assert_allclose(session.image(result.certainty)[1], 19.0)
     result = session.add(gbuffer, rng.random((3, 8, 8)), fading=0.0)
-    np.testing.assert_allclose(session.image(result.length), 20.0)
+    np.testing.assert_allclose(session.image(result.certainty)[1], 20.0)
 
 
 def test_other_surface_is_rejected(device: ComputeDevice) -> None:
@@ -201,7 +200,7 @@ def test_other_surface_is_rejected(device: ComputeDevice) -> None:
     normal[:, :, 20:30] = np.array([1.0, 0.0, 0.0])[:, None, None]
     result = session.add(replace(gbuffer, ids=ids, depth=depth, normal=normal), bright)
     expected = np.where(np.arange(40) < 30, 1.0, 6.0)
-    assert np.array_equal(session.image(result.length)[0], np.tile(expected, (24, 1)))
+    assert np.array_equal(session.image(result.certainty)[1], np.tile(expected, (24, 1)))
     np.testing.assert_allclose(session.image(result.signal)[..., :30], 1.0)
 
 
@@ -252,7 +251,7 @@ def test_change_elsewhere_costs_little(device: ComputeDevice) -> None:
     image = session.image(result.signal)[0]
     assert abs(image.mean() - 1.0) < 0.01
     assert image.std() < 2.0 * 0.5 / np.sqrt(60)
-    assert np.median(session.image(result.length)) > 30.0
+    assert np.median(session.image(result.certainty)[1]) > 30.0
 
 
 def test_published_filter_is_its_twin(device: ComputeDevice) -> None:
@@ -279,7 +278,7 @@ def test_histories_agree_again(device: ComputeDevice) -> None:
     rng = np.random.default_rng(16)
     for frame in range(SETTLE_FRAMES + 1):
         result = session.add(gbuffer, rng.random((3, 8, 8)), changed=frame == 1)
-    past, length = session.image(result.signal), session.image(result.length)[0]
+    past, length = session.image(result.signal), session.image(result.certainty)[1]
     sample = rng.random((3, 8, 8))
     result = session.add(gbuffer, sample)
     expected = past + (sample - past) / (length + 1.0)
@@ -296,7 +295,7 @@ def test_equal_planes_stay_equal(device: ComputeDevice) -> None:
         result = session.add(gbuffer, signal, motion, fading=0.1, changed=changed)
     image = session.image(result.signal)
     assert np.array_equal(image[:3], image[3:])
-    assert not session.image(result.variance).any()
+    assert not session.image(result.certainty)[0].any()
 
 
 @pytest.mark.parametrize("changed", [False, True])
@@ -310,8 +309,8 @@ def test_samples_that_are_not_finite_are_dropped(device: ComputeDevice, changed:
         result = session.add(gbuffer, signal, changed=changed)
     image = session.image(result.signal)
     assert np.isfinite(image).all()
-    assert np.isfinite(session.image(result.variance)).all()
-    assert session.image(result.length)[0, 4, 6] == 2.0
+    assert np.isfinite(session.image(result.certainty)[0]).all()
+    assert session.image(result.certainty)[1, 4, 6] == 2.0
     if not changed:
         np.testing.assert_allclose(image[:, 4, 6], 0.5, rtol=1e-6)
 
@@ -350,9 +349,9 @@ def test_frames_weigh_as_their_rays(device: ComputeDevice) -> None:
     for rays in [4] * 8 + [1] * 24:
         noise = rng.normal(0.0, 1.0 / np.sqrt(rays), (1, 48, 64))
         result = session.add(gbuffer, np.repeat(1.0 + noise, 3, axis=0))
-    assert (session.image(result.length) == 8 + 24 / 4).all()
+    assert (session.image(result.certainty)[1] == 8 + 24 / 4).all()
     # 56 rays of variance 1; one error for all three channels.
     error = session.image(result.signal)[0] - 1.0
     assert abs(56 * np.mean(error**2) - 1.0) < 0.1
-    told = session.image(result.variance).mean() / (1.0 + 8.0 / 14.0)
+    told = session.image(result.certainty)[0].mean() / (1.0 + 8.0 / 14.0)
     assert abs(56 * told - 1.0) < 0.15

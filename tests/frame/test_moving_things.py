@@ -108,8 +108,8 @@ def test_what_a_real_thing_uncovers_is_as_new(device: ComputeDevice) -> None:
             renderer.step()
         found, _ = shown(renderer)
         history = renderer.layout.interior(
-            device.read(renderer.method.real_pixels.accumulated.length)
-        )[0]
+            device.read(renderer.method.real_pixels.accumulated.certainty)
+        )[1]
     real = truth[1] == 0.0
     assert rms((found - truth[0])[real]) < 1.2 * rms((fresh - truth[0])[real])
     uncovered = seen(depths[-1]) > seen(depths[-4]) * 1.05

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
+from iprt.geometry.equirect import solid_angles
 from iprt.world.real.cell_light import DARK, TEXELS
 
 Float = NDArray[np.float64]
@@ -36,6 +37,19 @@ def cell_luminance(
     cell = (row[:, None] * columns + column).ravel()
     sums = np.bincount(cell, luminance.ravel(), rows * columns)
     return np.asarray(sums / np.bincount(cell, minlength=rows * columns)).reshape(rows, columns)
+
+
+def light_density(luminance: NDArray[np.floating]) -> Float:
+    """(rows, columns) 1/sr of the sampling of lights; all 0 in even light.
+
+    `luminance` (rows, columns) holds means over the cells of an equirect grid.
+    """
+    rows, columns = luminance.shape
+    solid_angle = solid_angles(columns, rows)[:, None]
+    mean = float((luminance * solid_angle).sum() / (4.0 * np.pi))
+    excess = np.where(luminance > mean * (1.0 + 1e-4), luminance - mean, 0.0)
+    total = float((excess * solid_angle).sum())
+    return np.asarray(excess / total) if total > 0.0 else np.zeros_like(excess)
 
 
 def frames_light_change(before: Frame, now: Frame, rows: int) -> tuple[Float, Float]:

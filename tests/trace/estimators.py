@@ -156,7 +156,7 @@ class Kernels:
         Guides(device, [guide], [Layer(seen.normal, seen.depth, seen.id)]).run(self.view)
         mask = Mask(device, guide, MaskSettings(sparse=False), name="run")
         Masks(device, [mask]).run(tracing_grid(device, (0, 0)), [seen.motion])
-        return guide, mask, device.zeros("run history", layout.shape(1))
+        return guide, mask, device.zeros("run history", layout.shape(2))
 
     def reflected(self, seed: int, rays: int) -> dict[str, Float]:
         """(H, W, 3) "diffuse" (without albedo) and "specular" radiance of virtual surfaces."""
@@ -201,7 +201,7 @@ def kernels(
         assert (lights is not None) == (way == "aimed")
         if lights is not None and aim_at is not None:
             lights.load(uploaded(device, aim_at))
-            assert lights.count > 0
+            assert device.read(lights.arguments().column)[-1] > 0.0
             for one in renderer.schedule.passes:
                 if one.name == "lights":
                     one.run(None)

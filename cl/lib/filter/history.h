@@ -80,11 +80,11 @@ typedef struct {
 } History;
 
 static inline ALWAYS_INLINE History load_history(
-    int planes, __global const float *signal, __global const float *length, int size, int p)
+    int planes, __global const float *signal, __global const float *certainty, int size, int p)
 {
     History history;
     load_signal(planes, history.signal, signal, size, p);
-    history.length = length[p];
+    history.length = certainty[LENGTH_PLANE * size + p];
     history.spread = signal[(planes + SPREAD_PLANE) * size + p];
     return history;
 }
@@ -97,21 +97,21 @@ static inline ALWAYS_INLINE void store_scalar(
 }
 
 static inline ALWAYS_INLINE void store_history(
-    int planes, const History *history, __global float *signal, __global float *length, int size, int p,
+    int planes, const History *history, __global float *signal, __global float *certainty, int size, int p,
     int x, int width, int seam)
 {
     EACH_PLANE(c, planes)
         store_wrapped(signal + c * size, p, x, width, seam, history->signal[c]);
     store_scalar(planes, history->signal, signal, size, p, x, width, seam);
     signal[(planes + SPREAD_PLANE) * size + p] = history->spread;
-    length[p] = history->length;
+    certainty[LENGTH_PLANE * size + p] = history->length;
 }
 
 // Return the history of the pixel's surface, where the previous picture showed it. Where the surface slept, its
 // history is `slept` samples without influence.
 static inline ALWAYS_INLINE History fetch_history(
     int planes, PLANES_IN guide, PLANES_IN guide_previous, PLANES_IN motion, PLANES_IN signal_before,
-    PLANES_IN length_before, float plane_tolerance, float normal_agreement, float slept, int p, int width,
+    PLANES_IN certainty_before, float plane_tolerance, float normal_agreement, float slept, int p, int width,
     int height, int seam, const Camera camera)
 {
     int size = plane_size(width, height);
@@ -138,11 +138,11 @@ static inline ALWAYS_INLINE History fetch_history(
                 continue;
             }
             if (!shows_surface(guide_previous, surface, normal_agreement, size, q)
-                || !(length_before[q] > 0.0f))
+                || !(certainty_before[LENGTH_PLANE * size + q] > 0.0f))
                 continue;
             EACH_PLANE(c, planes)
                 past[c] += w * signal_before[c * size + q];
-            samples += w * length_before[q];
+            samples += w * certainty_before[LENGTH_PLANE * size + q];
             variation += w * signal_before[(planes + SPREAD_PLANE) * size + q];
             weights += w;
         }
@@ -163,7 +163,7 @@ static inline ALWAYS_INLINE History fetch_history(
 // the worse estimate. g of the slow history is stored with the fast one.
 static inline ALWAYS_INLINE float stale_share(
     int planes, __global const float *restrict guide, __global const float *restrict fast,
-    __global const float *restrict fast_length, float before,
+    __global const float *restrict fast_certainty, float before,
     float spread, float sigma, int size, int p, int width)
 {
     __global const float *restrict scalar = fast + (planes + SCALAR_PLANE) * size;
@@ -184,20 +184,22 @@ static inline ALWAYS_INLINE float stale_share(
     float variance = fmax(square / count - mean * mean, 0.0f) / fmax(count - 1.0f, 1.0f);
     float bias_squared = fmax(mean * mean - sigma * sigma * variance, 0.0f);
     float worth = worth_of_biased(before, spread, bias_squared);
-    bool stale = id > 0.0f && before > 0.0f && fast_length[p] > 0.0f && worth < before;
+    const float held = fast_certainty[LENGTH_PLANE * size + p];
+    bool stale = id > 0.0f && before > 0.0f && held > 0.0f && worth < before;
     return stale ? 1.0f - worth / before : 0.0f;
 }
 
 static inline ALWAYS_INLINE void correct_history(
-    int planes, History *history, __global const float *restrict fast, __global const float *restrict fast_length,
-    float share, int size, int p)
+    int planes, History *history, __global const float *restrict fast,
+    __global const float *restrict fast_certainty, float share, int size, int p)
 {
     float before = history->length;
     EACH_PLANE(c, planes) {
         float past = history->signal[c];
         history->signal[c] = past + share * (fast[c * size + p] - past);
     }
-    history->length = before + share * (fmin(fast_length[p], before) - before);
+    const float held = fast_certainty[LENGTH_PLANE * size + p];
+    history->length = before + share * (fmin(held, before) - before);
 }
 
 // Mean +- sigma deviations of a neighbourhood, extended to the pixel's own value.

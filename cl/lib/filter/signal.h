@@ -8,6 +8,10 @@
 #define REAL_PLANES 6
 #define REFLECTED_PLANES 3
 
+// Planes of a mean's certainty: the variance of the mean of g, and its effective number of samples.
+#define VARIANCE_PLANE 0
+#define LENGTH_PLANE 1
+
 // Loops over the planes are unrolled, so that arrays of them stay in registers.
 #define EACH_PLANE(c, planes)                                                                      \
     _Pragma("unroll") for (int c = 0; c < REAL_PLANES; c++)                                        \

@@ -135,10 +135,9 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
         Scatter s;
 #ifdef LIGHT_SAMPLING
         if (ray % 2 == 0) {
-            if (environment.count == 0 || world.lights.count == 0)
+            if (!lights_shine(world.lights))
                 continue;
-            const float3 light =
-                environment_direction(environment, u);
+            const float3 light = environment_direction(environment, u);
             const int texel = texel_towards(world.real, light);
             s = scatter_along(world, at, towards_light(world.real, light, texel, at.o));
             s.texel = texel;

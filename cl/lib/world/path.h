@@ -20,7 +20,7 @@
 
 static inline float light_share(const World world, const Material material)
 {
-    if (world.lights.count == 0)
+    if (!lights_shine(world.lights))
         return 0.0f;
     if (material.kind == KIND_DIFFUSE)
         return 0.5f;

@@ -27,7 +27,7 @@ static inline Scatter sample_direction(const World world, float3 n, uint index, 
     Scatter s = no_scatter(n);
     const float2 u = sobol_2d(index, seed);
     int aimed = 0;
-    s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
+    s.light_share = lights_shine(world.lights) ? 0.5f : 0.0f;
     aimed = sobol_1d(index, hash_combine(seed, 1)) < s.light_share;
     if (aimed)
         s.wi = sample_light(world.lights, u);

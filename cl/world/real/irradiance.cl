@@ -310,7 +310,7 @@ TRACING_KERNEL void refine_cells(
     for (int ray = 0; ray < more; ray++) {
         const float2 u = sobol_2d(first + ray, stream);
         Scatter s = no_scatter(n);
-        s.light_share = world.lights.count > 0 ? 0.5f : 0.0f;
+        s.light_share = lights_shine(world.lights) ? 0.5f : 0.0f;
         if (sobol_1d(first + ray, hash_combine(stream, 1)) < s.light_share) {
             const float3 light = sample_light(world.lights, u);
             s.texel = texel_towards(world.real, light);

@@ -1,7 +1,8 @@
 // Panorama radiance, three floats a texel, and its luminance.
 //
 //   kernel         in                                  out
-//   load_texels    color, the previous frame's texels  texels; sums for the flux and its change
+//   load_texels    color, the previous frame's texels  texels; sums by strips
+//   sum_strips     sums by strips                      sums by blocks, for the flux and its change
 //   sum_luminance  texels, hidden_light (remember.cl)  mean luminance of cells (lib/world/real/lights.h)
 //
 // Where the device shares the host's memory, load_texels sums the decoded picture in place. Otherwise it is
@@ -21,6 +22,9 @@ typedef float4 Piece;
 #define load_piece(from) vload4(0, from)
 #define store_piece(values, to) vstore4(values, 0, to)
 #endif
+
+// Rows whose sums are added before the host reads them.
+#define BLOCK 32
 
 typedef struct {
     Piece apart;
@@ -117,6 +121,22 @@ __kernel void load_texels(
     const float apart = total_of(&found.apart);
     sums[(first + y) * strips + strip] = (float4)(
         apart, total_of(&found.larger), total_of(&found.all), before && apart == 0.0f ? 0.0f : 1.0f);
+}
+
+__kernel void sum_strips(
+    const int strips,                       // of a row
+    const int rows,
+    __global const float *restrict weight,  // of each row, proportional to its texels' solid angle
+    __global const float4 *restrict sums,   // from load_texels
+    __global float4 *restrict blocks)       // out: sums over BLOCK rows of a strip
+{
+    const int strip = get_global_id(0), block = get_global_id(1);
+    if (strip >= strips || block * BLOCK >= rows)
+        return;
+    float4 sum = (float4)(0.0f);
+    for (int y = block * BLOCK; y < min((block + 1) * BLOCK, rows); y++)
+        sum += weight[y] * sums[y * strips + strip];
+    blocks[block * strips + strip] = sum;
 }
 
 __kernel void sum_luminance(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from iprt.world.real.surfaces import band_rows, bands
 
 STRIP = constant("lib/world/real/strips.h", "STRIP")
 """Texels of a row per work item."""
+BLOCK = constant("world/real/pictures.cl", "BLOCK")
+"""Rows whose sums are added before the host reads them."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,20 @@ class PictureLoader:
             self._mapped = device.empty("panorama.radiance", texels)
         self.sums = device.empty("panorama.sums", (height, self._strips, 4))
         self._map = device.zeros("panorama.color map", (3, 4))
-        self._load = device.kernel(
-            "world/real/pictures.cl", "load_texels", {"WIDE": device.wide}
-        ).fixed(width=width, rows=self._band, sums=self.sums)
+        self._blocks = device.empty("panorama.block sums", (-(-height // BLOCK), self._strips, 4))
+        self._weight = np.sin(texel_polar_angles(height))
+        file, wide = "world/real/pictures.cl", {"WIDE": device.wide}
+        self._load = device.kernel(file, "load_texels", wide).fixed(
+            width=width, rows=self._band, sums=self.sums
+        )
+        self._sum = device.kernel(file, "sum_strips", wide).fixed(
+            strips=self._strips,
+            rows=height,
+            weight=device.upload("panorama.row weights", self._weight.astype(np.float32)),
+            sums=self.sums,
+            blocks=self._blocks,
+        )
+        self._read: Callable[[], NDArray[np.float32]] | None = None
 
     def load(
         self, values: NDArray[np.float32], color_map: NDArray[np.float64] | None = None
@@ -112,12 +126,14 @@ class PictureLoader:
                 stored=stored,
             )
 
+        self._sum(self._blocks.shape[1::-1])
+        self._read = device.fetch(self._blocks)
+
     def flux(self) -> Flux:
-        """Wait for the device, and return the flux of the last loaded picture."""
-        sums = self._device.read(self.sums).sum(axis=1, dtype=np.float64)
-        rows = np.sin(texel_polar_angles(self._height))
-        apart, larger, total, _ = rows @ sums
+        """Return the flux of the last loaded picture; waits for its sums, not for later work."""
+        assert self._read is not None, "no picture was loaded"
+        apart, larger, total, _ = self._read().sum(axis=(0, 1), dtype=np.float64)
         return Flux(
-            mean=float(total / (3.0 * self._width * rows.sum())),
+            mean=float(total / (3.0 * self._width * self._weight.sum())),
             change=float(apart / larger) if larger > 0.0 else 0.0,
         )

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.frame import LUMINANCE, Frame
+from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
-from iprt.world.real.lights import Lights, light_table
+from iprt.world.real.lights import Lights
 from tests.frame.test_windows import sun, windowed
 from tests.kernels.wrap import evaluate
-from tests.oracles.light import cell_luminance
+from tests.oracles.light import cell_luminance, light_density
 from tests.oracles.worlds import Box, World, frame_of
 from tests.world.real.lighting import RealWorld, numbers, uploaded
 from tests.world.real.sphere import agreement
@@ -35,60 +35,69 @@ def random_panorama(width: int, height: int) -> NDArray[np.float32]:
     return rng.gamma(0.3, 2.0, (height, width, 3)).astype(np.float32)
 
 
-@pytest.mark.parametrize(
-    ("width", "height", "columns", "rows"), [(32, 16, 32, 16), (40, 30, 16, 9), (512, 20, 64, 16)]
-)
-def test_table_equals_a_plain_one(width: int, height: int, columns: int, rows: int) -> None:
-    color = random_panorama(width, height)
-    excess, solid_angle = np.zeros((rows, columns)), np.zeros((rows, columns))
-    luminances: dict[tuple[int, int], list[float]] = {}
-    for y in range(height):
-        for x in range(width):
-            cell = (y * rows // height, x * columns // width)
-            luminances.setdefault(cell, []).append(float(color[y, x].astype(float) @ LUMINANCE))
-    for row, column in np.ndindex(rows, columns):
-        top, bottom = np.cos(np.pi * row / rows), np.cos(np.pi * (row + 1) / rows)
-        solid_angle[row, column] = 2.0 * np.pi / columns * (top - bottom)
-        excess[row, column] = np.mean(luminances[row, column])
-    assert solid_angle.sum() == pytest.approx(4.0 * np.pi)
-    excess -= (excess * solid_angle).sum() / (4.0 * np.pi)
-    excess = np.where(excess > 0.0, excess, 0.0)
-    density, cells, cumulative = light_table(cell_luminance(color, rows, columns))
-    wanted = excess / (excess * solid_angle).sum()
-    np.testing.assert_allclose(density.reshape(rows, columns), wanted, rtol=1e-9, atol=1e-12)
-    np.testing.assert_array_equal(cells, np.flatnonzero(wanted))
-    probabilities = (wanted * solid_angle).ravel()[cells]
-    np.testing.assert_allclose(np.diff(cumulative), probabilities, rtol=1e-6, atol=1e-12)
-    assert cumulative[0] == 0.0
-    assert cumulative[-1] == 1.0
+def loaded(device: ComputeDevice, color: NDArray[np.float32]) -> Lights:
+    lights = Lights(device, color.shape[1], color.shape[0])
+    lights.load(uploaded(device, color))
+    return lights
+
+
+def shine(device: ComputeDevice, lights: Lights) -> bool:
+    """Whether anything is aimed at."""
+    return bool(device.read(lights.arguments().column)[-1] > 0.0)
+
+
+@pytest.mark.parametrize("size", [(32, 16), (40, 30), (1030, 520)], ids=str)
+def test_table_equals_a_plain_one(device: ComputeDevice, size: tuple[int, int]) -> None:
+    """Marginal and conditional distributions of a density that NumPy computes in float64."""
+    color = random_panorama(*size)
+    table = loaded(device, color).arguments()
+    rows, columns = table.rows, table.columns
+    edges = np.cos(np.pi * np.arange(rows + 1) / rows)
+    solid_angle = (edges[:-1] - edges[1:])[:, None] * 2.0 * np.pi / columns
+    wanted = light_density(cell_luminance(color, rows, columns))
+    light = wanted * solid_angle
+    assert light.sum() == pytest.approx(1.0)
+    found = device.read(table.density).reshape(rows, columns)
+    np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5 * wanted.max())
+    column = device.read(table.column)
+    of_columns = np.concatenate([[0.0], np.cumsum(light.sum(axis=0))])
+    np.testing.assert_allclose(column, of_columns, atol=1e-5)
+    share = device.read(table.share).reshape(rows, columns)
+    with np.errstate(invalid="ignore"):
+        down = np.nan_to_num(np.cumsum(light, axis=0) / light.sum(axis=0))
+    np.testing.assert_allclose(share, down, atol=1e-4)
+    assert (column[0], column[-1]) == (0.0, 1.0)
+    assert set(share[-1]) <= {0.0, 1.0}
+    assert (np.diff(column) >= 0.0).all()
+    assert (np.diff(share, axis=0) >= 0.0).all()
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
-def test_the_unit_of_light_does_not_matter(unit: float) -> None:
-    luminance = cell_luminance(random_panorama(64, 32), 16, 32)
-    for found, wanted in zip(light_table(unit * luminance), light_table(luminance), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=1e-9)
+def test_the_unit_of_light_does_not_matter(device: ComputeDevice, unit: float) -> None:
+    color = random_panorama(64, 32)
+    tables = [loaded(device, np.float32(scale) * color).arguments() for scale in (1.0, unit)]
+    for name in ("density", "column", "share"):
+        found, wanted = (device.read(getattr(table, name)) for table in tables)
+        np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-5 * wanted.max())
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_nothing_is_aimed_at_in_even_light(device: ComputeDevice, noise: float) -> None:
     rng = np.random.default_rng(0)
-    color = (3.0 * (1.0 + noise * rng.random((16, 32, 3)))).astype(np.float32)
-    assert light_table(cell_luminance(color, 8, 16))[0].max() == 0.0
-    lights = Lights(device, 32, 16)
-    lights.load(uploaded(device, color))
-    assert lights.count == 0
+    color = (3.0 * (1.0 + noise * rng.random((256, 512, 3)))).astype(np.float32)
+    lights = loaded(device, color)
+    assert not shine(device, lights)
+    assert not device.read(lights.arguments().density).any()
     lights.load(uploaded(device, np.zeros_like(color)))
-    assert lights.count == 0
-    lights.load(uploaded(device, random_panorama(32, 16)))
-    assert lights.count > 0
+    assert not shine(device, lights)
+    lights.load(uploaded(device, random_panorama(512, 256)))
+    assert shine(device, lights)
 
 
 def test_directions_follow_the_table(device: ComputeDevice) -> None:
     """Also within cells: each is cut into four."""
     color = random_panorama(32, 16)
-    lights = Lights(device, 32, 16)
-    lights.load(uploaded(device, color))
+    lights = loaded(device, color)
     count = 1 << 18
     v = evaluate(
         device,
@@ -105,9 +114,7 @@ def test_directions_follow_the_table(device: ComputeDevice) -> None:
     np.add.at(counts, (np.clip(row, 0, 31), column % 64), 1.0)
     edges = np.cos(np.arange(33) / 32.0 * np.pi)
     solid_angle = (edges[:-1] - edges[1:])[:, None] * (2.0 * np.pi / 64)
-    density = (
-        light_table(cell_luminance(color, 16, 32))[0].reshape(16, 32).repeat(2, 0).repeat(2, 1)
-    )
+    density = light_density(cell_luminance(color, 16, 32)).repeat(2, 0).repeat(2, 1)
     expected = density * solid_angle * count
     assert counts[expected == 0.0].sum() <= 1e-4 * count  # rounded over an edge
     kept = expected > 10.0

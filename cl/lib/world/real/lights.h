@@ -23,24 +23,59 @@
 // hit the join of two planes, which is never aimed at.
 #define LIGHT_OFF_PLANE 1e-3f
 
-// Sample a unit direction from the capture centre with the table's density; u in [0, 1)^2.
-static inline float3 sample_light(const Lights lights, float2 u)
+// Return whether any cell is brighter than the mean. An even panorama is not aimed at.
+static inline int lights_shine(const Lights lights)
 {
-    int low = 0, high = lights.count;   // cumulative[low] <= u.x < cumulative[high]
+    return lights.column && lights.column[lights.columns] > 0.0f;
+}
+
+// Find the column of cells in which a share u of the light ends; returns how far into it, in [0, 1].
+static inline float find_light_column(const Lights lights, float u, int *column)
+{
+    int low = 0, high = lights.columns;   // column[low] <= u < column[high]
     while (high - low > 1) {
         const int middle = (low + high) >> 1;
-        if (lights.cumulative[middle] <= u.x)
+        if (lights.column[middle] <= u)
             low = middle;
         else
             high = middle;
     }
-    const float start = lights.cumulative[low];
-    const float within = clamp((u.x - start) / (lights.cumulative[low + 1] - start), 0.0f, 1.0f);
-    const int column = lights.cell[low] % lights.columns, row = lights.cell[low] / lights.columns;
-    const float top = unit_circle(0.5f * row / lights.size.y).x;
-    const float bottom = unit_circle(0.5f * (row + 1) / lights.size.y).x;
-    const float y = mix(top, bottom, u.y), s = sqrt(fmax(1.0f - y * y, 0.0f));
-    const float2 azimuth = unit_circle((column + within) / lights.size.x);   // from -Z, by half a turn
+    *column = low;
+    const float start = lights.column[low];
+    return clamp((u - start) / (lights.column[low + 1] - start), 0.0f, 1.0f);
+}
+
+// Find the row in which a share u of the light of a column ends; returns how far into it, in [0, 1].
+static inline float find_light_row(const Lights lights, int column, float u, int *row)
+{
+    int low = -1, high = lights.rows - 1;   // share[low] <= u < share[high]
+    while (high - low > 1) {
+        const int middle = (low + high) >> 1;
+        if (lights.share[middle * lights.columns + column] <= u)
+            low = middle;
+        else
+            high = middle;
+    }
+    *row = high;
+    const float start = low < 0 ? 0.0f : lights.share[low * lights.columns + column];
+    return clamp((u - start) / (lights.share[high * lights.columns + column] - start), 0.0f, 1.0f);
+}
+
+// Return y of the upper edge of a row of cells, on the unit sphere.
+static inline float light_edge(const Lights lights, int row)
+{
+    return unit_circle(0.5f * row / lights.size.y).x;
+}
+
+// Sample a unit direction from the capture centre with the table's density; u in [0, 1)^2.
+static inline float3 sample_light(const Lights lights, float2 u)
+{
+    int column, row;
+    const float across = find_light_column(lights, u.x, &column);
+    const float down = find_light_row(lights, column, u.y, &row);
+    const float y = mix(light_edge(lights, row), light_edge(lights, row + 1), down);
+    const float s = sqrt(fmax(1.0f - y * y, 0.0f));
+    const float2 azimuth = unit_circle((column + across) / lights.size.x);   // from -Z, by half a turn
     return (float3)(-s * azimuth.y, y, s * azimuth.x);
 }
 
@@ -93,9 +128,9 @@ static inline int light_cell(const Lights lights, float3 v)
 static inline float light_density(const Lights lights, const RealLayer layer, const RealHit hit, float3 d)
 {
 #ifdef IMPOSTOR
-    return lights.count > 0 ? lights.density[light_cell(lights, d)] : 0.0f;
+    return lights.density ? lights.density[light_cell(lights, d)] : 0.0f;
 #else
-    if (lights.count == 0 || (hit.kind != HIT_SURFACE && hit.kind != HIT_SKY))
+    if (!lights.density || (hit.kind != HIT_SURFACE && hit.kind != HIT_SKY))
         return 0.0f;
     if (hit.behind != aims_behind(layer, hit.texel))
         return 0.0f;
