@@ -9,7 +9,7 @@ from typing import Self
 
 from iprt.convergence import Goal
 from iprt.device.compute import ComputeDevice
-from iprt.device.recovery import wait
+from iprt.device.recovery import end_of, wait
 from iprt.errors import DeviceError
 from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
@@ -79,7 +79,7 @@ class Film:
         if not isinstance(error, DeviceError):
             # A driver whose kernels still run when the program ends may crash.
             with suppress(DeviceError), self.device.reported("its end"):
-                wait(self.device.name, self.device.queue, LEAVING_S)
+                wait(self.device.name, end_of(self.device.queue), LEAVING_S)
         self.close()
 
     def frames(

@@ -22,7 +22,7 @@ from iprt.device.compilers import Compilers
 from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
 from iprt.device.program import Define, PlannedKernel, Program, build, device_key
-from iprt.device.recovery import reported, wait
+from iprt.device.recovery import end_of, reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
 _HUNG: list[Any] = []
@@ -352,21 +352,20 @@ class ComputeDevice:
         return array
 
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
-        """Overwrite a buffer with host values of its shape and dtype, without waiting.
+        """Overwrite a buffer, or rows of one, with host values of its shape, without waiting.
 
         `values` must not change until the transfer is done, that is until `wait` or `read`.
         """
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
         with self.reported("a transfer"):
-            event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
+            event = cl.enqueue_copy(
+                self.queue, array.base_data, host, dst_offset=array.offset, is_blocking=False
+            )
         done = cl.command_execution_status.COMPLETE
         while self._in_flight and self._in_flight[0].command_execution_status == done:
             self._in_flight.popleft()
         self._in_flight.append(event)
-        if self.profile.recording:
-            # The profile reads events late. A bare event does not keep the host values alive.
-            timed = cl.Event.from_int_ptr(event.int_ptr)
-            self.profile.record(timed, "write", Kind.TRANSFER, host.nbytes)
+        self._record_transfer(event, "write", host.nbytes)
 
     def read(self, array: cla.Array) -> NDArray[Any]:
         """Return a host copy of a buffer, after all enqueued work."""
@@ -377,21 +376,53 @@ class ComputeDevice:
         self.profile.record(event, "read", Kind.TRANSFER, host.nbytes)
         return host
 
+    def fetch(self, array: cla.Array) -> Callable[[], NDArray[Any]]:
+        """Start to copy a buffer to the host, and return a function that returns the copy.
+
+        That function waits for the copy and the work before it, not for work enqueued later.
+        """
+        host = np.empty(array.shape, array.dtype)
+        with self.reported("a transfer"):
+            event = cl.enqueue_copy(self.queue, host, array.data, is_blocking=False)
+            self.queue.flush()
+        self._in_flight.append(event)
+        self._record_transfer(event, "read", host.nbytes)
+
+        def fetched() -> NDArray[Any]:
+            if event.command_execution_status != cl.command_execution_status.COMPLETE:
+                self._wait(event)
+            return host
+
+        return fetched
+
     def wait(self) -> None:
         """Wait until all enqueued work is done."""
+        with self.reported("its work"):
+            done = end_of(self.queue)
+        self._wait(done)
+        self._in_flight.clear()
+        self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
+
+    def _wait(self, done: cl.Event) -> None:
+        """Wait for an event of the flushed queue."""
         self.profile.synchronised()
         try:
             with self.reported("its work"):
                 if self.limit_s is None:
-                    self.queue.finish()
+                    done.wait()
                 else:
-                    wait(self.name, self.queue, self.limit_s)
+                    wait(self.name, done, self.limit_s)
         except DeviceHangError:
             # The destructor of a transfer's event would wait for the transfer.
             _HUNG.extend((*self._in_flight, *self._shared))
             raise
-        self._in_flight.clear()
-        self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
+
+    def _record_transfer(self, event: cl.Event, name: str, size: int) -> None:
+        """Record a transfer from or to the host's memory."""
+        if self.profile.recording:
+            # The profile reads events late. A bare event does not keep the host's memory alive.
+            timed = cl.Event.from_int_ptr(event.int_ptr)
+            self.profile.record(timed, name, Kind.TRANSFER, size)
 
     def finish(self) -> None:
         """Wait until all enqueued work is done, and let the profile read event times."""

@@ -83,8 +83,15 @@ def _status(error: cl.Error) -> str:
         return str(error.code)
 
 
-def wait(device: str, queue: cl.CommandQueue, limit_s: float) -> None:
-    """Wait until all enqueued work is done.
+def end_of(queue: cl.CommandQueue) -> cl.Event:
+    """Return an event that completes when all enqueued work is done, and start that work."""
+    done = cl.enqueue_marker(queue)
+    queue.flush()
+    return done
+
+
+def wait(device: str, done: cl.Event, limit_s: float) -> None:
+    """Wait for an event of a queue that was flushed.
 
     Time in which this process is stopped or gets no CPU does not count.
 
@@ -93,8 +100,6 @@ def wait(device: str, queue: cl.CommandQueue, limit_s: float) -> None:
     DeviceHangError
         The work takes longer than `limit_s` seconds.
     """
-    done = cl.enqueue_marker(queue)
-    queue.flush()
     waited = 0.0
     while done.command_execution_status > cl.command_execution_status.COMPLETE:
         if waited >= limit_s:
