@@ -369,13 +369,15 @@ class ComputeDevice:
         return array
 
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
-        """Overwrite a buffer with host values of its shape and dtype, without waiting.
+        """Overwrite a buffer, or rows of one, with host values of its shape, without waiting.
 
         `values` must not change until the transfer is done, that is until `wait` or `read`.
         """
         host = np.ascontiguousarray(values, dtype=array.dtype).reshape(array.shape)
         with self.reported("a transfer"):
-            event = cl.enqueue_copy(self.queue, array.data, host, is_blocking=False)
+            event = cl.enqueue_copy(
+                self.queue, array.base_data, host, dst_offset=array.offset, is_blocking=False
+            )
         done = cl.command_execution_status.COMPLETE
         while self._in_flight and self._in_flight[0].command_execution_status == done:
             self._in_flight.popleft()
@@ -394,7 +396,7 @@ class ComputeDevice:
     def fetch(self, array: cla.Array) -> Callable[[], NDArray[Any]]:
         """Start to copy a buffer to the host, and return a function that returns the copy.
 
-        That function waits for the copy and the work before it, not for work that is enqueued later.
+        That function waits for the copy and the work before it, not for work enqueued later.
         """
         host = np.empty(array.shape, array.dtype)
         with self.reported("a transfer"):

@@ -154,8 +154,8 @@ class Masks:
         motions : 2 planes each
             Previous position of each pixel's surface in pixels, -1e9 = nowhere.
         histories : 2 planes or None each, optional
-            `Temporal.certainties` after the last picture. With them, pixels of sparse masks with a long
-            history get fewer rays.
+            `Temporal.certainties` after the last picture. With them, pixels of sparse masks with a
+            long history get fewer rays.
         metre : float
             Length of a metre in the units of the guide's positions.
         cut : bool

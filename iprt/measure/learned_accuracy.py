@@ -59,17 +59,17 @@ def learn_frame(
     learner = Learner(device, own.samples, own.models)
     metre, unit = panorama.scale, panorama.mean_radiance
     how = Learning(own.search_radius * metre, metre, unit, own.forgetting)
-    held_out = _surfaces(learner.draw(panorama.surfaces, panorama.radiated))
+    held_out = _surfaces(learner.draw(panorama.surfaces, panorama.radiated)()[0])
     held = np.unique(_keys(held_out))
     megabytes, times, seen = [], [], []
     for _ in range(frames):
         start = time.perf_counter()
-        drawn = learner.draw(panorama.surfaces, panorama.radiated)
+        drawn, covered = learner.draw(panorama.surfaces, panorama.radiated)()
         taken = time.perf_counter() - start
-        drawn = _surfaces(drawn)
-        drawn = drawn[~np.isin(_keys(drawn), held)]
+        kept = (drawn[:, 1, 3] > 0.0) & ~np.isin(_keys(drawn), held)
+        drawn, covered = drawn[kept], covered[kept]
         start = time.perf_counter()
-        learner.learn(drawn, how)
+        learner.learn(drawn, how, covered)
         device.wait()
         times.append(1e3 * (taken + time.perf_counter() - start))
         megabytes.append(learner.nbytes / 1e6)

@@ -103,7 +103,7 @@ class CheckedDevice(ComputeDevice):
 
     def write(self, array: cla.Array, values: NDArray[Any]) -> None:
         super().write(array, values)
-        # A part of a buffer has no name; no buffer that is written in parts holds floats.
+        # A part of a buffer has no name. It is checked when a kernel next writes the whole.
         if isinstance(array, GuardedArray) and hasattr(array, "name"):
             self.check("the host", array)
 

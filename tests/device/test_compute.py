@@ -174,6 +174,28 @@ def test_a_write_does_not_wait_and_keeps_its_values(device: ComputeDevice) -> No
     assert (device.read(array) == 2.0).all()
 
 
+def test_rows_are_written_alone(device: ComputeDevice) -> None:
+    array = device.zeros("array", (6, 4))
+    device.write(array[2:4], np.ones((2, 4), np.float32))
+    np.testing.assert_array_equal(device.read(array).sum(axis=1), [0.0, 0.0, 4.0, 4.0, 0.0, 0.0])
+
+
+def test_a_fetch_waits_for_its_copy_alone(device: ComputeDevice) -> None:
+    """Not for work behind it, where the queue stands still at an event of ours."""
+    held = cl.UserEvent(device.context)
+    array = device.zeros("array", (64,))
+    device.write(array, np.ones(64, np.float32))
+    fetched = device.fetch(array)
+    cl.enqueue_barrier(device.queue, wait_for=[held])
+    device.write(array, np.full(64, 2.0, np.float32))
+    try:
+        assert (fetched() == 1.0).all()
+    finally:
+        held.set_status(cl.command_execution_status.COMPLETE)
+    assert (fetched() == 1.0).all()
+    assert (device.read(array) == 2.0).all()
+
+
 def resident() -> int:
     """Bytes of the process's memory that are in use."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

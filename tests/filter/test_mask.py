@@ -30,6 +30,11 @@ def still(device: ComputeDevice, layout: PlaneLayout) -> cla.Array:
     return upload(device, layout, still_motion(layout.width, layout.height))
 
 
+def certain(device: ComputeDevice, layout: PlaneLayout, history: np.ndarray) -> cla.Array:
+    """Certainties of a mean of so many samples."""
+    return upload(device, layout, np.stack([np.zeros_like(history), history]))
+
+
 def run(
     device: ComputeDevice,
     gbuffer: GBuffer,
@@ -44,9 +49,7 @@ def run(
     settings = MaskSettings(sigma_position=sigma)
     mask = Mask(device, gbuffer.guide(device, pictures=2), settings, name="test", graded=graded)
     device.write(mask.touched, layout.padded(touched[None]))
-    histories = (
-        None if history is None else [upload(device, layout, np.stack([0.0 * history, history]))]
-    )
+    histories = None if history is None else [certain(device, layout, history)]
     Masks(device, [mask]).run(tracing_grid(device, offset), [still(device, layout)], histories)
     count = int(device.read(mask.count)[0])
     listed = np.bincount(device.read(mask.traced)[:count], minlength=layout.width * layout.height)
@@ -183,7 +186,7 @@ def test_a_history_is_looked_up_where_the_surface_was(device: ComputeDevice) -> 
     Masks(device, [mask]).run(
         tracing_grid(device, (0, 0)),
         [upload(device, layout, motion)],
-        [upload(device, layout, np.stack([0.0 * history, history]))],
+        [certain(device, layout, history)],
     )
     level = read(device, layout, mask.level)[0]
     assert np.argwhere(level == 3).tolist() == [[12, 21]]

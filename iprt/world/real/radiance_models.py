@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from iprt.world.real.surfaces import Surfaces
 
 Float = NDArray[np.float32]
+Drawn = Callable[[], tuple[Float, Float]]
+"""Function that waits for drawn samples, and returns them, (N, SAMPLE_PARTS, 4) as in
+`cl/world/real/draw_samples.cl`, and the largest weight of any model at each of them, (N,)."""
 
 HEADER = "lib/world/real/learned.h"
 MODEL_PARTS = constant(HEADER, "MODEL_PARTS")
@@ -26,8 +30,8 @@ SAMPLE_PARTS = constant(HEADER, "SAMPLE_PARTS")
 GRID = tuple(constant(HEADER, f"GRID_{axis}") for axis in "XYZ")
 """Cells of the table along each axis."""
 CELLS = GRID[0] * GRID[1] * GRID[2]
-MOST_PLACES = 27
-"""Most cells that a model reaches."""
+NEIGHBOURS = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(-1, 3)
+"""Steps (N, 3) from the lowest cell that a model reaches to all that it may reach."""
 LEAST_WEIGHT = float_constant(HEADER, "LEAST_WEIGHT")
 ALIKE_NORMAL = float_constant(HEADER, "ALIKE_NORMAL")
 WIDEST = 1.0 / np.sqrt(-2.0 * np.log(LEAST_WEIGHT))
@@ -54,7 +58,7 @@ class Learning:
     Attributes
     ----------
     radius : float
-        Search radius, metres.
+        Search radius, metres; the same for all models of a learner.
     metre : float
         Length in metres of one metre in a room.
     unit : float
@@ -124,7 +128,7 @@ class Learner:
         self._models = device.zeros("learned models", (capacity, MODEL_PARTS, 4))
         self._information = device.zeros("learned information", (capacity, 6))
         self._start = device.zeros("learned cells", (CELLS + 1,), np.int32)
-        self._list = device.zeros("learned places", (MOST_PLACES * capacity,), np.int32)
+        self._list = device.zeros("learned places", (len(NEIGHBOURS) * capacity,), np.int32)
         self._pose = device.upload("learned pose", np.eye(4, dtype=np.float32)[:3].ravel())
         self._sample_start = device.zeros("drawn samples cells", (CELLS + 1,), np.int32)
         self._drawn = device.zeros("drawn samples", (samples, SAMPLE_PARTS, 4))
@@ -144,7 +148,7 @@ class Learner:
             samples=self._drawn, predicted=self._predicted, greatest=self._greatest
         )
         self._inverse_radius = 0.0
-        self._places = 0
+        self._forget_places()
 
     def arguments(self) -> LearnedArgs:
         """Return the models for kernels that ask them."""
@@ -165,25 +169,29 @@ class Learner:
     def nbytes(self) -> int:
         """Bytes of the models, their information matrices and their entries in the grid."""
         model = 4 * (4 * MODEL_PARTS + 6)
-        return model * self.count + 4 * (self._places + CELLS + 1)
+        return model * self.count + 4 * (len(self._listed) + CELLS + 1)
 
     def forget(self) -> None:
         """Drop all models."""
-        self.count = self._places = 0
+        self.count = 0
+        self._forget_places()
         self._device.fill_zero(self._start)
+
+    def _forget_places(self) -> None:
+        """Start the host's lists of centres, and of places and their models, sorted by place."""
+        self._centres = np.zeros((0, 3), np.float32)
+        self._places = np.zeros(0, np.uint16)
+        self._listed = np.zeros(0, np.int32)
 
     def place(self, pose: NDArray[np.float64] | None) -> None:
         """Set the (4, 4) pose from the capture centre's axes to the world's; None: identity."""
         rows = (np.eye(4) if pose is None else pose)[:3]
         self._device.write(self._pose, rows.astype(np.float32).ravel())
 
-    def draw(self, surfaces: Surfaces, radiance: cla.Array) -> Float:
+    def draw(self, surfaces: Surfaces, radiance: cla.Array) -> Drawn:
         """Draw the next samples of a panorama with this radiance, (H, W, 3) float32.
 
-        Returns
-        -------
-        (N, SAMPLE_PARTS, 4) float32
-            As in `cl/world/real/draw_samples.cl`.
+        The models are asked about them, and the answers copied to the host, without waiting.
         """
         self._draw(
             (self._samples,),
@@ -195,10 +203,11 @@ class Learner:
         )
         # The kernel takes it as a signed number, which must not overflow.
         self.learned = (self.learned + self._samples) % 2**30
-        drawn: Float = self._device.read(self._drawn)
-        return drawn
+        self._ask((self._samples,), learned=self.arguments(), count=self._samples)
+        samples, covered = (self._device.fetch(part) for part in (self._drawn, self._greatest))
+        return lambda: (samples(), covered())
 
-    def learn(self, samples: Float, how: Learning) -> None:
+    def learn(self, samples: Float, how: Learning, covered: Float | None = None) -> None:
         """Update the models around samples, and add models where there is none.
 
         Parameters
@@ -206,19 +215,22 @@ class Learner:
         samples : (N, SAMPLE_PARTS, 4) float32
             From `draw`; entries without a surface or not finite are left out.
         how : Learning
+        covered : (N,) float32, optional
+            From `draw`, if nothing was learned since. By default the models are asked, which waits.
         """
         device = self._device
         self._inverse_radius = float(np.float32(1.0 / how.radius))
         known = (samples[:, 1, 3] > 0.0) & np.isfinite(samples).all(axis=(1, 2))
-        samples = samples[known][: self._samples]
-        if not len(samples):
+        chosen = np.flatnonzero(known)[: self._samples]
+        if not len(chosen):
             return
-        cell = _place(self._cell(samples[:, 0, :3]))
-        order = np.argsort(cell, kind="stable")
-        samples = samples[order]
-        device.write(self._sample_start, _starts(cell))
-        _, greatest = self._asked(samples)
-        self._create(samples[~(greatest >= LEAST_WEIGHT)], how)
+        place = _place(self._cell(samples[chosen, 0, :3]))
+        chosen = chosen[np.argsort(place, kind="stable")]
+        samples = samples[chosen]
+        covered = self._asked(samples)[1] if covered is None else covered[chosen]
+        device.write(self._drawn[: len(samples)], samples)
+        device.write(self._sample_start, _starts(place))
+        self._create(samples[~(covered >= LEAST_WEIGHT)], how)
         if self.count:
             self._learn(
                 (self.count,),
@@ -231,7 +243,6 @@ class Learner:
                 slopes_penalty=how.slopes_penalty,
                 bandwidth_penalty=BANDWIDTH_PENALTY * (how.metre / how.radius) ** 4,
             )
-        self._index(how.radius)
 
     def ask(self, samples: Float) -> tuple[Float, NDArray[np.bool_]]:
         """Return the learned radiance at samples, at most as many as are drawn at a time.
@@ -248,9 +259,7 @@ class Learner:
     def _asked(self, samples: Float) -> tuple[Float, Float]:
         """Return (N, 4) and (N,) of `ask_models.cl`, and leave the samples on the device."""
         device, count = self._device, len(samples)
-        padded = np.zeros(self._drawn.shape, np.float32)
-        padded[:count] = samples
-        device.write(self._drawn, padded)
+        device.write(self._drawn[:count], samples)
         self._ask((count,), learned=self.arguments(), count=count)
         return device.read(self._predicted)[:count], device.read(self._greatest)[:count]
 
@@ -265,53 +274,49 @@ class Learner:
         chosen = _thinned(samples, how.radius)[: self._capacity - self.count]
         if not len(chosen):
             return
-        new = slice(self.count, self.count + len(chosen))
-        models, information = (
-            self._device.read(buffer) for buffer in (self._models, self._information)
-        )
+        centres = chosen[:, 0, :3]
         # Between models that have shrunk, a new one reaches no farther than the nearest of them.
         reach = np.full(len(chosen), how.radius)
         if self.count:
-            known = scipy.spatial.cKDTree(models[: self.count, 0, :3])
-            nearest = known.query(chosen[:, 0, :3], distance_upper_bound=how.radius)[0]
+            nearest = scipy.spatial.cKDTree(self._centres).query(
+                centres, distance_upper_bound=how.radius
+            )[0]
             reach = np.clip(nearest, LEAST_REACH * how.radius, how.radius)
-        models[new] = 0.0
-        models[new, 0, :3] = chosen[:, 0, :3]
-        models[new, 0, 3] = WIDEST * reach
-        models[new, 1, :3] = chosen[:, 1, :3]
-        information[new] = np.array([PRIOR, 0.0, 0.0, PRIOR, 0.0, PRIOR], np.float32)
-        self._device.write(self._models, models)
-        self._device.write(self._information, information)
+        models = np.zeros((len(chosen), MODEL_PARTS, 4), np.float32)
+        models[:, 0, :3], models[:, 0, 3] = centres, WIDEST * reach
+        models[:, 1, :3] = chosen[:, 1, :3]
+        information = np.tile([PRIOR, 0.0, 0.0, PRIOR, 0.0, PRIOR], (len(chosen), 1))
+        new = slice(self.count, self.count + len(chosen))
+        self._device.write(self._models[new], models)
+        self._device.write(self._information[new], information)
+        self._index(centres, how.radius)
         self.count = new.stop
 
-    def _index(self, radius: float) -> None:
-        """List in each cell the models that reach it."""
-        models = self.models()
-        centre, reach = models[:, 0, :3], models[:, 0, 3] / WIDEST
-        low = self._cell(centre - reach[:, None])
-        steps = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(-1, 3)
-        cells = low[:, None] + steps
+    def _index(self, centres: Float, radius: float) -> None:
+        """List new models in each cell within the search radius, which no bandwidth exceeds."""
+        cells = self._cell(centres - np.float32(radius))[:, None] + NEIGHBOURS
+        nearest = np.clip(centres[:, None], cells * radius, (cells + 1) * radius)
+        apart = np.linalg.norm(nearest - centres[:, None], axis=-1)
         # A little farther, because kernels round differently.
-        nearest = np.clip(centre[:, None], cells * radius, (cells + 1) * radius)
-        apart = np.linalg.norm(nearest - centre[:, None], axis=-1)
-        model, step = np.nonzero(apart <= 1.001 * reach[:, None])
-        place = _place(cells[model, step])
-        order = np.argsort(place, kind="stable")
-        listed = np.zeros(self._list.shape, np.int32)
-        listed[: len(order)] = model[order]
-        self._places = len(order)
-        self._device.write(self._list, listed)
-        self._device.write(self._start, _starts(place))
+        model, step = np.nonzero(apart <= 1.001 * radius)
+        places = np.concatenate([self._places, _place(cells[model, step])])
+        listed = np.concatenate([self._listed, (self.count + model).astype(np.int32)])
+        order = np.argsort(places, kind="stable")
+        self._places, self._listed = places[order], listed[order]
+        self._centres = np.concatenate([self._centres, centres])
+        self._device.write(self._list[: len(listed)], self._listed)
+        self._device.write(self._start, _starts(places))
 
 
-def _place(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+def _place(cell: NDArray[np.int64]) -> NDArray[np.uint16]:
     """Return (N,) indices in the table of cells (N, 3), as `grid_place` computes them."""
-    wrapped = cell & (np.array(GRID) - 1)
-    place: NDArray[np.int64] = wrapped @ np.array([1, GRID[0], GRID[0] * GRID[1]])
+    x, y, z = (cell[:, axis] & (GRID[axis] - 1) for axis in range(3))
+    # Numbers of 16 bits are sorted in linear time.
+    place: NDArray[np.uint16] = ((z * GRID[1] + y) * GRID[0] + x).astype(np.uint16)
     return place
 
 
-def _starts(place: NDArray[np.int64]) -> NDArray[np.int32]:
+def _starts(place: NDArray[np.uint16]) -> NDArray[np.int32]:
     """Return (CELLS + 1,) starts of each cell's part in a list sorted by index."""
     counts: NDArray[np.int64] = np.bincount(place, minlength=CELLS)
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)

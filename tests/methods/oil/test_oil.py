@@ -16,6 +16,7 @@ from iprt.geometry.material import Material
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
 from iprt.world.real.panorama import Panorama
+from iprt.world.real.radiance_models import Learner, Learning
 from tests.oracles.learned import predicted
 from tests.oracles.worlds import World
 from tests.rendering import render
@@ -72,8 +73,13 @@ def test_radiance_is_that_which_was_learned(device: ComputeDevice) -> None:
 
             def brighter(*texels: Any, draw: Any = learner.draw, factor: float = factor) -> Any:
                 drawn = draw(*texels)
-                drawn[:, 2, :3] *= factor
-                return drawn
+
+                def scaled() -> Any:
+                    samples, covered = drawn()
+                    samples[:, 2, :3] *= factor
+                    return samples, covered
+
+                return scaled
 
             learner.draw = brighter
             picture = renderer.render(6, ["specular", "coverage", "learned"])
@@ -161,7 +167,7 @@ def test_what_was_learned_stays_where_it_is_while_the_camera_moves(device: Compu
     with Renderer(device, first, objects, VIEW, settings, footage=Footage.of(first)) as renderer:
         renderer.render(6)
         # Nothing is learned from the second frame.
-        renderer.method.learned.learner.learn = lambda samples, how: None
+        renderer.method.learned.learner.learn = lambda *_: None
         renderer.load(second)
         renderer.step()
         shown, background = (read_aov(renderer, name) for name in ("learned", "background"))
@@ -182,7 +188,7 @@ def test_a_cut_forgets(device: ComputeDevice) -> None:
         learner = renderer.method.learned.learner
         known = learner.models()[:, 1, 3].max()
         renderer.load(replace(bright, color=0.98 * bright.color))
-        renderer.step()
+        renderer.render(2)  # the second learns what the first drew
         assert learner.models()[:, 1, 3].max() > known
         renderer.load(dim)
         renderer.step()
@@ -197,3 +203,40 @@ def test_a_still_is_learned_until_as_many_samples_as_texels_were_drawn(
     with Renderer(device, frame, [ball(*BALL, LAMP)], VIEW, settings) as renderer:
         renderer.render(7)
         assert renderer.method.learned.learner.learned == 64 * 32
+
+
+def test_learning_waits_in_the_first_frame_alone(device: ComputeDevice) -> None:
+    """Models are those of a learner that waits for each batch; none was drawn before a cut."""
+    bright, dim = (room_frame(World(), 64, 32, light) for light in (bright_walls, ceiling_lamp))
+    settings = chosen(samples=512)
+    with Renderer(
+        device, bright, [ball(*BALL, LAMP)], VIEW, settings,
+        footage=Footage(video=True, static_camera=True),
+    ) as renderer:  # fmt: skip
+        learned, panorama, waits = renderer.method.learned, renderer.real_world.panorama, []
+
+        def counted(texels: Panorama, learn: Any = learned.learn) -> None:
+            before = device.profile.waits
+            learn(texels)
+            waits.append(device.profile.waits - before)
+
+        def waited(first: int, batches: int) -> Any:
+            learner = Learner(device, 512, FEW["models"])
+            learner.learned = first
+            how = Learning(0.2 * panorama.scale, panorama.scale, panorama.mean_radiance)
+            for _ in range(batches):
+                samples, _ = learner.draw(panorama.surfaces, panorama.radiated)()
+                learner.learn(samples, how)
+            return learner.models()
+
+        learned.learn = counted
+        renderer.render(5)
+        np.testing.assert_array_equal(learned.learner.models(), waited(0, 4))
+        renderer.load(replace(bright, color=0.98 * bright.color))
+        renderer.render(2)
+        assert waits[1:] == 6 * [0]
+        first = learned.learner.learned
+        renderer.load(dim)
+        renderer.render(3)
+        np.testing.assert_array_equal(learned.learner.models(), waited(first, 3))
+    assert waits[8:] == 2 * [0]

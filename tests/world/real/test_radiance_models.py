@@ -196,7 +196,7 @@ def test_samples_are_the_surfaces_of_the_panorama(device: ComputeDevice) -> None
     device.write(panorama.radiance, color)
     learner = Learner(device, 4096, 64)
     learner.place(pose)
-    drawn = learner.draw(panorama.surfaces, panorama.radiated).astype(np.float64)
+    drawn = learner.draw(panorama.surfaces, panorama.radiated)()[0].astype(np.float64)
     valid = drawn[:, 1, 3] > 0.0
     local = (drawn[:, 0, :3] - pose[:3, 3]) @ pose[:3, :3]
     normal = drawn[:, 1, :3] @ pose[:3, :3]
@@ -213,5 +213,5 @@ def test_samples_are_the_surfaces_of_the_panorama(device: ComputeDevice) -> None
     np.testing.assert_allclose(drawn[valid, 0, 3], distance[valid] * np.pi / 64, rtol=1e-4)
     up = np.histogram(local[valid, 1] / distance[valid], 8, (-1.0, 1.0))[0]
     assert up.min() > 0.6 * up.max()
-    again = learner.draw(panorama.surfaces, panorama.radiated)
+    again, _ = learner.draw(panorama.surfaces, panorama.radiated)()
     assert not np.array_equal(again, drawn.astype(np.float32))

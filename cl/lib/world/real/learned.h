@@ -7,8 +7,9 @@
 // Slopes are per search radius. Tangents are build_frame()'s.
 //
 // Models are kept in a uniform grid with cells as wide as the search radius. A cell lists the models that
-// reach it. Its index in the table is its coordinates modulo the grid's size, so that the grid is
-// unbounded: cells with the same index are far apart, and distances tell their models apart.
+// may reach it: those within the search radius. Its index in the table is its coordinates modulo the grid's
+// size, so that the grid is unbounded: cells with the same index are far apart, and distances tell their
+// models apart.
 #pragma once
 
 #include "maths/maths.h"
