@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import mmap
 import weakref
 from collections import deque
@@ -26,7 +27,11 @@ from iprt.device.recovery import end_of, reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
 HUGE_PAGE = 1 << 21
-"""Bytes from which a buffer of a CPU lies in huge pages, where the system has them."""
+"""Bytes of a huge page."""
+LARGE = HUGE_PAGE // 2
+"""Bytes from which a buffer of a CPU lies in huge pages of its own, where the system has them."""
+_STARTS = itertools.cycle(64 * (67 * i % 1024) for i in range(1024))
+"""Bytes before the values of large buffers: all lines of 64 KiB, neighbours far apart."""
 _HUNG: list[Any] = []
 """Host memory that hung devices may still read. Kept until the process ends."""
 
@@ -54,15 +59,21 @@ def _size(shape: tuple[int, ...], dtype: DTypeLike) -> int:
 def _blank(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """Return zeros in pages of their own, which take no memory before they are written.
 
-    Large arrays ask for huge pages. Rays then wait less for the translation of addresses.
+    Large arrays ask for huge pages: addresses are translated faster. Each then starts at another
+    line of the caches. Huge pages would keep all starts in one set of lines, and the planes of a
+    pixel would displace each other.
     """
     count, size = int(np.prod(shape)), _size(shape, dtype)
-    pages = mmap.mmap(-1, size, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    if size >= HUGE_PAGE and hasattr(mmap, "MADV_HUGEPAGE"):
+    huge = size >= LARGE and hasattr(mmap, "MADV_HUGEPAGE")
+    start = next(_STARTS) if huge else 0
+    used = start + size
+    # The last huge page is worth its memory where it is filled by half.
+    room = max(used, (used + HUGE_PAGE // 2) // HUGE_PAGE * HUGE_PAGE) if huge else used
+    pages = mmap.mmap(-1, room, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    if huge:
         with suppress(OSError):  # a kernel without them
             pages.madvise(mmap.MADV_HUGEPAGE)
-    kind = np.dtype(dtype)
-    return np.frombuffer(pages, kind, count).reshape(shape)
+    return np.frombuffer(pages, np.dtype(dtype), count, start).reshape(shape)
 
 
 def _pages(blank: NDArray[Any]) -> mmap.mmap:
@@ -297,7 +308,7 @@ class ComputeDevice:
             The memory does not suffice.
         """
         with self._holding(name, shape, dtype):
-            if self.is_cpu and _size(shape, dtype) >= HUGE_PAGE:
+            if self.is_cpu and _size(shape, dtype) >= LARGE:
                 array = self._hosted(_blank(shape, dtype), cl.mem_flags.READ_WRITE)
             else:
                 array = cla.empty(self.queue, shape, dtype)

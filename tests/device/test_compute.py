@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import mmap
 import os
+import re
 import weakref
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ import pyopencl as cl
 import pytest
 
 from iprt.device import program
-from iprt.device.compute import ComputeDevice
+from iprt.device.compute import HUGE_PAGE, LARGE, ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import BUILD_TRIES, CACHE_RACE
 from iprt.errors import KernelError
@@ -249,3 +251,23 @@ def test_shared_memory_is_read_as_it_is_and_kept_as_long_as_it_is_read(
     assert kept() is not None
     own.wait()
     assert kept() is None
+
+
+@pytest.mark.skipif(not hasattr(mmap, "MADV_HUGEPAGE"), reason="the system has no huge pages")
+@pytest.mark.parametrize("make", ["empty", "zeros"])
+def test_large_buffers_of_a_cpu_ask_for_huge_pages(device: ComputeDevice, make: str) -> None:
+    """Values start at different lines of a cache, and are aligned for any vector."""
+    if not device.is_cpu:
+        pytest.skip("the device has its own memory")
+    made = [getattr(device, make)(f"large {i}", (LARGE // 4,)) for i in range(4)]
+    starts = [array.data.get_host_array((1,), np.float32).ctypes.data for array in made]
+    assert len({start % HUGE_PAGE for start in starts}) == 4
+    assert not any(start % 64 for start in starts)
+    flags: dict[range, str] = {}
+    for line in Path("/proc/self/smaps").read_text(encoding="utf-8").splitlines():
+        if bounds := re.match(r"([0-9a-f]+)-([0-9a-f]+) ", line):
+            at = range(int(bounds[1], 16), int(bounds[2], 16))
+        elif line.startswith("VmFlags:"):
+            flags[at] = line
+    for start in starts:
+        assert " hg" in next(line for at, line in flags.items() if start in at)
