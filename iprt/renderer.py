@@ -190,9 +190,14 @@ class Renderer:
         self.schedule.tick(Clock.OBJECTS)
 
     def close(self) -> None:
-        """Release the OpenGL context."""
+        """Release the OpenGL context, and the buffers with the last reference to the renderer.
+
+        No frame can be rendered any more.
+        """
         if self._objects is not None:
             self._drawing.close()
+        # Its passes refer to the renderer: Python would find that cycle only later.
+        vars(self).pop("schedule", None)
 
     def __enter__(self) -> Self:
         return self

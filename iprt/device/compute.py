@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-import mmap
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -20,18 +18,13 @@ from numpy.typing import DTypeLike, NDArray
 from iprt.device.bands import Bands
 from iprt.device.budget import amount, what_to_lower
 from iprt.device.compilers import Compilers
+from iprt.device.host_memory import LARGE, HostMemory
 from iprt.device.kernel import Kernel
 from iprt.device.profile import Kind, Profile
 from iprt.device.program import Define, PlannedKernel, Program, build, device_key
 from iprt.device.recovery import end_of, reported, wait
 from iprt.errors import DeviceError, DeviceHangError
 
-HUGE_PAGE = 1 << 21
-"""Bytes of a huge page."""
-LARGE = HUGE_PAGE // 2
-"""Bytes from which a buffer of a CPU lies in huge pages of its own, where the system has them."""
-_STARTS = itertools.cycle(64 * (67 * i % 1024) for i in range(1024))
-"""Bytes before the values of large buffers: all lines of 64 KiB, neighbours far apart."""
 _HUNG: list[Any] = []
 """Host memory that hung devices may still read. Kept until the process ends."""
 
@@ -54,35 +47,6 @@ class _Built:
 def _size(shape: tuple[int, ...], dtype: DTypeLike) -> int:
     """Return the bytes of a buffer."""
     return int(np.prod(shape)) * np.dtype(dtype).itemsize
-
-
-def _blank(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Return zeros in pages of their own, which take no memory before they are written.
-
-    Large arrays ask for huge pages: addresses are translated faster. Each then starts at another
-    line of the caches. Huge pages would keep all starts in one set of lines, and the planes of a
-    pixel would displace each other.
-    """
-    count, size = int(np.prod(shape)), _size(shape, dtype)
-    huge = size >= LARGE and hasattr(mmap, "MADV_HUGEPAGE")
-    start = next(_STARTS) if huge else 0
-    used = start + size
-    # The last huge page is worth its memory where it is filled by half.
-    room = max(used, (used + HUGE_PAGE // 2) // HUGE_PAGE * HUGE_PAGE) if huge else used
-    pages = mmap.mmap(-1, room, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    if huge:
-        with suppress(OSError):  # a kernel without them
-            pages.madvise(mmap.MADV_HUGEPAGE)
-    return np.frombuffer(pages, np.dtype(dtype), count, start).reshape(shape)
-
-
-def _pages(blank: NDArray[Any]) -> mmap.mmap:
-    """Return the pages of an array from `_blank`."""
-    owner: Any = blank
-    while isinstance(owner, np.ndarray):
-        owner = owner.base
-    pages: mmap.mmap = owner.obj
-    return pages
 
 
 class ComputeDevice:
@@ -132,6 +96,7 @@ class ComputeDevice:
         self._launched: set[tuple[str, str]] = set()
         self._compilers = Compilers.of(device)
         self._in_flight: deque[Any] = deque()  # events that keep host memory alive
+        self._memory = HostMemory()
         # Host memory that kernels use. It must outlive its buffer until the queue is finished.
         self._shared: list[tuple[Callable[[], Any], NDArray[Any]]] = []
 
@@ -309,7 +274,9 @@ class ComputeDevice:
         """
         with self._holding(name, shape, dtype):
             if self.is_cpu and _size(shape, dtype) >= LARGE:
-                array = self._hosted(_blank(shape, dtype), cl.mem_flags.READ_WRITE)
+                array = self._hosted(
+                    self._memory.array(shape, dtype, zeros=False), cl.mem_flags.READ_WRITE
+                )
             else:
                 array = cla.empty(self.queue, shape, dtype)
         self.buffers[name] = array.nbytes
@@ -325,7 +292,9 @@ class ComputeDevice:
             self.fill_zero(array)
             return array
         with self._holding(name, shape, dtype):
-            array = self._hosted(_blank(shape, dtype), cl.mem_flags.READ_WRITE)
+            array = self._hosted(
+                self._memory.array(shape, dtype, zeros=True), cl.mem_flags.READ_WRITE
+            )
         self.buffers[name] = array.nbytes
         return array
 
@@ -336,7 +305,7 @@ class ComputeDevice:
         """
         for known, host in self._shared:
             if known() is array:
-                _pages(host).madvise(mmap.MADV_DONTNEED)
+                self._memory.discard(host)
 
     @contextmanager
     def _holding(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> Iterator[None]:
@@ -371,6 +340,13 @@ class ComputeDevice:
             return self.upload(name, values)
         with self.reported("sharing memory"):
             return self._hosted(np.ascontiguousarray(values), cl.mem_flags.READ_ONLY)
+
+    def _in_pages(self, shape: tuple[int, ...], dtype: DTypeLike, *, zeros: bool) -> cla.Array:
+        """Return a buffer in the host's pages, if possible in those of buffers that are gone."""
+        if any(array() is None for array, _ in self._shared):
+            self.wait()  # work may still use them
+        host = self._memory.array(shape, dtype, zeros=zeros)
+        return self._hosted(host, cl.mem_flags.READ_WRITE)
 
     def _hosted(self, host: NDArray[Any], flags: int) -> cla.Array:
         """Return the host's memory as a buffer."""
@@ -429,6 +405,9 @@ class ComputeDevice:
             done = end_of(self.queue)
         self._wait(done)
         self._in_flight.clear()
+        for array, host in self._shared:
+            if array() is None:
+                self._memory.release(host)
         self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
 
     def _wait(self, done: cl.Event) -> None:

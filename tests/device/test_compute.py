@@ -14,7 +14,8 @@ import pyopencl as cl
 import pytest
 
 from iprt.device import program
-from iprt.device.compute import HUGE_PAGE, LARGE, ComputeDevice
+from iprt.device.compute import ComputeDevice
+from iprt.device.host_memory import HUGE_PAGE, LARGE, MOST_SPARE, HostMemory
 from iprt.device.kernel import Kernel
 from iprt.device.program import BUILD_TRIES, CACHE_RACE
 from iprt.errors import KernelError
@@ -271,3 +272,41 @@ def test_large_buffers_of_a_cpu_ask_for_huge_pages(device: ComputeDevice, make: 
             flags[at] = line
     for start in starts:
         assert " hg" in next(line for at, line in flags.items() if start in at)
+
+
+def test_released_pages_are_used_again() -> None:
+    memory = HostMemory()
+    first = memory.array((LARGE + 64,), np.uint8, zeros=False)
+    first[...] = 7
+    memory.release(first)
+    again = memory.array((LARGE,), np.uint8, zeros=False)
+    assert np.shares_memory(first, again)
+    memory.release(again)
+    assert not memory.array((LARGE,), np.uint8, zeros=True).any()
+    memory.release(np.ones(LARGE, np.uint8))  # of someone else
+
+
+def test_few_released_pages_are_kept() -> None:
+    memory = HostMemory()
+    arrays = [memory.array((MOST_SPARE // 2,), np.uint8, zeros=False) for _ in range(3)]
+    for array in arrays:
+        memory.release(array)
+    again = [memory.array((MOST_SPARE // 2,), np.uint8, zeros=False) for _ in range(3)]
+    used = [any(np.shares_memory(one, old) for old in arrays) for one in again]
+    assert used == [True, False, False]
+
+
+def test_pages_of_a_buffer_in_use_are_not_released(device: ComputeDevice) -> None:
+    """Only those of a buffer that is gone, after the work that used it."""
+    if not device.is_cpu:
+        pytest.skip("the device has its own memory")
+    held, gone = (device.zeros(f"pages {i}", (LARGE // 4,)) for i in range(2))
+    at = gone.data.get_host_array((1,), np.float32).ctypes.data
+    device.write(held, np.full(LARGE // 4, 3.0))
+    del gone
+    device.wait()
+    made = [device.zeros(f"pages anew {i}", (LARGE // 4,)) for i in range(2)]
+    for array in made:
+        device.write(array, np.full(LARGE // 4, 5.0))
+    assert (device.read(held) == 3.0).all()
+    assert at in [array.data.get_host_array((1,), np.float32).ctypes.data for array in made]
