@@ -63,10 +63,6 @@ GUARDED = {
 
 # Why no test tells a mutant from the program, by its label.
 EQUIVALENT: dict[str, str] = {
-    'iprt/world/real/lights.py: self._cumulative = device.zeros(f"{name} cumulative", '
-    '(cells + 1,)) -> self._cumulative = device.zeros(f"{name} cumulative", (cells - 1,))': (
-        "Only cells brighter than the mean are in it: it is full where all but one are."
-    ),
     "iprt/truth/sensor.py: [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.0], "
     "[0, 0, 0, 1.0]] -> [[*rotation[0], 0.0], [*rotation[1], 0.0], [*rotation[2], 0.1], "
     "[0, 0, 0, 1.0]]": ("Only directions are transformed: rays start at the origin."),

@@ -142,7 +142,7 @@ def test_the_distant_environment_traces_nothing(view: View) -> None:
         "trace/relight.cl",
     }
     assert not unused & files(device)
-    assert not buffers(device, "light cells")
+    assert not buffers(device, "light columns")
     assert "DISTANT_ENVIRONMENT" in defines(device, "trace/trace_virtual.cl")
     assert not buffers(device, "layers")
     assert not buffers(device, "ratio")
@@ -176,9 +176,9 @@ def tracing(**trace: Any) -> Settings:
 
 def test_lights_and_shadows_off_screen_are_built_where_they_are_used() -> None:
     for estimator in ESTIMATORS:
-        assert buffers(plan(DIFFUSE, settings=variant(estimator)), "light cells")
+        assert buffers(plan(DIFFUSE, settings=variant(estimator)), "light columns")
         without = variant(estimator, trace={"light_sampling": False})
-        assert not buffers(plan(DIFFUSE, settings=without), "light cells")
+        assert not buffers(plan(DIFFUSE, settings=without), "light columns")
     assert buffers(plan(DIFFUSE), "ratio map")
     # The whole panorama needs no map besides; the published method has none.
     assert not buffers(plan(DIFFUSE, view=PANORAMA), "ratio map")

@@ -1,16 +1,44 @@
-// Sampling table of the panorama's light (lib/world/real/lights.h), from the mean luminance of its cells.
+// Sampling table of the panorama's light (lib/world/real/lights.h).
 //
-//   kernel          in                        out
-//   sum_columns     luminance                 light of each column of cells
-//   find_excess     luminance, light          excess of each cell over the mean, and sums down each column
-//   make_lights     excess, sums              the table
+//   kernel         in                                  out
+//   sum_luminance  texels, hidden_light (remember.cl)  mean luminance of cells
+//   sum_columns    luminance                           light of each column of cells
+//   find_excess    luminance, light                    excess of each cell over the mean, and sums down
+//                                                      each column
+//   make_lights    excess, sums                        the table
 //
-// An item is a column: its loads are beside its neighbours', and each order of summation is fixed.
+// In the last three an item is a column: its loads are beside its neighbours', and each order of summation
+// is fixed.
 #include "maths/equirect.h"
 #include "maths/maths.h"
 
 // Rounding errors are not light: an even panorama has no excess.
 #define EVEN 1e-4f
+
+__kernel void sum_luminance(
+    const int width,
+    const int height,
+    const int columns,                             // of cells; at most one a texel
+    const int rows,
+    __global const float *restrict texels,         // 3 a texel
+    __global const float *restrict hidden_light,   // or null
+    __global float *restrict mean)                 // out: columns x rows
+{
+    const int column = get_global_id(0), row = get_global_id(1);
+    if (column >= columns || row >= rows)
+        return;
+    // The texels that the cell's range of row and column indices maps to.
+    const int x0 = (column * width + columns - 1) / columns;
+    const int x1 = ((column + 1) * width + columns - 1) / columns;
+    const int y0 = (row * height + rows - 1) / rows, y1 = ((row + 1) * height + rows - 1) / rows;
+    float sum = 0.0f;
+    for (int y = y0; y < y1; y++)
+        for (int x = x0; x < x1; x++) {
+            const float light = luminance(vload3(y * width + x, texels));
+            sum += hidden_light ? fmax(light, hidden_light[y * width + x]) : light;
+        }
+    mean[row * columns + column] = sum / (float)((x1 - x0) * (y1 - y0));
+}
 
 __kernel void sum_columns(
     const int columns,

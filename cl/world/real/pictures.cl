@@ -1,9 +1,8 @@
-// Panorama radiance, three floats a texel, and its luminance.
+// Panorama radiance, three floats a texel.
 //
 //   kernel         in                                  out
 //   load_texels    color, the previous frame's texels  texels; sums by strips
 //   sum_strips     sums by strips                      sums by blocks, for the flux and its change
-//   sum_luminance  texels, hidden_light (remember.cl)  mean luminance of cells (lib/world/real/lights.h)
 //
 // Where the device shares the host's memory, load_texels sums the decoded picture in place. Otherwise it is
 // launched for some rows at a time, so that the device never holds the decoded picture besides the texels.
@@ -137,29 +136,4 @@ __kernel void sum_strips(
     for (int y = block * BLOCK; y < min((block + 1) * BLOCK, rows); y++)
         sum += weight[y] * sums[y * strips + strip];
     blocks[block * strips + strip] = sum;
-}
-
-__kernel void sum_luminance(
-    const int width,
-    const int height,
-    const int columns,                             // of cells; at most one a texel
-    const int rows,
-    __global const float *restrict texels,         // 3 a texel
-    __global const float *restrict hidden_light,   // or null
-    __global float *restrict mean)                 // out: columns x rows
-{
-    const int column = get_global_id(0), row = get_global_id(1);
-    if (column >= columns || row >= rows)
-        return;
-    // The texels that the cell's range of row and column indices maps to.
-    const int x0 = (column * width + columns - 1) / columns;
-    const int x1 = ((column + 1) * width + columns - 1) / columns;
-    const int y0 = (row * height + rows - 1) / rows, y1 = ((row + 1) * height + rows - 1) / rows;
-    float sum = 0.0f;
-    for (int y = y0; y < y1; y++)
-        for (int x = x0; x < x1; x++) {
-            const float light = luminance(vload3(y * width + x, texels));
-            sum += hidden_light ? fmax(light, hidden_light[y * width + x]) : light;
-        }
-    mean[row * columns + column] = sum / (float)((x1 - x0) * (y1 - y0));
 }

@@ -24,9 +24,9 @@ class LightsArgs(Block):
     ----------
     column : (columns + 1,) float32
         Share of the light in the columns of cells before each; 0 everywhere in even light.
-    share : (rows * columns,) float32
+    share : (rows, columns) float32
         Share of a column's light in its cells down to each row.
-    density : (rows * columns,) float32
+    density : (rows, columns) float32
         1/sr about the capture centre.
     columns, rows : int
     size : float2
@@ -79,12 +79,10 @@ class Lights:
             "share": self._share,
             "column": self._column,
         }
-        wide = {"WIDE": device.wide}
-        self._sum = device.kernel("world/real/pictures.cl", "sum_luminance", wide).fixed(
-            columns=self.columns, rows=self.rows, mean=self.luminance
-        )
+        file = "world/real/lights.cl"
+        self._sum = device.kernel(file, "sum_luminance").fixed(known, mean=self.luminance)
         steps = ("sum_columns", "find_excess", "make_lights")
-        self._steps = [device.kernel("world/real/lights.cl", step).fixed(known) for step in steps]
+        self._steps = [device.kernel(file, step).fixed(known) for step in steps]
 
     def load(self, radiance: cla.Array, hidden: cla.Array | None = None) -> None:
         """Build the table of a panorama (H, W, 3), linear radiance.

@@ -155,7 +155,7 @@ def test_rays_are_aimed_at_the_lamp_from_the_centre(device: ComputeDevice) -> No
     d = texel_directions(64).reshape(-1, 3)
     column, row = np.moveaxis(equirect_pixel(d, lights.columns, lights.rows), -1, 0)
     cell = row.astype(int) * lights.columns + column.astype(int) % lights.columns
-    density = device.read(lights.arguments().density)[cell]
+    density = device.read(lights.arguments().density).ravel()[cell]
     t, normal, _ = ROOM.first_hit(np.array(CENTRE), d)
     lit = ceiling_lamp(np.array(CENTRE) + t[..., None] * d, normal)[:, 0] > 1.0
     assert ((density > 0.0) == lit).mean() > 0.98
