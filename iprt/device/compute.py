@@ -274,9 +274,7 @@ class ComputeDevice:
         """
         with self._holding(name, shape, dtype):
             if self.is_cpu and _size(shape, dtype) >= LARGE:
-                array = self._hosted(
-                    self._memory.array(shape, dtype, zeros=False), cl.mem_flags.READ_WRITE
-                )
+                array = self._in_pages(shape, dtype, zeros=False)
             else:
                 array = cla.empty(self.queue, shape, dtype)
         self.buffers[name] = array.nbytes
@@ -292,9 +290,7 @@ class ComputeDevice:
             self.fill_zero(array)
             return array
         with self._holding(name, shape, dtype):
-            array = self._hosted(
-                self._memory.array(shape, dtype, zeros=True), cl.mem_flags.READ_WRITE
-            )
+            array = self._in_pages(shape, dtype, zeros=True)
         self.buffers[name] = array.nbytes
         return array
 
