@@ -397,24 +397,24 @@ class ComputeDevice:
 
     def wait(self) -> None:
         """Wait until all enqueued work is done."""
-        with self.reported("its work"):
-            done = end_of(self.queue)
-        self._wait(done)
+        self._wait(None)
         self._in_flight.clear()
         for array, host in self._shared:
             if array() is None:
                 self._memory.release(host)
         self._shared[:] = [(array, host) for array, host in self._shared if array() is not None]
 
-    def _wait(self, done: cl.Event) -> None:
-        """Wait for an event of the flushed queue."""
+    def _wait(self, done: cl.Event | None) -> None:
+        """Wait for an event of the flushed queue; None: for all enqueued work."""
         self.profile.synchronised()
         try:
             with self.reported("its work"):
-                if self.limit_s is None:
-                    done.wait()
+                if self.limit_s is not None:
+                    wait(self.name, done or end_of(self.queue), self.limit_s)
+                elif done is None:
+                    self.queue.finish()
                 else:
-                    wait(self.name, done, self.limit_s)
+                    done.wait()
         except DeviceHangError:
             # The destructor of a transfer's event would wait for the transfer.
             _HUNG.extend((*self._in_flight, *self._shared))

@@ -115,7 +115,7 @@ def test_background_and_lights_are_what_whole_frames_leave(
         kept = ("depth", "plane", "color", "around", "marks", "hidden_light", "surface", "range")
         buffers = {name: getattr(background, name) for name in kept}
         table = vars(lights.arguments()) | {"luminance": lights.luminance}
-        buffers |= {name: table[name] for name in ("cumulative", "cell", "density", "luminance")}
+        buffers |= {name: table[name] for name in ("column", "share", "density", "luminance")}
         return {name: device.read(buffer) for name, buffer in buffers.items()}
 
     followed = remembered()
