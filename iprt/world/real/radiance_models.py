@@ -132,6 +132,7 @@ class Learner:
         self._pose = device.upload("learned pose", np.eye(4, dtype=np.float32)[:3].ravel())
         self._sample_start = device.zeros("drawn samples cells", (CELLS + 1,), np.int32)
         self._drawn = device.zeros("drawn samples", (samples, SAMPLE_PARTS, 4))
+        self._sorted = device.zeros("drawn samples by cells", (samples, SAMPLE_PARTS, 4))
         self._predicted = device.zeros("drawn samples predicted", (samples, 4))
         self._greatest = device.zeros("drawn samples covered", (samples,))
         self._draw = device.kernel("world/real/draw_samples.cl", "draw_samples").fixed(
@@ -140,7 +141,7 @@ class Learner:
         defines = {"PRIOR": PRIOR}
         self._learn = device.kernel("world/real/learn_models.cl", "learn_models", defines).fixed(
             start=self._sample_start,
-            samples=self._drawn,
+            samples=self._sorted,
             models=self._models,
             information=self._information,
         )
@@ -228,7 +229,7 @@ class Learner:
         chosen = chosen[np.argsort(place, kind="stable")]
         samples = samples[chosen]
         covered = self._asked(samples)[1] if covered is None else covered[chosen]
-        device.write(self._drawn[: len(samples)], samples)
+        device.write(self._sorted[: len(samples)], samples)
         device.write(self._sample_start, _starts(place))
         self._create(samples[~(covered >= LEAST_WEIGHT)], how)
         if self.count:
