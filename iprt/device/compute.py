@@ -338,7 +338,7 @@ class ComputeDevice:
             return self._hosted(np.ascontiguousarray(values), cl.mem_flags.READ_ONLY)
 
     def _in_pages(self, shape: tuple[int, ...], dtype: DTypeLike, *, zeros: bool) -> cla.Array:
-        """Return a buffer in the host's pages, if possible in those of buffers that are gone."""
+        """Return a buffer in the host's memory, which released buffers may have left."""
         if any(array() is None for array, _ in self._shared):
             self.wait()  # work may still use them
         host = self._memory.array(shape, dtype, zeros=zeros)

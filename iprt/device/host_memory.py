@@ -70,7 +70,7 @@ def _room(size: int) -> int:
     if size < LARGE or not hasattr(mmap, "MADV_HUGEPAGE"):
         return size
     used = size + LINE * STARTS
-    # The last huge page is worth its memory where it is filled by half.
+    # A last huge page that would be less than half full would waste memory.
     return max(used, (used + HUGE_PAGE // 2) // HUGE_PAGE * HUGE_PAGE)
 
 

@@ -28,17 +28,12 @@ __kernel void draw_samples(
     const int texel = row * width + column;
     const float4 plane = surface[texel];
     const float3 direction = texel_direction(column, row, width, height);
+    const float inverse = dot(plane.xyz, direction);
     const float3 seen = vload3(texel, radiance);
-    float distance = 0.0f;
-    float3 normal = (float3)(0.0f, 1.0f, 0.0f);
-    if (!((int)plane.w & (SURFACE_NONE | SURFACE_OPENING))) {
-        const float inverse = dot(plane.xyz, direction);
-        if (inverse > 0.0f && is_finite(1.0f / inverse) && is_finite3(seen)) {
-            distance = 1.0f / inverse;
-            normal = safe_normalize(-plane.xyz, normal);
-        }
-    }
-    const int known = distance > 0.0f;
+    const int known = !((int)plane.w & (SURFACE_NONE | SURFACE_OPENING)) && inverse > 0.0f
+        && is_finite(1.0f / inverse) && is_finite3(seen);
+    const float distance = known ? 1.0f / inverse : 0.0f;
+    const float3 normal = safe_normalize(-plane.xyz, (float3)(0.0f, 1.0f, 0.0f));
     __global float4 *sample = samples + SAMPLE_PARTS * i;
     sample[0] = (float4)(to_world(pose, distance * direction, 1.0f), distance * IPRT_PI / height);
     sample[1] = (float4)(to_world(pose, normal, 0.0f), known ? 1.0f : 0.0f);
