@@ -124,6 +124,19 @@ def test_background_and_lights_are_what_whole_frames_leave(
     require_equal(followed, remembered())
 
 
+def test_a_frame_without_gloss_is_not_read_back(
+    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor does the host wait for more than the flux of its picture."""
+    frames = [replace(frame_at(x), gloss=None, real_materials=()) for x in (0.0, 0.1, 0.2)]
+    world = world_of(device, *frames[:2])
+    before = device.profile.waits
+    monkeypatch.setattr(type(device), "read", lambda *_: pytest.fail("a blocking read"))
+    world.load(frames[2])
+    world.prepare()
+    assert device.profile.waits <= before + 1
+
+
 def test_a_lamp_that_is_switched_on_shines_on_the_floor_at_once(device: ComputeDevice) -> None:
     """Rays keep their paths, and find the new light where they end."""
     dark, lit = frame_at(0.2), frame_at(0.2, ceiling_lamp)
