@@ -23,14 +23,15 @@ class ShownArgs(Block):
         `ClippedTexels.words()`; None: no texel is clipped.
     clipped_color : (N + 1, 3) float32 or None
         Displayed colors of the clipped texels.
-    rest : (H, W, 3) float32 or None
-        Part of `color` that is not shown. Kernels set it themselves.
+    rest : (H, W, 3) float32
+        Part of `color` that is not shown. `color` itself, which kernels replace: all is shown. It
+        is no null pointer, as rusticl loads through pointers in branches that are not taken.
     """
 
     color: Floats
     clipped: Uints = when("CLIPPED")
     clipped_color: Floats = when("CLIPPED")
-    rest: Floats = when("PART")
+    rest: Floats = when("", outer="layer_shown_color")
 
 
 class ShownTexels:

@@ -19,7 +19,7 @@ from iprt.device.vectors import float2
 from iprt.geometry.material import material_table
 from iprt.settings.features import Features
 from iprt.world.real.changed_surfaces import MOST_CONES
-from iprt.world.real.highlight_gain import highlight_gain
+from iprt.world.real.highlight_gain import HighlightGain
 from iprt.world.real.highlight_sites import SiteLayout
 from iprt.world.real.panorama import Panorama
 
@@ -69,7 +69,7 @@ class Highlight:
     reflectance : (materials, 4) float32
         Reflectance of the conductors among them.
     gain : (rows, columns, 4) float32
-        Per cell of the panorama, see `highlight_gain`.
+        `HighlightGain.gain`.
     """
 
     def __init__(
@@ -113,15 +113,13 @@ class Highlight:
         self._gloss: NDArray[np.uint8] | None = None
         self._placed, self._count = np.zeros(blocks, bool), 0
         cells = (-(-panorama.height // CELL), -(-panorama.width // CELL), 4)
-        self.gain = device.empty("highlight gain", cells)
-        self._min_base = device.empty("highlight floor", cells)
         self._cell_paths = device.empty("highlight cell paths", (*cells[:2], CELL_RAYS, 4))
         self._cells = [
             device.empty(f"highlight {name}", cells) for name in ("seen", "specular", "irradiance")
         ]
         self.table = device.upload("real materials", table)
-        # A conductor only reflects: it has no diffuse part to compare with.
-        self._coated = np.array([False, *(material.kind == "plastic" for material in materials)])
+        self._limit = HighlightGain(device, cells[0], cells[1], self.table, len(materials))
+        self.gain = self._limit.gain
         reflectance = [(*material.albedo, 0.0) for material in materials]
         self.reflectance = device.upload(
             "real materials' reflectance", np.array(reflectance, np.float32)
@@ -145,7 +143,7 @@ class Highlight:
             columns=columns,
             rows=rows,
             gain=self.gain,
-            min_base=self._min_base,
+            min_base=self._limit.min_base,
             radiated=panorama.radiated,
         )
 
@@ -159,6 +157,8 @@ class Highlight:
         if len(sites):
             self._device.write(self._sites[: len(sites)], sites)
             self._device.write(self._blocks, texels)
+        rows = np.logical_or.reduceat(gloss.any(axis=1), np.arange(0, len(gloss), CELL))
+        self._limit.place(rows)
         self._gloss, self._count = gloss, len(sites)
 
     def _split(self, cones: NDArray[np.float32] | None) -> None:
@@ -239,7 +239,7 @@ class Highlight:
     def _calibrate(self, real: Mapping[str, Any], samples: cla.Array) -> None:
         """Fill `gain`, and `radiated` of glossy texels with their highlight, from `samples`."""
         rows, columns, _ = self.gain.shape
-        seen_cells, specular_cells, irradiance_cells = self._cells
+        seen, specular, irradiance = self._cells
         self._measure(
             (columns, rows),
             real,
@@ -247,19 +247,8 @@ class Highlight:
             samples=samples,
             paths=self._cell_paths,
             radiated=self._panorama.radiated,
-            seen=seen_cells,
-            specular=specular_cells,
-            irradiance=irradiance_cells,
+            seen=seen,
+            specular=specular,
+            irradiance=irradiance,
         )
-        seen, specular, irradiance = (
-            self._device.read(cells).astype(np.float64) for cells in self._cells
-        )
-        gloss = seen[..., 3].astype(np.int64)
-        gain, min_base = highlight_gain(
-            seen[..., :3],
-            specular[..., :3],
-            irradiance[..., :3],
-            np.where(self._coated[gloss], gloss, 0),
-        )
-        self._device.write(self.gain, gain)
-        self._device.write(self._min_base, min_base)
+        self._limit.run(seen, specular, irradiance)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
@@ -20,7 +19,6 @@ from iprt.settings.features import Features
 from iprt.settings.model import Settings
 from iprt.world.real import highlight as module
 from iprt.world.real.highlight import Highlight
-from iprt.world.real.highlight_gain import REACH, _blurred, highlight_gain
 from iprt.world.real.panorama import Panorama
 from tests.oracles.brdf import fresnel, specular_albedo
 from tests.oracles.worlds import World
@@ -196,48 +194,6 @@ def mirror_image(frame: Frame) -> Float:
     return np.where(floor, fresnel(cosines(frame), 1.5)[..., None] * light, 0.0)
 
 
-# The gain -------------------------------------------------------------------------------------
-
-
-def cells(specular: Float, diffuse: float = 0.2) -> tuple[Float, Float, Float, NDArray[np.int64]]:
-    """Seen, computed, irradiance and gloss of a floor in even light, in the lower half."""
-    gloss = np.zeros(specular.shape[:2], np.int64)
-    gloss[8:] = 1
-    irradiance = np.where(gloss[..., None] > 0, 1.5, 0.0) * np.ones(3)
-    seen = np.where(gloss[..., None] > 0, diffuse * irradiance + specular, 0.0)
-    return seen, np.where(gloss[..., None] > 0, specular, 0.0), irradiance, gloss
-
-
-def glow(peak: tuple[float, float, float]) -> Float:
-    """(16, 32, 3): a highlight about the cell (12, 10)."""
-    y, x = np.mgrid[:16, :32]
-    return np.asarray(np.exp(-((y - 12) ** 2 + (x - 10) ** 2) / 8.0)[..., None] * peak)
-
-
-def test_a_highlight_that_was_seen_stays() -> None:
-    seen, specular, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
-    gain, _ = highlight_gain(seen, specular, irradiance, gloss)
-    bright = specular.min(-1) > 0.05
-    np.testing.assert_allclose(gain[bright][:, :3], 1.0, atol=0.05)
-
-
-def test_a_highlight_is_held_to_what_was_seen_of_it() -> None:
-    """The sky in the window's reflection was guessed four times too red, and twice too green."""
-    seen, specular, irradiance, gloss = cells(glow((3.0, 2.0, 1.0)))
-    guessed = specular * (4.0, 2.0, 1.0)
-    gain, least = highlight_gain(seen, guessed, irradiance, gloss)
-    np.testing.assert_allclose(gain[12, 10, :3], (0.25, 0.5, 1.0), atol=0.05)
-    np.testing.assert_allclose(least[12, 10, :3], 0.5 * 0.2 * 1.5, rtol=0.05)
-
-
-def test_textures_do_not_pass_for_highlights() -> None:
-    """Dark and light boards: the gain stays what it is on an even floor."""
-    seen, specular, irradiance, gloss = cells(glow((1.0, 1.0, 1.0)))
-    boards = 1.0 + 0.3 * np.sign(np.sin(np.arange(32) * 2.0))[None, :, None]
-    gain, _ = highlight_gain((seen - specular) * boards + specular, specular, irradiance, gloss)
-    assert gain[10:15, 8:13, :3].min() > 0.9
-
-
 def test_paths_of_a_first_frame_are_kept(
     device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -259,11 +215,3 @@ def test_paths_of_a_first_frame_are_kept(
     nearer = replace(frame, depth=frame.depth * np.float32(0.999))
     with pytest.raises(AssertionError, match="traced again"):
         split(device, nearer, rays=4)
-
-
-@pytest.mark.parametrize("shape", [(9, 18, 3), (2, 4, 3)])
-def test_means_wrap_around_in_azimuth_only(shape: tuple[int, ...]) -> None:
-    cells = np.random.default_rng(0).random(shape)
-    mode = ("nearest", "wrap", "nearest")
-    expected = scipy.ndimage.gaussian_filter(cells, (REACH, REACH, 0), mode=mode)
-    np.testing.assert_allclose(_blurred(cells), expected, rtol=1e-12)

@@ -124,11 +124,14 @@ def test_background_and_lights_are_what_whole_frames_leave(
     require_equal(followed, remembered())
 
 
-def test_a_frame_without_gloss_is_not_read_back(
-    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("gloss", [True, False])
+def test_a_frame_is_not_read_back(
+    device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, gloss: bool
 ) -> None:
     """Nor does the host wait for more than the flux of its picture."""
-    frames = [replace(frame_at(x), gloss=None, real_materials=()) for x in (0.0, 0.1, 0.2)]
+    frames = [frame_at(x) for x in (0.0, 0.1, 0.2)]
+    if not gloss:
+        frames = [replace(frame, gloss=None, real_materials=()) for frame in frames]
     world = world_of(device, *frames[:2])
     before = device.profile.waits
     monkeypatch.setattr(type(device), "read", lambda *_: pytest.fail("a blocking read"))

@@ -65,10 +65,16 @@ static inline ALWAYS_INLINE float3 panorama_bilinear(
     return equirect_bilinear(color, 3, width, height, (float2)((float)width, (float)height), uv);
 }
 
+// Return whether a part of the color is not shown.
+static inline ALWAYS_INLINE int shows_part(Shown shown)
+{
+    return shown.rest != shown.color;
+}
+
 // Return channel `c` of a texel as displayed.
 static inline ALWAYS_INLINE float shown_texel(Shown shown, int texel, int c)
 {
-    const float sent = shown.color[3 * texel + c] - (shown.rest ? shown.rest[3 * texel + c] : 0.0f);
+    const float sent = shown.color[3 * texel + c] - (shows_part(shown) ? shown.rest[3 * texel + c] : 0.0f);
     if (!shown.clipped)
         return sent;
     const uint word = shown.clipped[2 * (texel >> 5)], before = shown.clipped[2 * (texel >> 5) + 1];
@@ -83,6 +89,6 @@ static inline ALWAYS_INLINE float3 shown_color(Shown shown, int texel)
 {
     return shown.clipped ? (float3)(shown_texel(shown, texel, 0), shown_texel(shown, texel, 1),
                                     shown_texel(shown, texel, 2))
-         : shown.rest  ? vload3(texel, shown.color) - vload3(texel, shown.rest)
-                         : vload3(texel, shown.color);
+         : shows_part(shown) ? vload3(texel, shown.color) - vload3(texel, shown.rest)
+                             : vload3(texel, shown.color);
 }
