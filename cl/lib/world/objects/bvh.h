@@ -292,9 +292,15 @@ static inline int bvh_trace(const Bvh bvh, float3 o, float3 d, float t_max, int 
     BvhBack stack[BVH_STACK];
     int top = 0, upper = 0, met = 0;
     int instance = -1;
-    int reference = bvh.count == 1 ? ~0 : 0;
+    int reference = 0;
     hit->t = t_max;
-    BvhRay ray = bvh_ray(o, d);
+    BvhRay ray;
+    if (bvh.count == 1) {
+        instance = 0;
+        ray = bvh_ray(bvh_transform(bvh.instances, o, 1.0f), bvh_transform(bvh.instances, d, 0.0f));
+        reference = as_int(bvh.instances[6].x);
+    } else
+        ray = bvh_ray(o, d);
     for (int step = 0; step < BVH_STEP_CAP; step++) {
         if (reference >= 0) {
             __global const float4 *node = bvh.nodes + BVH_NODE_ROWS * reference;
