@@ -1,4 +1,4 @@
-"""`docs/measure.py`: every table of the page about speed and accuracy can be made again."""
+"""The pages: tables can be made again (`docs/measure.py`), and the files that they name exist."""
 
 from __future__ import annotations
 
@@ -43,6 +43,16 @@ def test_swept_values_are_allowed_and_not_the_default(measure: ModuleType) -> No
                 item = overrides.parse_assignment("--sweep", f"{key}={value}")
                 balanced = overrides.resolved("balanced")
                 assert overrides.resolved("balanced", [item]) != balanced, item
+
+
+def test_named_files_exist() -> None:
+    """Code that `docs/method/` names by its file, or by the end of its path."""
+    folders = (DOCS.parent / name for name in ("iprt", "cl", "tests"))
+    files = [str(file) for folder in folders for file in folder.rglob("*.*")]
+    for page in (DOCS / "method").glob("*.md"):
+        named = re.findall(r"`([\w/]+\.(?:py|cl|h))`", page.read_text(encoding="utf-8"))
+        missing = [name for name in named if not any(f.endswith("/" + name) for f in files)]
+        assert not missing, page.name
 
 
 def test_plots_follow_their_table(
