@@ -89,10 +89,11 @@ def triangles(*centres: float) -> Instance:
 
 @pytest.mark.parametrize(
     ("centres", "ahead", "aside"),
-    # An instance and its packet; or a node that tells which of two packets to look at, if any.
-    [((0.0,), 2, 2), ((0.0, 9.0), 3, 2)],
+    # A packet; or a node that tells which of two packets to look at, if any. The step to the only
+    # instance is none.
+    [((0.0,), 1, 1), ((0.0, 9.0), 2, 1)],
 )
-def test_steps_to_triangles_are_instances_nodes_and_packets(
+def test_steps_to_triangles_are_nodes_and_packets(
     device: ComputeDevice, centres: tuple[float, ...], ahead: int, aside: int
 ) -> None:
     counting = CountingDevice(device)
