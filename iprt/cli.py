@@ -60,6 +60,7 @@ VERBS = {
     "scene new": "iprt.commands.scene:new",
     "scene add": "iprt.commands.scene:add",
     "scene gloss": "iprt.commands.scene_gloss:gloss",
+    "scene sun": "iprt.commands.scene_sun:sun",
 }
 """Words after `iprt` -> function. It returns the exit code, or None for 0."""
 

@@ -24,7 +24,9 @@ from iprt.files.resources import CL
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
 from iprt.footage.properties import Footage
+from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
+from iprt.geometry.equirect import equirect_direction
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import RenderedFrame, Renderer
@@ -98,7 +100,7 @@ def films(**settings: Any) -> dict[str, Film]:
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     every, glazed = _objects(), (textured, plastic, mirror)
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
-        "triangles": (_carried(room), _bending((*glazed, brass)), LOOK, TRIANGLES),
+        "triangles": (_sunny(_carried(room)), _bending((*glazed, brass)), LOOK, TRIANGLES),
         "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (
             room,
@@ -245,6 +247,13 @@ def _carried(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
     """Give the frames poses of a moving camera."""
     first, second = video
     return replace(first, pose=pose_at()), replace(second, pose=pose_at((0.1, 0.0, -0.1), 3.0))
+
+
+def _sunny(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
+    """Let a wide sun shine through the window of `_room`."""
+    towards = equirect_direction(np.array([0.6, 0.45]), 1, 1)
+    first, second = (replace(f, sun=Sun(towards, (9.0, 8.0, 7.0), angle_deg=10.0)) for f in video)
+    return first, second
 
 
 def _drifting(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:

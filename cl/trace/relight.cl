@@ -13,12 +13,14 @@
 // No diffuse surface reflects more than it receives. Where the camera saw more than E_R, the excess is due to
 // light that the panorama lacks (a clipped window) or to a highlight. Objects are assumed to block the same
 // share of it as of the known light, without color, and never to add to it. Otherwise such spots would
-// brighten themselves by way of objects near them.
+// brighten themselves by way of objects near them. With -D SUN, the excess on surfaces that face the sun is due
+// to it: the cached E_R leaves it out.
 #include "gbuffer/batch.h"
 #include "gbuffer/guide.h"
 #include "filter/residual.h"
 #include "maths/lanes.h"
 #include "world/real/irradiance.h"
+#include "world/real/sun.h"
 
 // Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured color
 // is too dark to be reliable.
@@ -52,6 +54,7 @@ __kernel void relight(
     __global float *restrict touched,      // in, out: 1 plane, frames for which pixels are traced
                                            // densely: more where objects change more
     STORED_IN variance,                    // -D NOISE: 1 plane, of the signal's guide scalar
+    const Sun disc,                        // -D SUN
     int width,
     int height)
 {
@@ -115,6 +118,17 @@ __kernel void relight(
                 real[0][i] = light.x, real[1][i] = light.y, real[2][i] = light.z;
             }
     }
+#ifdef SUN
+    for (int i = 0; i < count; i++) {
+        const int p = start + i;
+        const float shown = luminance((float3)(color[p], color[size + p], color[2 * size + p]));
+        const float others = luminance((float3)(real[0][i], real[1][i], real[2][i]));
+        const float3 light = others > 0.0f && shows_sun(shown, others)
+            ? sun_irradiance(disc, (float3)(guide[p], guide[size + p], guide[2 * size + p]))
+            : (float3)(0.0f);
+        real[0][i] += light.x, real[1][i] += light.y, real[2][i] += light.z;
+    }
+#endif
     LANE_LOOP
     for (int i = 0; i < count; i++) {
         #pragma unroll

@@ -47,6 +47,24 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
     return s;
 }
 
+#ifdef SUN
+// Return whether the picture shows a surface of color `seen` in the sun. It decides rather than a ray, which
+// may be some texels off the border of a patch: objects would cast a second shadow into the shade.
+static inline int is_sunlit(const RealLayer real, float3 p, float3 n, float3 seen, float3 irradiance)
+{
+    const float3 light = sun_irradiance(real.sun, n);
+    if (!(luminance(light) > 0.0f))
+        return 0;
+    const float shown = luminance(seen), others = luminance(irradiance);
+    if (shows_sun(shown, others))
+        return 1;
+    if (shows_shade(shown, others, luminance(light)))
+        return 0;
+    const float3 o = real_start(real, p, n);
+    return leaves_room(real, trace_real_layer(real, o, real.sun.disc.xyz, INFINITY));
+}
+#endif
+
 TRACING_KERNEL void trace_delta(
     const Pixels pixels,
     const World world,
@@ -80,6 +98,26 @@ TRACING_KERNEL void trace_delta(
     const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
     samples[at.pixel] += pixels.rays;
     // f cos is cos / pi: the sums are irradiance / pi, as in the cache.
-    const float3 scale = inverse_irradiance(cache, at.p, at.n) / (float)pixels.rays;
+    float3 irradiance = cached_irradiance(cache, at.p, at.n);
+#ifdef SUN
+    // The cache leaves it out: it is too coarse for the borders of patches.
+    const float3 o_object = at.p + world.real.bias * at.n;
+    const float3 seen = load_planes(pixels.color, at.size, at.pixel);
+    const int hidden
+        = meets_boxes(world.objects.bounds, world.objects.count, o_object, world.real.sun.disc.xyz);
+    if ((hidden || any(summed(blocked) + summed(bounce) > 0.0f))
+        && is_sunlit(world.real, at.p, at.n, seen, irradiance)) {
+        const float3 light = sun_irradiance(world.real.sun, at.n);
+        for (int ray = 0; hidden && ray < pixels.rays; ray++) {
+            const uint index = READ_AGAIN(samples + at.pixel) - ray;
+            const float3 d = sample_sun(world.real.sun, sobol_2d(index, hash_combine(at.seed, 2)));
+            ObjectHit hit;
+            if (trace_objects(world.objects, o_object, d, INFINITY, 1, &hit))
+                add_to(blocked, light);
+        }
+        irradiance += light;
+    }
+#endif
+    const float3 scale = inverse_of_irradiance(irradiance, cache.black) / (float)pixels.rays;
     store_signal(signal, at, scale, summed(blocked), summed(bounce));
 }

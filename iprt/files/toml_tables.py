@@ -40,6 +40,13 @@ def _plain_name(text: str) -> str:
     return text
 
 
+def not_null(values: list[float]) -> list[float]:
+    """Validate numbers that may not all be 0."""
+    if not any(values):
+        raise ValueError("expected at least one value that is not 0")
+    return values
+
+
 RelativePath = Annotated[str, AfterValidator(_relative_path)]
 FramePath = Annotated[str, AfterValidator(_frame_path)]
 Name = Annotated[str, AfterValidator(_plain_name)]
@@ -101,7 +108,7 @@ def describe(
     if "material" in location:
         # pydantic inserts the tag of the union's member, which is not a key of the file.
         del location[location.index("material") + 1 : location.index("material") + 2]
-    if location[0] == "real_materials":
+    if location[0] == "real_materials" or location[:2] == ["video", "sun"]:
         del location[2:3]
     key = _key_path(location, data)
     if kind in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):

@@ -13,6 +13,7 @@ from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.depth_noise import fit_tolerance
 from iprt.footage.median import median_of_smallest
 from iprt.footage.normals import estimate_normals, estimate_normals_at, sanitize_normals
+from iprt.footage.sun import Sun
 from iprt.geometry.material import Material
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -42,6 +43,8 @@ class Frame:
         0 on diffuse surfaces, else 1 + the index in `real_materials`. None: all are diffuse.
     real_materials : tuple of Material
         The glossy materials of the real scene.
+    sun : Sun or None
+        A distant light that the panorama need not show.
     index : int
         Index of the frame in the video.
     pose : (4, 4) float64 or None
@@ -60,6 +63,7 @@ class Frame:
     normal: NDArray[np.float32] | None = None
     gloss: NDArray[np.uint8] | None = None
     real_materials: tuple[Material, ...] = ()
+    sun: Sun | None = None
     index: int = 0
     pose: NDArray[np.float64] | None = None
     clipped: ClippedTexels | None = None

@@ -30,6 +30,8 @@ class Footage:
     static_camera : bool
         Whether all frames share one place. Surfaces hidden by moving objects can then be
         remembered.
+    sun : bool
+        Whether there is a sun that the panorama need not show.
     """
 
     openings: bool = False
@@ -39,6 +41,7 @@ class Footage:
     poses: bool = False
     video: bool = False
     static_camera: bool = False
+    sun: bool = False
 
     @classmethod
     def of(
@@ -59,4 +62,5 @@ class Footage:
             poses=frame.pose is not None,
             video=video,
             static_camera=static_camera,
+            sun=frame.sun is not None,
         )

@@ -43,11 +43,12 @@ from iprt.files.toml_tables import (
     Table,
     Unit,
     describe,
+    not_null,
     problems_error,
 )
 from iprt.files.toml_text import parse_toml, read_text
 from iprt.footage.real_material import MAX_REAL_MATERIALS, Plane, RealMaterial
-from iprt.footage.video.video_table import VideoTable
+from iprt.footage.video.video_table import SunTable, VideoTable
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import (
     Clip,
@@ -60,12 +61,6 @@ from iprt.geometry.material import Material
 
 MANIFEST_NAME = "scene.toml"
 MAX_VIEWS = 4096
-
-
-def _not_null(values: list[float]) -> list[float]:
-    if not any(values):
-        raise ValueError("expected at least one value that is not 0")
-    return values
 
 
 class DiffuseTable(Table):
@@ -147,7 +142,7 @@ class ObjectTable(Table):
 Radiance = Annotated[
     list[Annotated[float, Field(ge=0.0, le=1e12)]],
     Field(min_length=3, max_length=3),
-    AfterValidator(_not_null),
+    AfterValidator(not_null),
 ]
 
 
@@ -155,7 +150,7 @@ class PlaneTable(Table):
     """A plane in the world, in metres."""
 
     point: Point
-    normal: Annotated[Point, AfterValidator(_not_null)]
+    normal: Annotated[Point, AfterValidator(not_null)]
     tolerance: Annotated[float, Field(gt=0.0)] = 0.02
 
     @property
@@ -349,6 +344,7 @@ def parse_manifest(text: str, source: str) -> Manifest:
 
 _TABLES: dict[tuple[str, str], type[BaseModel]] = {
     ("video", "video"): VideoTable,
+    ("video", "table"): SunTable,
     ("objects", "objects"): ObjectTable,
     ("objects", "keyframes"): ObjectKeyframe,
     ("objects", "diffuse"): DiffuseTable,

@@ -105,7 +105,7 @@ def found_materials(
     """
     source = frames.source
     video = manifest.video.model_dump_json(exclude={"gloss"})
-    inputs = [video, declared, _file_states(source)]
+    inputs = [video, declared, file_states(source)]
     try:
         if source.size[1] < MIN_HEIGHT:
             return ()
@@ -146,7 +146,7 @@ def _later(frames: RawFrames) -> Iterator[RawFrame]:
             yield frames.read(index)
 
 
-def _file_states(source: FrameSource) -> list[str]:
+def file_states(source: FrameSource) -> list[str]:
     """Return paths, sizes and times of the searched files."""
     files = {file for index in _looked_at(source) for file in source.files(index).values()}
     states = []

@@ -17,11 +17,13 @@ from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.prepare.steady import steady_frames
 from iprt.footage.real_material import RealMaterial
+from iprt.footage.sun import Sun
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
+from iprt.scene.found_sun import found_sun
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -206,7 +208,7 @@ class Scene:
 
     def preparation(self, *, drift: bool = True) -> Preparation:
         """Return new stages from raw frames to frames, for one pass over the video."""
-        return Preparation(self.source.white, self.real_materials, drift=drift)
+        return Preparation(self.source.white, self.real_materials, drift=drift, sun=self.sun)
 
     @property
     def clips(self) -> bool:
@@ -232,6 +234,19 @@ class Scene:
         """
         found = self.found_materials if self.manifest.video.gloss == "auto" else ()
         return found + self.declared_materials
+
+    @cached_property
+    def sun(self) -> Sun | None:
+        """The sun that the panorama does not show: declared, or found if `sun` is "auto"."""
+        declared = self.manifest.video.sun
+        if declared == "none":
+            return None
+        return self.found_sun if declared == "auto" else declared.sun
+
+    @cached_property
+    def found_sun(self) -> Sun | None:
+        """The undeclared sun (`iprt.scene.found_sun`)."""
+        return found_sun(self.raw_frames, self.manifest, self.declared_materials)
 
     @cached_property
     def found_materials(self) -> tuple[RealMaterial, ...]:

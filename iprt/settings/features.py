@@ -54,6 +54,8 @@ class Features:
         Glossy materials of the real scene that reflect objects; empty if all is diffuse.
     moving_camera : bool
         The video has poses: real surfaces move relative to the capture centre.
+    sun : bool
+        A sun shines that the panorama need not show.
     needs : Needs
         Requirements of the method.
     settings : Settings
@@ -71,6 +73,7 @@ class Features:
     background: bool
     real_materials: tuple[Material, ...]
     moving_camera: bool
+    sun: bool
     needs: Needs
     settings: Settings
 
@@ -118,6 +121,7 @@ class Features:
             and footage.static_camera,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
             moving_camera=bool(kinds) and footage.poses,
+            sun=tracing and needs.sun and settings.trace.light_sampling and footage.sun,
             needs=needs,
             settings=settings,
         )
@@ -233,6 +237,7 @@ class Features:
         return self.real_defines() | {
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "IMPOSTOR": self.impostor,
+            "SUN": self.sun,
         }
 
     def gloss_defines(self) -> dict[str, Define]:
@@ -253,6 +258,7 @@ class Features:
             "memory of surfaces that moving things hide": self.background,
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
+            "sun that the panorama does not show": self.sun,
             "distance impostor around the objects": self.impostor,
             "shadows in reflections of off-screen surfaces": self.ratio_map,
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,

@@ -60,6 +60,8 @@ class Needs:
         E_R of real surfaces, cached.
     gloss : bool
         Highlights of glossy real surfaces are split from their diffuse part.
+    sun : bool
+        A sun that the panorama does not show is a light.
     relit_reflections : bool
         Objects reflect relit real surfaces.
     ratio_rows : int
@@ -75,6 +77,7 @@ class Needs:
     objects: Literal["triangles", "layers"] = "triangles"
     irradiance: bool = False
     gloss: bool = False
+    sun: bool = False
     relit_reflections: bool = False
     ratio_rows: int = 0
     published_filter: bool = False

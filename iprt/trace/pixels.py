@@ -82,6 +82,7 @@ class RealPixels:
             guide,
             next(iter(self._filter.variances), None),
             delta=features.delta,
+            sun=features.sun,
             name=name,
         )
 
@@ -121,7 +122,8 @@ class RealPixels:
             )
 
         def trace(context: FrameContext) -> None:
-            self._trace.run(world, mask, context.view, cache, min_solid_angle=least)
+            color = self.layer.diffuse
+            self._trace.run(world, mask, context.view, cache, color=color, min_solid_angle=least)
 
         def relight(_: FrameContext) -> None:
             assert self.change is not None

@@ -29,6 +29,7 @@ class Relight:
         variance: cla.Array | None,
         *,
         delta: bool,
+        sun: bool,
         name: str,
     ) -> None:
         """Build the kernel and its output.
@@ -39,12 +40,15 @@ class Relight:
             `Atrous.variances` of the signal, if any.
         delta : bool
             Signals are relative to a cached E_R.
+        sun : bool
+            There is a sun that the panorama does not show; it is not part of the cached E_R.
         """
         self._guide = guide
         noise = variance if delta else None
         defines = guide.defines(
             DELTA=delta,
             NOISE=noise is not None,
+            SUN=sun,
             HALF_PLANES=device.half_planes,
         )
         pixels = guide.layout.width * guide.layout.height
@@ -84,6 +88,7 @@ class Relight:
         self._kernel(
             self._guide.tiles.lanes(),
             cache=known if cache is None else cache.arguments(world.panorama),
+            disc=world.panorama.sun,
             touched=touched,
             guide=self._guide.current,
             signal=signal,

@@ -37,6 +37,8 @@ class PixelsArgs(Block):
     count : (1,) int32
         Length of the list.
     guide : 7 planes
+    color : 3 planes or None
+        Radiance of the layer, by which real surfaces are in the sun.
     """
 
     width: Int32
@@ -46,6 +48,7 @@ class PixelsArgs(Block):
     list: Ints
     count: Ints
     guide: Floats
+    color: Floats = when("SUN")
 
 
 @dataclass(kw_only=True)
@@ -160,7 +163,14 @@ class _Tracer:
             layout.arguments(), planes, kernel.fixed, {"samples": samples}
         )
 
-    def _launch(self, world: World, mask: Mask, view: cla.Array, **more: Any) -> None:
+    def _launch(
+        self,
+        world: World,
+        mask: Mask,
+        view: cla.Array,
+        color: cla.Array | None = None,
+        **more: Any,
+    ) -> None:
         """Run the kernel; `more` are further arguments, of which the kernel may lack some."""
         layout = self._guide.layout
         self._kernel(
@@ -176,6 +186,7 @@ class _Tracer:
                 list=mask.traced,
                 count=mask.count,
                 guide=self._guide.current,
+                color=color,
             ),
         )
 
@@ -214,19 +225,22 @@ class RealTracer(_Tracer):
         view: cla.Array,
         cache: IrradianceCache | None,
         *,
+        color: cla.Array,
         min_solid_angle: float,
     ) -> None:
         """Trace the pixels of `mask`.
 
         Parameters
         ----------
+        color : 3 planes
+            Radiance of the layer.
         cache : IrradianceCache or None
             E_R, if the signal is relative to it.
         min_solid_angle : float
             Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
         """
         known = {} if cache is None else {"cache": cache.arguments(world.panorama)}
-        self._launch(world, mask, view, min_solid_angle=min_solid_angle, **known)
+        self._launch(world, mask, view, color, min_solid_angle=min_solid_angle, **known)
 
 
 class VirtualTracer(_Tracer):

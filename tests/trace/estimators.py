@@ -120,6 +120,7 @@ class Kernels:
             renderer.method.real_pixels.mask,
             self.view,
             renderer.real_world.irradiance,
+            color=renderer.real.diffuse,
             min_solid_angle=0.0,
         )
         signal = self._planes(trace.signal)

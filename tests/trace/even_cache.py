@@ -9,9 +9,10 @@ import numpy as np
 
 from iprt.device.compute import ComputeDevice
 from iprt.world.real.irradiance import BLACK, SURFACES, IrradianceCacheArgs
+from iprt.world.real.sun import SunArgs
 
 MEAN_RADIANCE = 2.0
-WORLD: Any = SimpleNamespace(panorama=SimpleNamespace(mean_radiance=MEAN_RADIANCE))
+WORLD: Any = SimpleNamespace(panorama=SimpleNamespace(mean_radiance=MEAN_RADIANCE, sun=SunArgs()))
 
 
 class EvenCache:

@@ -15,6 +15,9 @@ typedef struct {
     float density;        // of wi, without light sampling; 0: a perfect mirror,
                           // whose f cos is divided by the density already
     float light_share;    // probability of aiming at lights instead
+#ifdef SUN
+    float sun_share;      // and at the sun
+#endif
     int texel;            // of the light aimed at: any other hit counts as 0; -1: not aimed
 } Scatter;
 
@@ -25,6 +28,9 @@ static inline Scatter no_scatter(float3 wi)
     s.diffuse = 0.0f;
     s.specular = (float3)(0.0f);
     s.density = s.light_share = 0.0f;
+#ifdef SUN
+    s.sun_share = 0.0f;
+#endif
     s.texel = -1;
     return s;
 }
@@ -37,11 +43,20 @@ static inline float inverse_density(const World world, const Scatter s, const Re
     float density = s.density;
     if (!(density > 0.0f))
         return 1.0f;
+#ifdef SUN
+    const float sun = s.sun_share > 0.0f && leaves_room(world.real, hit) ? sun_density(world.real.sun, s.wi) : 0.0f;
+    density += s.sun_share * sun;
+    if (s.texel == SUN_TEXEL && !(sun > 0.0f))
+        return 0.0f;
+    const int is_at_sun = s.texel == SUN_TEXEL;
+#else
+    const int is_at_sun = 0;
+#endif
     if (s.light_share > 0.0f) {
         const float light = light_density(world.lights, world.real, hit, s.wi);
         // Points that light sampling cannot reach are left to the other techniques alone. At points it can
         // reach, the texel and its plane determine the one point that was aimed at.
-        if (is_aimed(s) && !(light > 0.0f && hit.texel == s.texel))
+        if (is_aimed(s) && !is_at_sun && !(light > 0.0f && hit.texel == s.texel))
             return 0.0f;
         density += s.light_share * light;
     }

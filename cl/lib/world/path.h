@@ -17,6 +17,8 @@
 
 // Sampling of narrower lobes finds lights better than light sampling does.
 #define AIMED_ALPHA 0.02f
+// Share of the rays that are not aimed at other lights.
+#define SUN_SHARE 0.4f
 
 static inline float light_share(const World world, const Material material)
 {
@@ -33,7 +35,18 @@ static inline ALWAYS_INLINE Scatter scatter(
 {
     Scatter s = no_scatter(n);
     s.light_share = light_share(world, material);
-    const float rest = 1.0f - s.light_share;
+    float rest = 1.0f - s.light_share;
+#ifdef SUN
+    // Mirrors and lobes hardly wider than the sun find it themselves.
+    if (material.kind != KIND_CONDUCTOR || material.alpha > AIMED_ALPHA) {
+        s.sun_share = SUN_SHARE * rest;
+        rest -= s.sun_share;
+    }
+    if (u.w >= 1.0f - s.sun_share) {
+        s.texel = SUN_TEXEL;
+        s.wi = sample_sun(world.real.sun, u.xy);
+    } else
+#endif
     if (u.w < s.light_share) {
         const float3 light = sample_light(world.lights, u.xy);
         s.texel = texel_towards(world.real, light);
@@ -142,8 +155,12 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         const int diffuse = !(s.specular.x + s.specular.y + s.specular.z > 0.0f);
         const int blocked_by_any = is_aimed(s) && (bounce > 0 || (FIRST_ANY && diffuse));
         const float away = blocked_by_any ? light_distance(world.real, s.texel, o, d) : INFINITY;
-        const int object = bounce < world.max_bounces
-            && trace_objects(world.objects, o_object, d, away, blocked_by_any, &hit);
+        int sees_objects = bounce < world.max_bounces;
+#ifdef SUN
+        sees_objects |= s.texel == SUN_TEXEL; // it would shine through the last object
+#endif
+        const int object
+            = sees_objects && trace_objects(world.objects, o_object, d, away, blocked_by_any, &hit);
         if (blocked_by_any && object)
             return first;
 #ifdef DELTA
@@ -210,7 +227,8 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             if (!(share > 0.0f))
                 return first;
             throughput *= share;
-            add_to(sums.real, throughput * captured_radiance(world.real, real, d));
+            // Where objects hide the sun is left to the caller.
+            add_to(sums.real, throughput * pictured_radiance(world.real, real, d));
         } else
 #endif
         {

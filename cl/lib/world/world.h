@@ -14,6 +14,7 @@
 #include "world/real/panorama.h"
 #include "world/objects/objects.h"
 #include "world/real/real.h"
+#include "world/real/sun.h"
 #include <iprt.world.world>
 #include "maths/kernel_attributes.h"
 #include "gbuffer/view.h"
@@ -76,8 +77,8 @@ static inline ALWAYS_INLINE float3 picture_radiance(const RealLayer real, int pi
                              outside ? (float2)(2.0f * OUTSIDE_ROWS, OUTSIDE_ROWS) : real.grid.size, uv);
 }
 
-// Return the radiance without objects of a hit of a ray in direction d.
-static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
+// Return the radiance without objects of a hit of a ray in direction d, as the panorama shows it.
+static inline ALWAYS_INLINE float3 pictured_radiance(const RealLayer real, const RealHit hit, float3 d)
 {
 #ifdef IMPOSTOR
     return impostor_radiance(real.impostor, hit.direction);
@@ -86,6 +87,17 @@ static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const
     const int picture = radiance_picture(real, hit, d, &uv);
     return picture_radiance(real, picture, uv);
 #endif
+}
+
+// Return the same with the sun, which the panorama does not show.
+static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const RealHit hit, float3 d)
+{
+    float3 radiance = pictured_radiance(real, hit, d);
+#ifdef SUN
+    if (sun_density(real.sun, d) > 0.0f && leaves_room(real, hit))
+        radiance += real.sun.radiance.xyz;
+#endif
+    return radiance;
 }
 
 // Return the same radiance, changed by objects.

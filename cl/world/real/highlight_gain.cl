@@ -29,7 +29,7 @@ static inline int digit_shift(int digit)
     return 23 - DIGIT * digit;
 }
 
-// Return whether the quantile is that of cells with faint highlights: a tenth or more are.
+// Return whether cells with faint highlights alone make the quantile: at least a tenth are such.
 static inline int are_faint(uint2 count)
 {
     return 10u * count.y >= count.x + count.y;
@@ -145,7 +145,7 @@ static inline float3 diffuse_of(float4 smooth, __global const float4 *restrict q
     return smooth.w > 0.0f ? quantile[(int)smooth.w - 1].xyz * smooth.xyz : (float3)(0.0f);
 }
 
-// Return the weight of a cell so many cells away.
+// Return the weight of a cell at a distance of `away` cells.
 static inline float gaussian(int away)
 {
     return exp(-0.5f * (away / REACH) * (away / REACH));

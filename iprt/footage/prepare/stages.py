@@ -33,6 +33,7 @@ from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.measures import Measures
 from iprt.footage.prepare.reading import Picture, RawFrame
 from iprt.footage.real_material import RealMaterial
+from iprt.footage.sun import Sun
 from iprt.footage.video.depth_code import usable
 
 
@@ -50,6 +51,8 @@ class Preparation:
         The glossy real surfaces.
     drift : bool
         Whether to estimate the `color_map` of frames.
+    sun : Sun or None
+        The sun of all frames.
     """
 
     def __init__(
@@ -58,7 +61,9 @@ class Preparation:
         materials: tuple[RealMaterial, ...] = (),
         *,
         drift: bool = True,
+        sun: Sun | None = None,
     ) -> None:
+        self._sun = sun
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
@@ -92,7 +97,12 @@ class Preparation:
         if self._last is None or not self._stays(raw, color, *self._last):
             self._last = raw.depth, raw.normal, self._clean(raw.depth, color)
         _, normal, clean = self._last
-        frame = Frame(color, clean.depth, clean.opening, normal, index=raw.index, pose=raw.pose)
+        frame = Frame(
+            *(color, clean.depth, clean.opening, normal),
+            index=raw.index,
+            pose=raw.pose,
+            sun=self._sun,
+        )
         return self._measures(frame)
 
     def _stays(

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+import numpy as np
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator
 
 from iprt.files.kinds import FRAME_PATTERN, PICTURE_SUFFIXES
-from iprt.files.toml_tables import Degrees, Factor, FrameNumber, FramePath, RelativePath, Table
+from iprt.files.toml_tables import (
+    Degrees,
+    Factor,
+    FrameNumber,
+    FramePath,
+    Point,
+    RelativePath,
+    Table,
+    not_null,
+)
+from iprt.footage.sun import DISC_DEG, Sun
 from iprt.footage.video.placement import Eye, Fit
 
 
@@ -19,6 +30,39 @@ def _differ(values: list[float]) -> list[float]:
 
 Marks = Annotated[list[Annotated[float, Field(allow_inf_nan=True)]], Field(max_length=16)]
 LayerName = Annotated[str, Field(min_length=1, max_length=1000)]
+
+
+class SunTable(Table):
+    """`[video.sun]`: a distant light that the panorama does not show.
+
+    `irradiance` is that of a surface perpendicular to it, in the panorama's unit of radiance times
+    sr.
+    """
+
+    direction: Annotated[Point, AfterValidator(not_null)]
+    irradiance: Annotated[
+        list[Annotated[float, Field(ge=0.0, le=1e6)]],
+        Field(min_length=3, max_length=3),
+        AfterValidator(not_null),
+    ]
+    angle_deg: Annotated[float, Field(ge=0.05, le=10.0)] = DISC_DEG
+
+    @property
+    def sun(self) -> Sun:
+        """The sun, with a unit direction."""
+        direction = np.array(self.direction)
+        red, green, blue = self.irradiance
+        return Sun(direction / np.linalg.norm(direction), (red, green, blue), self.angle_deg)
+
+
+def _tag(value: object) -> str:
+    return "table" if isinstance(value, dict | SunTable) else "word"
+
+
+SunChoice = Annotated[
+    Annotated[SunTable, Tag("table")] | Annotated[Literal["auto", "none"], Tag("word")],
+    Discriminator(_tag),
+]
 
 
 class VideoTable(Table):
@@ -40,6 +84,9 @@ class VideoTable(Table):
 
     `gloss` is "auto" to search the first frame for glossy surfaces, and "declared" to use
     `[[real_materials]]` only.
+
+    `sun` is "auto" to search the first frame for the patches of a sun that the panorama does not
+    show, a `[video.sun]` table that declares it, or "none".
     """
 
     color: FramePath
@@ -64,6 +111,7 @@ class VideoTable(Table):
     fps: Factor | None = None
     loop: bool = False
     gloss: Literal["auto", "declared"] = "auto"
+    sun: SunChoice = "none"
 
     @field_validator("depth")
     @classmethod

@@ -30,6 +30,7 @@ def _needs(settings: Settings) -> Needs:
         relit=True,
         irradiance=True,
         gloss=True,
+        sun=True,
         relit_reflections=own.relight_reflections,
         ratio_rows=own.ratio_rows,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from iprt.world.real.changed_surfaces import ChangedSurfaces, changed_tiles, spa
 from iprt.world.real.displayed_colors import ShownTexels
 from iprt.world.real.pictures import Flux, PictureLoader
 from iprt.world.real.pyramid import GridArgs, Pyramid, PyramidShape
+from iprt.world.real.sun import SunArgs
 from iprt.world.real.surfaces import Surfaces
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class RealLayerArgs(Block):
         Radiance.
     outside : (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) float32 or None
         Radiance seen through windows.
+    sun : SunArgs
     """
 
     grid: GridArgs
@@ -92,6 +94,7 @@ class RealLayerArgs(Block):
     outside: Floats
     background: BackgroundArgs | None = when("BACKGROUND")
     impostor: ImpostorArgs | None = when("IMPOSTOR")
+    sun: SunArgs = field(default_factory=SunArgs)
 
 
 class Panorama:
@@ -164,6 +167,7 @@ class Panorama:
         self.changed = ChangedSurfaces(self.width, self.height)
         self.changed_rows = np.ones(self.height, bool)
         self.changed_columns = slice(0, self.width)
+        self.sun = SunArgs()
         self.marks = np.zeros(texels, np.uint8)
         self.gloss = self._radiated = None
         if gloss:
@@ -207,6 +211,7 @@ class Panorama:
         self._pyramid.run(self.range, self.shape, span_of(self.changed_rows))
 
     def _load_marks(self, frame: Frame) -> None:
+        self.sun = SunArgs.of(frame.sun, frame.pose)
         if self.outside is not None:
             self._device.write(self.outside, self._outside(frame))
         if self.gloss is not None:
@@ -300,6 +305,7 @@ class Panorama:
             color=self.radiance,
             outside=self.outside,
             background=None if self.background is None else self.background.arguments(),
+            sun=self.sun,
         )
 
     @property

@@ -126,12 +126,16 @@ static inline float3 cached_irradiance(const IrradianceCache cache, float3 p, fl
                 (float3)(second.brightest_r, second.brightest_g, second.brightest_b));
 }
 
-// Return 1 / (E_R / pi) at a point, per color; 0 where it is black.
-static inline float3 inverse_irradiance(const IrradianceCache cache, float3 p, float3 n)
+// Return 1 / (E_R / pi), per color; 0 where it is black.
+static inline float3 inverse_of_irradiance(float3 irradiance, float black)
 {
-    const float3 irradiance = cached_irradiance(cache, p, n);
-    const float black = cache.black;
     return (float3)(irradiance.x > black ? 1.0f / irradiance.x : 0.0f,
                     irradiance.y > black ? 1.0f / irradiance.y : 0.0f,
                     irradiance.z > black ? 1.0f / irradiance.z : 0.0f);
+}
+
+// Return it at the point p with normal n.
+static inline float3 inverse_irradiance(const IrradianceCache cache, float3 p, float3 n)
+{
+    return inverse_of_irradiance(cached_irradiance(cache, p, n), cache.black);
 }

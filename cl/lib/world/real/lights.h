@@ -11,6 +11,7 @@
 
 #include "maths/maths.h"
 #include "world/real/real.h"
+#include "world/real/sun.h"
 #include <iprt.world.real.lights>
 
 #if defined(DISTANT_ENVIRONMENT) || defined(IMPOSTOR)
@@ -111,6 +112,10 @@ static inline ALWAYS_INLINE float light_distance(const RealLayer layer, int texe
 #ifdef LIGHTS_FAR_AWAY
     return INFINITY;
 #else
+#ifdef SUN
+    if (texel == SUN_TEXEL)
+        return INFINITY;
+#endif
     const float4 surface = aims_behind(layer, texel) ? layer.background.surface[texel] : layer.surface[texel];
     const float t = (1.0f - dot(surface.xyz, x)) / dot(surface.xyz, d);
     return !((int)surface.w & SURFACE_NONE) && t > 0.0f ? t + layer.bias : INFINITY;

@@ -274,6 +274,17 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, RealHit
     return 1;
 }
 
+#ifdef SUN
+// Return whether a ray left the room, through an opening or to open sky.
+static inline int leaves_room(const RealLayer layer, const RealHit hit)
+{
+    if (hit.kind != HIT_SURFACE)
+        return hit.kind == HIT_SKY;
+    const float4 surface = (hit.behind ? layer.background.surface : layer.surface)[hit.texel];
+    return ((int)surface.w & SURFACE_OPENING) != 0;
+}
+#endif
+
 // Return the nearest real surface along the ray, up to t_max. Always fills the hit: a ray that leaves the
 // scene takes the panorama's radiance in its own direction.
 static inline ALWAYS_INLINE RealHit trace_real_layer(

@@ -1,0 +1,62 @@
+"""`iprt scene sun`: detection of a sun that a scene's panorama does not show."""
+
+from __future__ import annotations
+
+import json as json_format
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+if TYPE_CHECKING:
+    from iprt.footage.sun import Sun
+
+
+def sun(
+    scene: tyro.conf.Positional[Path],
+    /,
+    *,
+    json: bool = False,
+    allow_outside: bool = False,
+) -> int:
+    """Find the sun that lights patches of a scene, and print it as [video.sun] to add.
+
+    Its direction follows from the pattern of windows in the patches, its irradiance from their
+    borders. With sun = "auto" in the scene's [video] it is used without being declared.
+
+    Parameters
+    ----------
+    scene
+        Scene folder.
+    json
+        Print a JSON object instead of TOML.
+    allow_outside
+        Follow symbolic links that lead out of the scene folder.
+
+    Returns
+    -------
+    int
+        Exit status 0.
+    """
+    from iprt.scene.scene import Scene
+
+    opened = Scene.open(scene, allow_outside=allow_outside)
+    found = opened.found_sun
+    if json:
+        print(json_format.dumps({"sun": None if found is None else _record(found)}, indent=2))
+    elif found is None:
+        print(f"# {opened.name}: no patch is surely lit by a sun that the panorama does not show")
+    else:
+        print(f"# correlation of its light with the picture: {found.correlation:.2f}")
+        print("[video.sun]")
+        print("\n".join(f"{name} = {value}" for name, value in _record(found).items()))
+    return 0
+
+
+def _record(found: Sun) -> dict[str, Any]:
+    """Return the keys of `[video.sun]`, rounded to their accuracy."""
+    return {
+        "direction": [round(part, 4) for part in found.direction.tolist()],
+        "irradiance": [float(f"{part:.3g}") for part in found.irradiance],
+        "angle_deg": found.angle_deg,
+    }

@@ -1,0 +1,1 @@
+"""Search for a sun that the panorama does not show."""

@@ -1,0 +1,80 @@
+"""Rays from surfaces of a panorama towards a distant light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.footage.cells import Cells, Float
+from iprt.geometry.equirect import cell_towards
+
+CLEARANCE, THICKNESS = 0.01, 0.3
+"""Bounds relative to depth: a ray that gets deeper below a surface than the clearance is blocked.
+One that is deeper than the thickness at once passes behind the surface."""
+AT_ONCE = 1 << 11
+"""Rays whose points fit into a processor's cache."""
+
+
+def leaves(cells: Cells, start: Float, direction: Float, steps: int) -> NDArray[np.bool_]:
+    """Return whether rays leave the room, through an opening or to open sky.
+
+    The great circle and the sine rule are as in
+    `iprt.footage.found_gloss.coat_reflection.radiance_along`. A ray leaves through an opening where
+    it crosses the depth of the opening's rim.
+
+    Parameters
+    ----------
+    cells : Cells
+        Surfaces that block rays.
+    start : (n, 3) float64
+        Origins in metres, slightly off their surface.
+    direction : (n, 3) float64
+        Unit vectors.
+    steps : int
+        Points at which a ray is tested, evenly spaced in angle about the capture centre.
+
+    Returns
+    -------
+    (n,) bool
+    """
+    depth, is_open = cells.depth.astype(np.float32), (cells.opening + cells.sky) > 0.5
+    found = [
+        _leave(cells.rows, depth, is_open, start[at:end], direction[at:end], steps)
+        for at in range(0, len(start), AT_ONCE)
+        for end in (at + AT_ONCE,)
+    ]
+    return np.concatenate(found) if found else np.zeros(0, bool)
+
+
+def _leave(
+    rows: int,
+    depth: NDArray[np.float32],
+    is_open: NDArray[np.bool_],
+    start: Float,
+    direction: Float,
+    steps: int,
+) -> NDArray[np.bool_]:
+    way = direction.astype(np.float32)
+    distance = np.linalg.norm(start, axis=-1).astype(np.float32)
+    first = (start / distance[:, None]).astype(np.float32)
+    cosine = np.clip(np.einsum("ij,ij->i", first, way), -1.0, 1.0)
+    whole, sine = np.arccos(cosine), np.sqrt(np.maximum(1.0 - cosine * cosine, 1e-12))
+    square = (way - cosine[:, None] * first) / sine[:, None]
+    ahead, aside = (np.ascontiguousarray(part.T)[:, None] for part in (first, square))
+    # The last point is a little before the direction itself, which is infinitely far away.
+    part = np.arange(1, steps + 1, dtype=np.float32)[:, None] / np.float32(steps + 0.01)
+    angle = part * whole
+    point = np.cos(angle) * ahead + np.sin(angle) * aside
+    unit = np.ones(angle.shape, np.float32)
+    cell = cell_towards(np.moveaxis(point, 0, -1), unit, rows)
+    reach = distance * sine / np.maximum(np.sin(whole - angle), np.float32(1e-6))
+    deep = reach / depth[cell] - np.float32(1.0)
+    through = is_open[cell]
+    before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
+    crosses = (deep > CLEARANCE) & (before <= CLEARANCE)
+    ends = crosses & (through | (deep < THICKNESS))
+    # Open sky is crossed by no ray.
+    last = ends.argmax(axis=0)
+    ended = ends.any(axis=0)
+    there = np.arange(len(start))
+    return np.asarray(np.where(ended, through[last, there], through[-1, there]))

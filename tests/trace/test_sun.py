@@ -1,0 +1,173 @@
+"""A sun that the panorama does not show, against its closed form in an analytic room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from iprt.device.compute import ComputeDevice
+from iprt.footage.frame import Frame
+from iprt.footage.sun import Sun
+from iprt.geometry.camera import View
+from iprt.geometry.material import Material
+from iprt.geometry.mesh import Instance
+from tests.footage.sunny_rooms import SunnyRoom
+from tests.oracles.worlds import Sphere, cosine_about
+from tests.rendering import render
+from tests.trace.traced import settings
+from tests.worlds import ball
+
+Float = NDArray[np.float64]
+
+TOWARDS = np.array([0.8, 0.55, 0.1]) / np.linalg.norm([0.8, 0.55, 0.1])
+ROOM = SunnyRoom(TOWARDS)
+FLOOR = ROOM.world.low[1]
+LIT = np.array([0.9, FLOOR, -0.6])
+"""In the patch of the first pane."""
+RADIUS = 0.18
+ABOVE = np.array([0.0, 2.0 * RADIUS, 0.0])
+RAW: dict[str, Any] = {"fading": 0.0, "atrous": {"levels": 0}, "mask": {"sparse": False}}
+
+
+def sunny(frame: Frame) -> Frame:
+    return replace(frame, sun=Sun(ROOM.sun, ROOM.irradiance))
+
+
+@pytest.fixture(scope="module")
+def frame() -> Frame:
+    return ROOM.frame(512, 256)
+
+
+def looking_at(point: Float, size: int = 64, fov: float = 40.0) -> View:
+    d = point / np.linalg.norm(point)
+    yaw, pitch = np.degrees([np.arctan2(d[0], -d[2]), np.arcsin(d[1])])
+    return View(size, size, yaw_deg=float(yaw), pitch_deg=float(pitch), fov_y_deg=fov)
+
+
+def room_light(point: Float, normal: Float, black: Sphere | None = None) -> Float:
+    """(3,) irradiance / π by all but the sun, by Monte Carlo; a black ball may hide some of it."""
+    d = cosine_about(np.broadcast_to(normal, (100_000, 3)), np.random.default_rng(3))
+    t, facing, _ = ROOM.world.first_hit(point + 1e-6 * normal, d)
+    light = ROOM.radiance(point + t[:, None] * d, facing)
+    if black is not None:
+        light[np.isfinite(black.interval(np.broadcast_to(point, d.shape), d)[0])] = 0.0
+    return np.asarray(light.mean(axis=0))
+
+
+def sunlight(normal: Float) -> Float:
+    """(3,) irradiance / π by the whole disc."""
+    return np.asarray(max(normal @ ROOM.sun, 0.0) / np.pi * np.array(ROOM.irradiance))
+
+
+def object_at(point: Float, color: tuple[float, float, float]) -> tuple[Instance, Sphere]:
+    centre = tuple((point + ABOVE).tolist())
+    return ball(centre, RADIUS, Material(albedo=color)), Sphere(centre, RADIUS)
+
+
+def mean_picture(device: ComputeDevice, frame: Frame, thing: Instance, view: View) -> Any:
+    chosen = settings(rays=8, estimator="delta", **RAW)
+    pictures = [
+        render(device, frame, [thing], view, chosen.model_copy(update={"seed": seed}), frames=16)
+        for seed in range(2)
+    ]
+    ratio = np.mean([picture.aovs["ratio"] for picture in pictures], axis=0)
+    return np.mean([picture.color for picture in pictures], axis=0), ratio
+
+
+def pixel(view: View, point: Float) -> tuple[slice, slice]:
+    column, row = np.floor(view.project(point)).astype(int)
+    return slice(row - 1, row + 2), slice(column - 1, column + 2)
+
+
+def test_a_shadow_leaves_the_other_light(device: ComputeDevice, frame: Frame) -> None:
+    """The sun's part of the irradiance is gone below a black ball, and nothing beside it."""
+    assert ROOM.sunlit(LIT)
+    thing, solid = object_at(LIT, (0.0, 0.0, 0.0))
+    shade = np.asarray(solid.centre) - (solid.centre[1] - FLOOR) / ROOM.sun[1] * ROOM.sun
+    beside = shade - np.array([0.0, 0.0, 0.4])
+    assert ROOM.sunlit(shade)
+    assert ROOM.sunlit(beside)
+    view = looking_at(shade)
+    up = np.array([0.0, 1.0, 0.0])
+    _, ratio = mean_picture(device, sunny(frame), thing, view)
+    expected = room_light(shade, up, solid) / (room_light(shade, up) + sunlight(up))
+    shown = ratio[pixel(view, shade)].mean(axis=(0, 1))
+    np.testing.assert_allclose(shown, expected, rtol=0.06)
+    assert ratio[pixel(view, beside)].min() > 0.9
+
+
+def test_the_picture_tells_the_shade(device: ComputeDevice) -> None:
+    """A sun five degrees off shines where the picture has shade: no second shadow falls there.
+
+    It is ten times as bright as all other light, as in real rooms.
+    """
+    strong = (60.0, 50.0, 40.0)
+    frame = replace(ROOM, irradiance=strong).frame(512, 256)
+    turn = np.deg2rad(5.0)
+    wrong = ROOM.sun @ np.array(
+        [[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]]
+    )
+    # Where a sun in that direction would reach the floor, and the true one does not.
+    x, z = np.meshgrid(np.linspace(-1.5, 2.0, 60), np.linspace(-2.2, 2.5, 80))
+    floor = np.stack([x, np.full_like(x, FLOOR), z], axis=-1).reshape(-1, 3)
+    near = np.array([[dx, 0.0, dz] for dx in (-0.06, 0.06) for dz in (-0.06, 0.06)])
+    shade = replace(ROOM, sun=wrong).sunlit(floor) & ~ROOM.sunlit(floor)
+    for step in near:
+        shade &= replace(ROOM, sun=wrong).sunlit(floor + step) & ~ROOM.sunlit(floor + step)
+    at = floor[shade][len(floor[shade]) // 2]
+    thing = ball(
+        tuple((at + 2.5 * RADIUS * wrong / wrong[1]).tolist()), RADIUS, Material(albedo=(0.0,) * 3)
+    )
+    view = looking_at(at)
+    _, without = mean_picture(device, frame, thing, view)
+    _, ratio = mean_picture(device, replace(frame, sun=Sun(wrong, strong)), thing, view)
+    here = pixel(view, at)
+    np.testing.assert_allclose(ratio[here].mean((0, 1)), without[here].mean((0, 1)), atol=0.05)
+
+
+def test_a_ball_is_lit_by_it(device: ComputeDevice, frame: Frame) -> None:
+    """Its point that faces the sun; without the sun it is as dark as the room makes it."""
+    color = (0.6, 0.6, 0.6)
+    thing, solid = object_at(LIT, color)
+    normal = np.array([0.25, 0.9, 0.6])
+    normal /= np.linalg.norm(normal)
+    point = np.asarray(solid.centre) + RADIUS * normal
+    view = looking_at(point, fov=12.0)
+    others = room_light(point, normal)
+    for shown, light in ((sunny(frame), others + sunlight(normal)), (frame, others)):
+        picture, _ = mean_picture(device, shown, thing, view)
+        found = picture[pixel(view, point)].mean(axis=(0, 1))
+        np.testing.assert_allclose(found, np.array(color) * light, rtol=0.1)
+
+
+def test_it_does_not_shine_through_walls(device: ComputeDevice, frame: Frame) -> None:
+    """Off its patches, pictures are the same, but for noise."""
+    at = np.array([-1.2, FLOOR, 1.5])
+    thing, solid = object_at(at, (0.6, 0.6, 0.6))
+    assert not ROOM.sunlit(np.asarray(solid.centre) + RADIUS * np.eye(3)).any()
+    view = looking_at(at)
+    with_it, _ = mean_picture(device, sunny(frame), thing, view)
+    without, _ = mean_picture(device, frame, thing, view)
+    np.testing.assert_allclose(with_it.mean(axis=(0, 1)), without.mean(axis=(0, 1)), rtol=0.01)
+
+
+def test_it_is_found_by_chance_too(device: ComputeDevice, frame: Frame) -> None:
+    """A mirror shows it: a wide sun, whose reflection is as bright as it is."""
+    wide = Sun(ROOM.sun, ROOM.irradiance, angle_deg=10.0)
+    centre = LIT + ABOVE
+    mirror = Material("conductor", (1.0, 1.0, 1.0), alpha=0.0)
+    thing = ball(tuple(centre.tolist()), RADIUS, mirror)
+    # The normal that turns the view into the sun's direction, by a few fixed-point steps.
+    normal = -centre / np.linalg.norm(centre)
+    for _ in range(50):
+        out = -(centre + RADIUS * normal)
+        half = out / np.linalg.norm(out) + ROOM.sun
+        normal = half / np.linalg.norm(half)
+    view = looking_at(centre + RADIUS * normal, fov=3.0)
+    picture, _ = mean_picture(device, replace(frame, sun=wide), thing, view)
+    middle = picture[pixel(view, centre + RADIUS * normal)].mean(axis=(0, 1))
+    np.testing.assert_allclose(middle, np.array(wide.radiance) + 3.0, rtol=0.05)
