@@ -155,15 +155,16 @@ AOVS: dict[str, Reader] = {
 """Name -> reader. background: radiance without objects; normal (world) and depth (metres from the
 capture centre) of visible surfaces; albedo and coverage of the objects; motion: x and y, in pixels,
 of the visible surface in the previous frame, -1e9: nowhere; ratio: E_RV / E_R; irradiance_*: E_R
-and E_RV over pi, without an undisplayed sun; diffuse: light that the albedo multiplies; specular: radiance; highlight:
-reflection of glossy real surfaces towards the camera, in the background; gloss: its change by
-objects; tracing_level: 0, 1, 2, and 255 where nothing is traced; hit_distance: metres from objects
-to the surface they reflect specularly, 1e6: the sky, 0: none; history_length: temporal mean's
-effective number of frames with all their rays; variance: of the luminance of that mean, which
-guides the spatial filter (of real surfaces: the change by objects, as a fraction of E_R with
-`iprt`, over pi with `iprt2023`; of objects: the sum of diffuse and specular light); learned:
-radiance of real surfaces as learned by `oil`, 0 where unknown. All but the background is in the
-colors of the video's reference frame (see `iprt.footage.prepare.exposure`)."""
+and E_RV over pi, without a sun that the panorama does not show; diffuse: light that the albedo
+multiplies; specular: radiance; highlight: reflection of glossy real surfaces towards the camera, in
+the background; gloss: its change by objects; tracing_level: 0, 1, 2, and 255 where nothing is
+traced; hit_distance: metres from objects to the surface they reflect specularly, 1e6: the sky, 0:
+none; history_length: temporal mean's effective number of frames with all their rays; variance: of
+the luminance of that mean, which guides the spatial filter (of real surfaces: the change by
+objects, as a fraction of E_R with `iprt`, over pi with `iprt2023`; of objects: the sum of diffuse
+and specular light); learned: radiance of real surfaces as learned by `oil`, 0 where unknown. All
+but the background is in the colors of the video's reference frame (see
+`iprt.footage.prepare.exposure`)."""
 
 
 def read_aov(renderer: RenderedView, name: str) -> Image:
