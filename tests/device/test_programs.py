@@ -21,7 +21,7 @@ from tests.films import films
 SCENES = sorted(file.parent for file in Path("scenes360").glob("*/scene.toml"))
 DEMO = Path("scenes360/lounge")
 
-MOST_PROGRAMS = 42
+MOST_PROGRAMS = 45
 """All scenes, projections and presets, and the films of the tests, with the default method."""
 
 MOST_OF_DEMO = 24
