@@ -15,7 +15,7 @@ import pyopencl as cl
 import pytest
 
 from iprt import cli
-from iprt.device import compute, program, recovery
+from iprt.device import buffers, program, recovery
 from iprt.device.compute import ComputeDevice
 from iprt.device.recovery import with_second_try
 from iprt.errors import DeviceError, DeviceHangError, DeviceLostError, KernelError
@@ -93,8 +93,8 @@ def test_a_buffer_that_cannot_be_had_is_one_line(
 
     own = ComputeDevice(device.device)
     own.buffers["irradiance plane"] = 2**20
-    monkeypatch.setattr(compute.cla, "empty", refuse)
-    monkeypatch.setattr(compute.cl, "Buffer", refuse)
+    monkeypatch.setattr(buffers.cla, "empty", refuse)
+    monkeypatch.setattr(buffers.cl, "Buffer", refuse)
     with pytest.raises(DeviceError) as caught:
         getattr(own, method)("picture", (1024, 1024))
     message = str(caught.value)

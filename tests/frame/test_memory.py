@@ -208,7 +208,7 @@ def test_a_render_that_does_not_fit_allocates_nothing(
     def refuse(*_: Any) -> None:
         pytest.fail("a buffer was allocated")
 
-    monkeypatch.setattr("iprt.device.compute.cla.empty", refuse)
+    monkeypatch.setattr("iprt.device.buffers.cla.empty", refuse)
     line = fails("render", scene, "-o", tmp_path / "a.png", "--size", 64, 48, code=3)
     assert message in line
     assert any(what in line for what in (PICTURE, *REMEDIES.values()))
