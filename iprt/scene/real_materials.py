@@ -104,7 +104,7 @@ def found_materials(
     it is needed.
     """
     source = frames.source
-    video = manifest.video.model_dump_json(exclude={"gloss"})
+    video = manifest.video.model_dump_json(exclude={"gloss", "sun"})
     inputs = [video, declared, file_states(source)]
     try:
         if source.size[1] < MIN_HEIGHT:

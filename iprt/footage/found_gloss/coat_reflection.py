@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from iprt.footage.cell_planes import CellPlane
 from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.frame import Frame
+from iprt.footage.ray_arcs import RayArcs
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
 from iprt.geometry.coat import fresnel_dielectric, visible_normals
 from iprt.geometry.equirect import cell_towards
@@ -160,31 +161,13 @@ def radiance_along(around: RoomCells, start: Float, direction: Float) -> Float:
 
 
 def _found(around: RoomCells, start: Float, direction: Float) -> Float:
-    """Return radiance (KINDS, n, 3) along one batch of rays.
-
-    As seen from the capture centre, a ray follows the great circle from its origin to its
-    direction. By the sine rule, its distance at the angle φ from the origin is
-    r sin Φ / sin(Φ - φ), with r the distance of the origin and Φ the angle between origin and
-    direction.
-    """
-    way = direction.astype(np.float32)
-    distance = np.linalg.norm(start, axis=-1).astype(np.float32)
-    first = (start / distance[:, None]).astype(np.float32)
-    cosine = np.clip(np.einsum("ij,ij->i", first, way), -1.0, 1.0)
-    whole, sine = np.arccos(cosine), np.sqrt(np.maximum(1.0 - cosine * cosine, 1e-12))
-    square = (way - cosine[:, None] * first) / sine[:, None]
-    # Separate coordinates: NumPy takes several times as long on arrays of three.
-    ahead, aside = (np.ascontiguousarray(part.T)[:, None] for part in (first, square))
+    """Return radiance (KINDS, n, 3) along one batch of rays."""
+    arcs = RayArcs(start, direction)
 
     def behind(angle: Floats) -> tuple[Floats, NDArray[np.intp]]:
-        """Return how far rays at angles (k, n) are behind surfaces, over depth; and cells."""
-        point = np.cos(angle) * ahead + np.sin(angle) * aside
-        unit = np.ones(angle.shape, np.float32)
-        cell = cell_towards(np.moveaxis(point, 0, -1), unit, around.cells.rows)
-        depth = around.depth[cell]
-        reach = distance * sine / np.maximum(np.sin(whole - angle), np.float32(1e-6))
-        return reach / depth - np.float32(1.0), cell
+        return arcs.behind(angle, around.depth, around.cells.rows)
 
+    whole = arcs.whole
     step = whole / np.float32(STEPS + 1)
     deep, _ = behind(np.arange(1, STEPS + 1, dtype=np.float32)[:, None] * step)
     before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
@@ -200,7 +183,8 @@ def _found(around: RoomCells, start: Float, direction: Float) -> Float:
     radiance = around.kinds[:, cell]
     if around.outside is not None:
         open_ = around.open[cell]
-        sky = cell_towards(way[open_], np.ones(open_.sum(), np.float32), OUTSIDE_ROWS)
+        way = direction[open_].astype(np.float32)
+        sky = cell_towards(way, np.ones(len(way), np.float32), OUTSIDE_ROWS)
         radiance[:, open_] = around.outside[:, sky]
     return np.asarray(radiance)
 

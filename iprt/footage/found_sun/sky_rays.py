@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.cells import Cells, Float
-from iprt.geometry.equirect import cell_towards
+from iprt.footage.ray_arcs import RayArcs
 
 CLEARANCE, THICKNESS = 0.01, 0.3
 """Bounds relative to depth: a ray that gets deeper below a surface than the clearance is blocked.
@@ -18,9 +18,7 @@ AT_ONCE = 1 << 11
 def leaves(cells: Cells, start: Float, direction: Float, steps: int) -> NDArray[np.bool_]:
     """Return whether rays leave the room, through an opening or to open sky.
 
-    The great circle and the sine rule are as in
-    `iprt.footage.found_gloss.coat_reflection.radiance_along`. A ray leaves through an opening where
-    it crosses the depth of the opening's rim.
+    A ray leaves through an opening where it crosses the depth of the opening's rim.
 
     Parameters
     ----------
@@ -54,21 +52,10 @@ def _leave(
     direction: Float,
     steps: int,
 ) -> NDArray[np.bool_]:
-    way = direction.astype(np.float32)
-    distance = np.linalg.norm(start, axis=-1).astype(np.float32)
-    first = (start / distance[:, None]).astype(np.float32)
-    cosine = np.clip(np.einsum("ij,ij->i", first, way), -1.0, 1.0)
-    whole, sine = np.arccos(cosine), np.sqrt(np.maximum(1.0 - cosine * cosine, 1e-12))
-    square = (way - cosine[:, None] * first) / sine[:, None]
-    ahead, aside = (np.ascontiguousarray(part.T)[:, None] for part in (first, square))
+    arcs = RayArcs(start, direction)
     # The last point is a little before the direction itself, which is infinitely far away.
     part = np.arange(1, steps + 1, dtype=np.float32)[:, None] / np.float32(steps + 0.01)
-    angle = part * whole
-    point = np.cos(angle) * ahead + np.sin(angle) * aside
-    unit = np.ones(angle.shape, np.float32)
-    cell = cell_towards(np.moveaxis(point, 0, -1), unit, rows)
-    reach = distance * sine / np.maximum(np.sin(whole - angle), np.float32(1e-6))
-    deep = reach / depth[cell] - np.float32(1.0)
+    deep, cell = arcs.behind(part * arcs.whole, depth, rows)
     through = is_open[cell]
     before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
     crosses = (deep > CLEARANCE) & (before <= CLEARANCE)

@@ -35,8 +35,7 @@ LayerName = Annotated[str, Field(min_length=1, max_length=1000)]
 class SunTable(Table):
     """`[video.sun]`: a distant light that the panorama does not show.
 
-    `irradiance` is that of a surface perpendicular to it, in the panorama's unit of radiance times
-    sr.
+    Surfaces that face it have this `irradiance`, in the panorama's unit of radiance times sr.
     """
 
     direction: Annotated[Point, AfterValidator(not_null)]

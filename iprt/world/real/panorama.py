@@ -211,7 +211,6 @@ class Panorama:
         self._pyramid.run(self.range, self.shape, span_of(self.changed_rows))
 
     def _load_marks(self, frame: Frame) -> None:
-        self.sun = SunArgs.of(frame.sun, frame.pose)
         if self.outside is not None:
             self._device.write(self.outside, self._outside(frame))
         if self.gloss is not None:
@@ -236,6 +235,7 @@ class Panorama:
         return outside_radiance(light, frame.opening)
 
     def _load_picture(self, frame: Frame) -> None:
+        self.sun = SunArgs.of(frame.sun, frame.pose)
         self._pictures.load(self._enlarged(frame.color), frame.color_map)
         clipped = frame.clipped
         if clipped is not None and self._repeat > 1:
