@@ -34,6 +34,7 @@ from iprt.view.drawing import Drawing
 from iprt.view.object_layer import VisibleLayer
 from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
 from iprt.world.objects.objects import Objects
+from iprt.world.objects.sunlit import Sunlit
 from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.shared import Worlds
 from iprt.world.world import World
@@ -214,12 +215,23 @@ class Renderer:
         if objects is not None and method is not None:
             moved = Clock.MOTION if self.features.deforming else Clock.OBJECTS
             passes.append(Pass("hierarchy", moved, lambda _: objects.place(), (), ("hierarchy",)))
+            if objects.sunlit is not None:
+                passes.append(self._find_sunlit(objects, objects.sunlit))
             passes += self._drawing.passes()
             light = self.light
             lit = method.passes(self.world) if light is None else light.passes(self.world, method)
             passes += lit
         shown = ("real layer", "object layer", "ratio", "reflected light")
         return [*passes, Pass("composite", Clock.FRAME, self._composite, shown, ("picture",))]
+
+    def _find_sunlit(self, objects: Objects, sunlit: Sunlit) -> Pass[FrameContext]:
+        """Return the pass that marks objects that the sun may reach."""
+        panorama, seen = self.real_world.panorama, ("hierarchy", "radiance", "pyramid")
+
+        def find(_: FrameContext) -> None:
+            sunlit.find(panorama, objects.device_bounds)
+
+        return Pass("sunlit objects", Clock.OBJECTS, find, seen, ("sunlit objects",))
 
     def step(self) -> None:
         """Render one view frame; temporal passes continue from the previous ones."""

@@ -14,7 +14,9 @@ WORD = 32
 
 @dataclass(frozen=True)
 class ClippedTexels:
-    """The stored colors of N texels of a panorama whose recovered radiance is higher.
+    """The stored colors of N texels of a panorama whose radiance for rays is another.
+
+    The camera clipped it, or they show a sun that is a light of its own.
 
     Attributes
     ----------
@@ -26,6 +28,13 @@ class ClippedTexels:
 
     texel: NDArray[np.int32]
     color: NDArray[np.float32]
+
+    def with_others(self, others: Self) -> Self:
+        """Return both, in order; where both hold a texel, the color stays."""
+        new = ~np.isin(others.texel, self.texel)
+        texel = np.concatenate([self.texel, others.texel[new]])
+        order = np.argsort(texel)
+        return type(self)(texel[order], np.concatenate([self.color, others.color[new]])[order])
 
     def shown(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the picture (H, W, 3) as stored, from the recovered radiance `light`."""

@@ -20,7 +20,7 @@ class Footage:
     real_materials : tuple of Material
         Materials of glossy real surfaces.
     clips : bool
-        Whether lights may be clipped in some frames (`Frame.clipped`).
+        Whether frames may have `Frame.clipped`: clipped lights, or a sun's disc.
     drifts : bool
         Whether some frames may have a `color_map`.
     poses : bool
@@ -57,7 +57,7 @@ class Footage:
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
-            clips=clips or frame.clipped is not None,
+            clips=clips or frame.clipped is not None or frame.sun is not None,
             drifts=drifts or frame.color_map is not None,
             poses=frame.pose is not None,
             video=video,

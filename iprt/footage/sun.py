@@ -33,6 +33,10 @@ class Sun:
     angle_deg: float = DISC_DEG
     correlation: float | None = None
 
+    def seen_from(self, pose: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        """Return the direction in the axes of a capture centre with a (4, 4) pose; None: world."""
+        return self.direction if pose is None else np.asarray(pose[:3, :3].T @ self.direction)
+
     @property
     def sine_squared(self) -> float:
         """Squared sine of the disc's radius."""

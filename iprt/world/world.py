@@ -14,7 +14,7 @@ from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectsArgs
 from iprt.world.objects.objects import Objects
 from iprt.world.real.highlight import GlossArgs
-from iprt.world.real.irradiance import IrradianceCache
+from iprt.world.real.irradiance import IrradianceCache, IrradianceCacheArgs
 from iprt.world.real.lights import Lights, LightsArgs
 from iprt.world.real.panorama import ImpostorArgs, Panorama, RealLayerArgs
 from iprt.world.real.real_world import RealWorld
@@ -65,6 +65,8 @@ class WorldArgs(Block):
         `material_table()` of the objects.
     max_bounces : int
         Virtual surfaces that a path may meet.
+    shade : IrradianceCacheArgs or None
+        E_R, which surfaces keep where objects hide the sun.
     """
 
     real: RealLayerArgs
@@ -74,6 +76,7 @@ class WorldArgs(Block):
     lights: LightsArgs
     relit: RelitArgs = when("RELIT")
     gloss: GlossArgs | None = when("GLOSS")
+    shade: IrradianceCacheArgs | None = when("SUN")
 
 
 class Substitute(Protocol):
@@ -171,4 +174,5 @@ class World:
             lights=LightsArgs() if lights is None else lights.arguments(),
             relit=self._relit,
             gloss=real.highlight.arguments() if real.highlight else None,
+            shade=real.irradiance.arguments(self.panorama) if real.irradiance else None,
         )

@@ -9,7 +9,9 @@
 #pragma once
 
 #include "world/brdf.h"
+#include "world/boxes.h"
 #include "world/direction.h"
+#include "world/real/irradiance.h"
 #include "world/real/gloss.h"
 #include "maths/sampling.h"
 #include "trace/sums.h"
@@ -29,6 +31,17 @@ static inline float light_share(const World world, const Material material)
     return material.kind == KIND_PLASTIC ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
 }
 
+#ifdef SUN
+// Return whether x is in the box of an object that the sun may reach.
+static inline int sun_may_reach(const Objects objects, float3 x)
+{
+    int reached = 0;
+    for (int i = 0; i < objects.count; i++)
+        reached |= objects.sunlit[i] && all(x >= objects.bounds[2 * i].xyz) && all(x <= objects.bounds[2 * i + 1].xyz);
+    return reached;
+}
+#endif
+
 // Sample a direction in which a virtual surface at x scatters; u in [0, 1)^4.
 static inline ALWAYS_INLINE Scatter scatter(
     const World world, const Material material, float3 albedo, float3 x, float3 n, float3 wo, float4 u)
@@ -38,7 +51,8 @@ static inline ALWAYS_INLINE Scatter scatter(
     float rest = 1.0f - s.light_share;
 #ifdef SUN
     // Mirrors and lobes hardly wider than the sun find it themselves.
-    if (material.kind != KIND_CONDUCTOR || material.alpha > AIMED_ALPHA) {
+    const int aims_at_sun = material.kind != KIND_CONDUCTOR || material.alpha > AIMED_ALPHA;
+    if (aims_at_sun && sun_may_reach(world.objects, x)) {
         s.sun_share = SUN_SHARE * rest;
         rest -= s.sun_share;
     }
@@ -60,6 +74,11 @@ static inline ALWAYS_INLINE Scatter scatter(
             return s;
         }
     }
+#ifdef SUN
+    // A ray that meets the sun by chance would be a bright speck.
+    if (aims_at_sun && !(s.sun_share > 0.0f) && sun_density(world.real.sun, s.wi) > 0.0f)
+        return s;
+#endif
     const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
     const float2 density = brdf_pdf(material, albedo, n, wo, s.wi);
     const float cosine = fmax(dot(n, s.wi), 0.0f);
@@ -119,6 +138,37 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
     return sample;
 }
 #endif
+
+#ifdef SUN
+// Return the largest factor by which objects may change the radiance `seen` of a hit: the rest of the light
+// where they hide the sun, else INFINITY, also where E_R is unknown.
+static inline float3 factor_in_shade(const World world, const RealHit hit, float3 seen)
+{
+    const float4 surface = world.real.surface[hit.texel];
+    if (hit.kind > HIT_BACK_FACE || hit.behind || (int)surface.w & SURFACE_OPENING)
+        return (float3)(INFINITY);
+    const float3 n = -normalize(surface.xyz), p = hit_point(hit), light = sun_irradiance(world.real.sun, n);
+    const float3 o = p + world.real.bias * n, towards = world.real.sun.disc.xyz;
+    if (!(luminance(light) > 0.0f) || !meets_boxes(world.objects.bounds, world.objects.count, o, towards))
+        return (float3)(INFINITY);
+    const float3 others = cached_irradiance(world.shade, p, n);
+    ObjectHit blocker;
+    const int darker = luminance(others) > 0.0f && shows_sun(luminance(seen), luminance(others))
+        && trace_objects(world.objects, o, towards, INFINITY, 1, &blocker);
+    return darker ? others / (others + light) : (float3)(INFINITY);
+}
+#endif
+
+// Return the radiance of a hit of a ray in direction d, changed by objects.
+static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+{
+    const float3 radiance = captured_radiance(world.real, hit, d);
+    float3 factor = relit_factor(world, hit);
+#ifdef SUN
+    factor = fmin(factor, factor_in_shade(world, hit, radiance));
+#endif
+    return radiance * factor;
+}
 
 #ifdef DELTA
 #define FIRST_ANY 0

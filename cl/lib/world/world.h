@@ -25,7 +25,7 @@ static inline float3 sky_radiance(const RealLayer real, float3 d)
 }
 
 // Return the factor at a surface point in direction d from the capture centre.
-static inline float3 relit_factor(const Relit relit, float3 d)
+static inline float3 relit_towards(const Relit relit, float3 d)
 {
     const float2 p = view_project(relit.view, d);
     if (p.x >= 0.0f && p.y >= 0.0f && p.x < relit.size.x && p.y < relit.size.y)
@@ -100,12 +100,10 @@ static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const
     return radiance;
 }
 
-// Return the same radiance, changed by objects.
-static inline ALWAYS_INLINE float3 real_radiance(const World world, const RealHit hit, float3 d)
+// Return the factor by which objects change the radiance of a hit. It is unknown, and 1, on surfaces that the
+// view does not show.
+static inline float3 relit_factor(const World world, const RealHit hit)
 {
-    float3 radiance = captured_radiance(world.real, hit, d);
-    // The change is unknown on surfaces that the view does not show.
-    if (world.relit.screen && hit.kind <= HIT_BACK_FACE && !hit.behind)
-        radiance *= relit_factor(world.relit, hit.direction);
-    return radiance;
+    const int known = world.relit.screen && hit.kind <= HIT_BACK_FACE && !hit.behind;
+    return known ? relit_towards(world.relit, hit.direction) : (float3)(1.0f);
 }

@@ -327,7 +327,7 @@ TRACING_KERNEL void refine_cells(
         const float share = inverse_density(world, s, hit) * cosine / IPRT_PI;
         if (!(share > 0.0f))
             continue;
-        const float3 light = share * real_radiance(world, hit, s.wi);
+        const float3 light = share * captured_radiance(world.real, hit, s.wi);
         sum += light;
         flux += luminance(light) / fmax(cosine, LEAST_COSINE) * s.wi;
     }

@@ -60,8 +60,7 @@ def _leave(
     before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
     crosses = (deep > CLEARANCE) & (before <= CLEARANCE)
     ends = crosses & (through | (deep < THICKNESS))
-    # Open sky is crossed by no ray.
-    last = ends.argmax(axis=0)
-    ended = ends.any(axis=0)
-    there = np.arange(len(start))
-    return np.asarray(np.where(ended, through[last, there], through[-1, there]))
+    # Open sky is crossed by no ray. One that passes behind a surface from there is still outdoors.
+    in_front = steps - 1 - (deep <= CLEARANCE)[::-1].argmax(axis=0)
+    last = np.where(ends.any(axis=0), ends.argmax(axis=0), in_front)
+    return np.asarray(through[last, np.arange(len(start))])

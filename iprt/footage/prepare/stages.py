@@ -14,6 +14,7 @@ ones. `Preparation` runs the other stages, frame by frame:
 8. Exposure (`exposure`): estimate the map of colors to the video's reference frame.
 9. Gloss (`gloss`): mark the texels of glossy surfaces.
 10. Clipped lights (`clipped_lights`): recover the radiance that the camera clipped.
+11. Sun (`iprt.footage.found_sun.disc`): take the disc of a known sun from the light.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
+from iprt.footage.found_sun.disc import without_disc
 from iprt.footage.frame import OF_DEPTH, Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import Noise, smoothed
@@ -38,7 +40,7 @@ from iprt.footage.video.depth_code import usable
 
 
 class Preparation:
-    """Stages 5 to 10 for the frames of one video, in the order in which they are given.
+    """Stages 5 to 11 for the frames of one video, in the order in which they are given.
 
     The stages keep state from frame to frame, so each pass over a video needs its own preparation.
     A single frame is the first one of its own preparation.
@@ -77,7 +79,10 @@ class Preparation:
             frame = self._exposure(frame)
         # Materials are recognised by their hue, in the colors of the reference frame.
         frame = self._gloss(frame)
-        return self._lights(frame)
+        frame = self._lights(frame)
+        if self._sun is None:
+            return frame
+        return without_disc(frame, self._sun.seen_from(frame.pose))
 
     def frames(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
         """Prepare frames lazily, one by one."""

@@ -110,7 +110,7 @@ class VideoTable(Table):
     fps: Factor | None = None
     loop: bool = False
     gloss: Literal["auto", "declared"] = "auto"
-    sun: SunChoice = "none"
+    sun: SunChoice = "auto"
 
     @field_validator("depth")
     @classmethod

@@ -23,6 +23,7 @@ from iprt.device.block import (
     Int4,
     Int4s,
     Int32,
+    Ints,
     when,
 )
 from iprt.device.compute import ComputeDevice
@@ -78,6 +79,8 @@ class ObjectsArgs(Block):
         Corners of the objects' boxes, world space.
     count : int
         Number of objects.
+    sunlit : (count,) int32 or None
+        `Sunlit.marks`.
     bvh : BvhArgs or None
     screen, equirect : ObjectLayerArgs or None
         Layers of the view and around the capture centre.
@@ -91,6 +94,7 @@ class ObjectsArgs(Block):
 
     bounds: Float4s
     count: Int32
+    sunlit: Ints = when("SUN")
     bvh: BvhArgs | None = when("OBJECTS_BVH")
     screen: ObjectLayerArgs | None = when(f"{LAYERS} !VIEW_EQUIRECT")
     equirect: ObjectLayerArgs | None = when(LAYERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pyopencl.array as cla
@@ -17,6 +18,7 @@ from iprt.geometry.mesh import Instance, same_places
 from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectBvh, ObjectsArgs
 from iprt.world.objects.object_layers import EMPTY, TracedLayers
+from iprt.world.objects.sunlit import Sunlit
 
 BOX_MARGIN = 1e-3
 """Enlargement of the boxes around objects, as a fraction of their diagonals."""
@@ -42,6 +44,8 @@ class Objects:
     bounds : (N, 2, 4) float32
         `object_bounds()`; `device_bounds` is its copy on the device, `materials`
         `material_table()`.
+    sunlit : Sunlit or None
+        Marks of objects that the sun may reach, if the scene has one.
     """
 
     def __init__(
@@ -75,6 +79,7 @@ class Objects:
         self._margin = LAYER_MARGIN if features.traced_layers else BOX_MARGIN
         self.bounds = self._bounds()
         self.device_bounds = device.upload("object bounds", self.bounds)
+        self.sunlit = Sunlit(device, len(self.bounds), features) if features.sun else None
         materials = material_table([m for i in instances for m in i.mesh.materials])
         self.materials = device.upload("materials", materials)
 
@@ -96,12 +101,14 @@ class Objects:
 
     def arguments(self, view: cla.Array | None) -> ObjectsArgs:
         """Return the objects for rays; `view` holds the constants of the view of `screen`."""
+        sunlit = None if self.sunlit is None else self.sunlit.marks
         if self.bvh is not None:
-            return self.bvh.arguments(self.device_bounds)
+            return replace(self.bvh.arguments(self.device_bounds), sunlit=sunlit)
         screen, around = self.screen, self.around
         return ObjectsArgs(
             bounds=self.device_bounds,
             count=len(self.bounds),
+            sunlit=sunlit,
             screen=screen.arguments() if screen else None,
             equirect=around.arguments() if around else None,
             view=view,

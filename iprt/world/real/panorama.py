@@ -235,7 +235,7 @@ class Panorama:
         return outside_radiance(light, frame.opening)
 
     def _load_picture(self, frame: Frame) -> None:
-        self.sun = SunArgs.of(frame.sun, frame.pose)
+        self.sun = SunArgs.of(frame)
         self._pictures.load(self._enlarged(frame.color), frame.color_map)
         clipped = frame.clipped
         if clipped is not None and self._repeat > 1:

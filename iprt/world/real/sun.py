@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from iprt.device.block import Block, Float4, when
+from iprt.device.block import Block, Float4, Int32, when
 from iprt.device.vectors import float4
-from iprt.footage.sun import Sun
+from iprt.footage.frame import Frame
+
+OUTDOORS = 0.1
+"""Least share of open sky among the upper half of an outdoor panorama's texels."""
 
 
 @dataclass(kw_only=True)
@@ -23,19 +25,25 @@ class SunArgs(Block):
         Direction, and the squared sine of the radius.
     radiance : float4 or None
         Its radiance, and the inverse of its solid angle in sr.
+    outdoors : int
+        Rays that end behind surfaces leave to the sky, as behind a house; indoors they do not.
     """
 
     disc: Float4 = when("SUN")
     radiance: Float4 = when("SUN")
+    outdoors: Int32 = when("SUN")
 
     @classmethod
-    def of(cls, sun: Sun | None, pose: NDArray[np.float64] | None) -> Self:
-        """Return the arguments of a sun, for a capture centre with a (4, 4) pose; None: no pose."""
+    def of(cls, frame: Frame) -> Self:
+        """Return the arguments of a frame's sun."""
+        sun = frame.sun
         if sun is None:
             return cls()
-        direction = sun.direction if pose is None else pose[:3, :3].T @ sun.direction
-        x, y, z = direction.tolist()
+        x, y, z = sun.seen_from(frame.pose).tolist()
+        # A sample: in large panoramas, all texels take long.
+        above = frame.depth[: frame.height // 2 : 4, ::4]
         return cls(
             disc=float4((x, y, z, sun.sine_squared)),
             radiance=float4((*sun.radiance, 1.0 / sun.solid_angle)),
+            outdoors=int((~np.isfinite(above)).mean() > OUTDOORS),
         )

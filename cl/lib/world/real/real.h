@@ -279,7 +279,7 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, RealHit
 static inline int leaves_room(const RealLayer layer, const RealHit hit)
 {
     if (hit.kind != HIT_SURFACE)
-        return hit.kind == HIT_SKY;
+        return hit.kind == HIT_SKY || (hit.kind == HIT_UNKNOWN && layer.sun.outdoors);
     const float4 surface = (hit.behind ? layer.background.surface : layer.surface)[hit.texel];
     return ((int)surface.w & SURFACE_OPENING) != 0;
 }

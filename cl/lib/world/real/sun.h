@@ -2,6 +2,7 @@
 // everywhere. -D SUN: there is one.
 #pragma once
 
+#include "maths/equirect.h"
 #include "maths/maths.h"
 #include "maths/sampling.h"
 #include <iprt.world.real.sun>
