@@ -19,6 +19,10 @@
 #define BOX_SHARE 0.5f
 #define BOX_SHARE_INSIDE 0.2f
 
+// Largest distance of neighbouring pixels of one surface, relative to theirs from the camera, and largest sine
+// between surface and the way to them.
+#define SAME_PLANE 0.1f
+
 static inline Scatter sample_delta(const World world, const BoxView boxes, float3 o, float2 u,
                                    float2 v)
 {
@@ -62,6 +66,15 @@ static inline int is_sunlit(const RealLayer real, float3 p, float3 n, float3 see
         return 0;
     const float3 o = real_start(real, p, n);
     return leaves_room(real, trace_real_layer(real, o, real.sun.disc.xyz, INFINITY));
+}
+
+// Return the offset on a pixel's surface to that of the pixel `step` further in its planes; 0 where another
+// surface begins.
+static inline float3 offset_to(const Pixels pixels, const TracedPixel at, int step)
+{
+    const float3 way = load_traced(pixels.guide, at.size, 3 * at.size + at.pixel + step) - at.p;
+    const float off = fabs(dot(way, at.n)), most = SAME_PLANE * length(at.p);
+    return off < SAME_PLANE * length(way) && length(way) < most ? way : (float3)(0.0f);
 }
 #endif
 
@@ -111,8 +124,12 @@ TRACING_KERNEL void trace_delta(
         for (int ray = 0; hidden && ray < pixels.rays; ray++) {
             const uint index = READ_AGAIN(samples + at.pixel) - ray;
             const float3 d = sample_sun(world.real.sun, sobol_2d(index, hash_combine(at.seed, 2)));
+            // The sun is so small that shadows would have jagged edges.
+            const float2 u = sobol_2d(index, hash_combine(at.seed, 3)) - 0.5f;
+            const float3 start = o_object + u.x * offset_to(pixels, at, 1)
+                + u.y * offset_to(pixels, at, plane_stride(pixels.width));
             ObjectHit hit;
-            if (trace_objects(world.objects, o_object, d, INFINITY, 1, &hit))
+            if (trace_objects(world.objects, start, d, INFINITY, 1, &hit))
                 add_to(blocked, light);
         }
         irradiance += light;

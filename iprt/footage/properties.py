@@ -57,7 +57,7 @@ class Footage:
         return cls(
             openings=bool(frame.opening.any()),
             real_materials=frame.real_materials,
-            clips=clips or frame.clipped is not None or frame.sun is not None,
+            clips=clips or frame.clipped is not None or (video and frame.sun is not None),
             drifts=drifts or frame.color_map is not None,
             poses=frame.pose is not None,
             video=video,

@@ -10,6 +10,13 @@ from numpy.typing import NDArray
 
 DISC_DEG = 0.53
 """Angular diameter of the sun."""
+OUTDOORS = 0.1
+"""Least share of open sky in the upper half of an outdoor panorama's picture."""
+
+
+def is_outdoors(sky: NDArray[np.generic]) -> bool:
+    """Return whether a panorama was taken outdoors, from the share (H, W) of open sky in texels."""
+    return bool(sky[: len(sky) // 2].mean() > OUTDOORS)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from scenes360.room.plan import TEAK_DARK, TEAK_LIGHT, Pieces
 
 GROUND = -1.5
 SEED = 71
-SUN_IN_SIGHT, SUN_BEHIND_HOUSE = (0.55, 0.75, 0.2), (-0.75, 0.55, -0.3)
-"""Directions towards the sun: visible from the capture centre, and hidden from it."""
+SUN = (-0.75, 0.55, -0.3)
+"""Direction towards the sun: behind the house, as seen from the capture centre."""
 IRRADIANCE = (26.0, 23.5, 19.0)
 """Of a surface perpendicular to the sun."""
 
@@ -110,7 +110,7 @@ def furniture() -> Pieces:
     ]
 
 
-def build(sun: tuple[float, float, float]) -> dict[str, Any]:
+def build(sun: tuple[float, float, float] = SUN) -> dict[str, Any]:
     """Return all parts of the yard, with the sky and a sun in a direction, of unit `IRRADIANCE`.
 
     The sun lights the yard but is not seen by rays.

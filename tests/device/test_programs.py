@@ -21,10 +21,10 @@ from tests.films import films
 SCENES = sorted(file.parent for file in Path("scenes360").glob("*/scene.toml"))
 DEMO = Path("scenes360/lounge")
 
-MOST_PROGRAMS = 45
+MOST_PROGRAMS = 50
 """All scenes, projections and presets, and the films of the tests, with the default method."""
 
-MOST_OF_DEMO = 24
+MOST_OF_DEMO = 25
 """What `./run demo` renders."""
 
 

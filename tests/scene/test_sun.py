@@ -50,16 +50,15 @@ def require_equal(one: Sun | None, other: Sun) -> None:
     assert (one.irradiance, one.angle_deg) == (other.irradiance, other.angle_deg)
 
 
-def test_there_is_none_by_default(tmp_path: Path, searches: list[Sun | None]) -> None:
-    for video in ("", 'sun = "none"'):
-        scene = Scene.open(scene_with(tmp_path / "a", video))
-        assert scene.sun is None
-        assert scene.frame().sun is None
+def test_there_may_be_none(tmp_path: Path, searches: list[Sun | None]) -> None:
+    scene = Scene.open(scene_with(tmp_path / "a", 'sun = "none"'))
+    assert scene.sun is None
+    assert scene.frame().sun is None
     assert len(searches) == 1
 
 
 def test_it_is_looked_for_once(tmp_path: Path, searches: list[Sun | None]) -> None:
-    folder = scene_with(tmp_path / "a", 'sun = "auto"')
+    folder = scene_with(tmp_path / "a")
     for _ in range(2):
         require_equal(Scene.open(folder).frame().sun, FOUND)
     assert not searches
@@ -67,7 +66,7 @@ def test_it_is_looked_for_once(tmp_path: Path, searches: list[Sun | None]) -> No
 
 def test_that_there_is_none_is_kept_too(tmp_path: Path, searches: list[Sun | None]) -> None:
     searches[:] = [None]
-    folder = scene_with(tmp_path / "a", 'sun = "auto"')
+    folder = scene_with(tmp_path / "a")
     assert Scene.open(folder).sun is None
     assert Scene.open(folder).sun is None
 

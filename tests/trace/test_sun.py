@@ -15,7 +15,9 @@ from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
+from iprt.renderer import Renderer
 from tests.footage.sunny_rooms import SunnyRoom
+from tests.footage.sunny_yards import GROUND, SunnyYard
 from tests.oracles.worlds import Sphere, cosine_about
 from tests.rendering import render
 from tests.trace.traced import settings
@@ -171,3 +173,82 @@ def test_it_is_found_by_chance_too(device: ComputeDevice, frame: Frame) -> None:
     picture, _ = mean_picture(device, replace(frame, sun=wide), thing, view)
     middle = picture[pixel(view, centre + RADIUS * normal)].mean(axis=(0, 1))
     np.testing.assert_allclose(middle, np.array(wide.radiance) + 3.0, rtol=0.05)
+
+
+def test_its_shadow_reaches_what_the_object_reflects(device: ComputeDevice) -> None:
+    """The floor before a ball is in the ball's shadow, so the ball's lower side is dark."""
+    room = replace(ROOM, irradiance=(60.0, 50.0, 40.0))
+    frame = replace(room.frame(512, 256), sun=Sun(room.sun, room.irradiance))
+    color = (0.6, 0.6, 0.6)
+    thing, solid = object_at(LIT - np.array([0.0, 0.95 * RADIUS, 0.0]), color)
+    normal = np.array([-0.8, -0.1, 0.4])
+    normal /= np.linalg.norm(normal)
+    point = np.asarray(solid.centre) + RADIUS * normal
+    d = cosine_about(np.broadcast_to(normal, (200_000, 3)), np.random.default_rng(3))
+    t, facing, _ = room.world.first_hit(point + 1e-6 * normal, d)
+    met = point + t[:, None] * d
+    light = room.radiance(met, facing)
+    others = replace(room, irradiance=(0.0, 0.0, 0.0)).radiance(met, facing)
+    hidden = np.isfinite(solid.interval(met, np.broadcast_to(room.sun, met.shape))[0])
+    shaded = np.where(hidden[:, None], others, light).mean(axis=0)
+    assert (light.mean(axis=0) > 1.35 * shaded).all()
+    view = looking_at(point)
+    picture, _ = mean_picture(device, frame, thing, view)
+    found = picture[pixel(view, point)].mean(axis=(0, 1))
+    # The ball also takes some of the floor's other light.
+    np.testing.assert_allclose(found, np.array(color) * shaded, rtol=0.2)
+
+
+@pytest.mark.parametrize(("at", "lit"), [(LIT, True), (np.array([-1.2, FLOOR, 1.5]), False)])
+def test_objects_in_the_sun_are_marked(
+    device: ComputeDevice, frame: Frame, at: Float, lit: bool
+) -> None:
+    """Some points of the one object's box are in the sun, and none of the other's."""
+    things = [
+        object_at(LIT + np.array([0.0, 0.0, 5.0]), (0.6,) * 3)[0],
+        object_at(at, (0.6,) * 3)[0],
+    ]
+    low, high = np.asarray(at) - RADIUS, np.asarray(at) + RADIUS + ABOVE
+    box = low + np.random.default_rng(0).random((1000, 3)) * (high - low)
+    assert ROOM.sunlit(box).any() == lit
+    with Renderer(device, sunny(frame), things, looking_at(LIT), settings(rays=1)) as renderer:
+        renderer.step()
+        assert renderer._objects is not None
+        sunlit = renderer._objects.sunlit
+        assert sunlit is not None
+        assert bool(sunlit.marks.get()[1]) == lit
+
+
+def test_it_lights_a_yard_from_behind_a_pillar(device: ComputeDevice) -> None:
+    """Seen from the capture centre, rays towards it end behind the pillar."""
+    yard = SunnyYard(np.array([-0.8, 0.5, 0.05]) / np.linalg.norm([0.8, 0.5, 0.05]))
+    at = np.array([0.4, GROUND, -1.9])
+    assert yard.sunlit(at + 0.01)
+    frame = replace(yard.frame(512, 256), sun=Sun(yard.sun, yard.irradiance))
+    color = (0.6, 0.6, 0.6)
+    thing, solid = object_at(at, color)
+    normal = np.array([-0.2, 0.8, 0.6])
+    normal /= np.linalg.norm(normal)
+    point = np.asarray(solid.centre) + RADIUS * normal
+    assert yard.sunlit(point)
+    d = cosine_about(np.broadcast_to(normal, (100_000, 3)), np.random.default_rng(3))
+    others = yard.radiance(point, d).mean(axis=0)
+    facing = max(normal @ yard.sun, 0.0) / np.pi * np.array(yard.irradiance)
+    view = looking_at(point, fov=12.0)
+    picture, _ = mean_picture(device, frame, thing, view)
+    found = picture[pixel(view, point)].mean(axis=(0, 1))
+    np.testing.assert_allclose(found, np.array(color) * (others + facing), rtol=0.1)
+
+
+def test_the_edges_of_its_shadows_are_smooth(device: ComputeDevice, frame: Frame) -> None:
+    """Pixels across an edge have all shares of the shadow, as often as an area has them."""
+    thing, solid = object_at(LIT + np.array([0.0, 0.3, 0.0]), (0.0, 0.0, 0.0))
+    shade = np.asarray(solid.centre) - (solid.centre[1] - FLOOR) / ROOM.sun[1] * ROOM.sun
+    small = replace(sunny(frame), sun=Sun(ROOM.sun, ROOM.irradiance, angle_deg=0.01))
+    _, ratio = mean_picture(device, small, thing, looking_at(shade, size=32, fov=24.0))
+    dark, bright = ratio[..., 1].min(), np.median(ratio[..., 1].max(axis=0))
+    share = (bright - ratio[..., 1]) / (bright - dark)
+    between = ((share > 0.25) & (share < 0.75)).sum()
+    edge = np.abs(np.diff(share > 0.5, axis=0)).sum() + np.abs(np.diff(share > 0.5, axis=1)).sum()
+    assert edge > 20
+    assert between > 0.25 * edge

@@ -141,7 +141,7 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 
 #ifdef SUN
 // Return the largest factor by which objects may change the radiance `seen` of a hit: the rest of the light
-// where they hide the sun, else INFINITY, also where E_R is unknown.
+// where they hide the sun, else INFINITY. Where no view has needed E_R, the panorama's mean radiance counts.
 static inline float3 factor_in_shade(const World world, const RealHit hit, float3 seen)
 {
     const float4 surface = world.real.surface[hit.texel];
@@ -151,9 +151,11 @@ static inline float3 factor_in_shade(const World world, const RealHit hit, float
     const float3 o = p + world.real.bias * n, towards = world.real.sun.disc.xyz;
     if (!(luminance(light) > 0.0f) || !meets_boxes(world.objects.bounds, world.objects.count, o, towards))
         return (float3)(INFINITY);
-    const float3 others = cached_irradiance(world.shade, p, n);
+    float3 others = cached_irradiance(world.shade, p, n);
+    if (!(luminance(others) > 0.0f))
+        others = (float3)(world.shade.black / CACHE_BLACK);
     ObjectHit blocker;
-    const int darker = luminance(others) > 0.0f && shows_sun(luminance(seen), luminance(others))
+    const int darker = shows_sun(luminance(seen), luminance(others))
         && trace_objects(world.objects, o, towards, INFINITY, 1, &blocker);
     return darker ? others / (others + light) : (float3)(INFINITY);
 }

@@ -17,14 +17,16 @@ from iprt.footage.found_sun.disc import visible_disc, without_disc
 from iprt.footage.found_sun.irradiance import irradiance_of_sun
 from iprt.footage.found_sun.receivers import Receivers
 from iprt.footage.frame import Frame
-from iprt.footage.sun import Sun
+from iprt.footage.sun import Sun, is_outdoors
 
-COARSE_ROWS, FINE_ROWS = 64, 128
-"""Rows of cells: receivers of the search; receivers of its refinement, and occluders."""
+COARSE_ROWS, MIDDLE_ROWS, FINE_ROWS = 64, 128, 256
+"""Rows of cells: receivers of the search; its occluders, and receivers of its refinement; occluders
+there."""
 DIRECTIONS = 350
 """Directions of the upper hemisphere that are tried: one every 7.7°."""
-COARSE_STEPS, FINE_STEPS = 50, 100
-"""Points at which rays are tested, in the search and in its refinement."""
+COARSE_STEPS, FINE_STEPS, BLURRED_STEPS = 50, 200, 100
+"""Points at which rays are tested, in the search, in its refinement, and for the irradiance
+indoors."""
 COARSE_ROUNDS, FINE_ROUNDS, TRIES = (6.0, 2.5), (2.0, 0.7), 16
 """Radii, in degrees, of the rounds of refinement on coarse and fine cells; directions in each."""
 GOLDEN = np.pi * (1.0 + 5.0**0.5)
@@ -46,24 +48,31 @@ def find_sun(frame: Frame) -> Sun | None:
         Sanitized, with recovered clipped lights.
     """
     shown = Geometry.of(frame, min(FINE_ROWS, frame.height))
-    occluders = Cells.of(shown, min(FINE_ROWS, frame.height))
+    coarse, middle, fine = (
+        min(rows, frame.height) for rows in (COARSE_ROWS, MIDDLE_ROWS, FINE_ROWS)
+    )
+    occluders = Cells.of(shown, fine)
     if not ((occluders.opening + occluders.sky) > 0.5).any():
         return None
-    fine = Receivers.of(frame, shown, occluders, occluders.rows, FINE_STEPS)
+    receivers = Receivers.of(frame, shown, occluders, middle, FINE_STEPS)
+    blurred = Cells.of(shown, middle)
     disc = visible_disc(frame)
     if disc is None:
-        coarse_rows = min(COARSE_ROWS, occluders.rows)
-        likely = _likely(Receivers.of(frame, shown, occluders, coarse_rows, COARSE_STEPS))
+        likely = _likely(Receivers.of(frame, shown, blurred, coarse, COARSE_STEPS))
         if likely is None:
             return None
-        direction, correlation = _refined(fine, likely[None], FINE_ROUNDS)
+        direction, correlation = _refined(receivers, likely[None], FINE_ROUNDS)
         sure = correlation >= MIN_CORRELATION
     else:
-        direction, correlation = disc, float(fine.correlations(disc[None])[0])
+        direction, correlation = disc, float(receivers.correlations(disc[None])[0])
         sure = correlation >= MIN_OF_DISC
     if not sure:
         return None
-    irradiance = irradiance_of_sun(without_disc(frame, direction), shown, fine, direction)
+    if not is_outdoors(blurred.sky.reshape(middle, -1)):
+        # Blurred borders lower the irradiance about as much as too bright a light of windows,
+        # which is extrapolated to directions that the camera did not see, raises it.
+        receivers = Receivers.of(frame, shown, blurred, middle, BLURRED_STEPS)
+    irradiance = irradiance_of_sun(without_disc(frame, direction), shown, receivers, direction)
     return None if irradiance is None else Sun(direction, irradiance, correlation=correlation)
 
 

@@ -7,10 +7,14 @@ from numpy.typing import NDArray
 
 from iprt.footage.cells import Cells, Float
 from iprt.footage.ray_arcs import RayArcs
+from iprt.footage.sun import is_outdoors
 
-CLEARANCE, THICKNESS = 0.01, 0.3
+CLEARANCE, THICKNESS = 0.01, 0.2
 """Bounds relative to depth: a ray that gets deeper below a surface than the clearance is blocked.
 One that is deeper than the thickness at once passes behind the surface."""
+CONNECTED = 0.1
+"""Relative difference in depth up to which points of a ray are seen before one surface: it cannot
+pass behind it between them."""
 AT_ONCE = 1 << 11
 """Rays whose points fit into a processor's cache."""
 
@@ -18,7 +22,8 @@ AT_ONCE = 1 << 11
 def leaves(cells: Cells, start: Float, direction: Float, steps: int) -> NDArray[np.bool_]:
     """Return whether rays leave the room, through an opening or to open sky.
 
-    A ray leaves through an opening where it crosses the depth of the opening's rim.
+    A ray leaves through an opening where it crosses the depth of the opening's rim. One that ends
+    behind a surface has left if it is outdoors, as behind a house.
 
     Parameters
     ----------
@@ -36,8 +41,9 @@ def leaves(cells: Cells, start: Float, direction: Float, steps: int) -> NDArray[
     (n,) bool
     """
     depth, is_open = cells.depth.astype(np.float32), (cells.opening + cells.sky) > 0.5
+    outdoors = is_outdoors(cells.sky.reshape(cells.rows, -1))
     found = [
-        _leave(cells.rows, depth, is_open, start[at:end], direction[at:end], steps)
+        _leave(cells.rows, depth, is_open, outdoors, start[at:end], direction[at:end], steps)
         for at in range(0, len(start), AT_ONCE)
         for end in (at + AT_ONCE,)
     ]
@@ -48,6 +54,7 @@ def _leave(
     rows: int,
     depth: NDArray[np.float32],
     is_open: NDArray[np.bool_],
+    outdoors: bool,
     start: Float,
     direction: Float,
     steps: int,
@@ -59,8 +66,10 @@ def _leave(
     through = is_open[cell]
     before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
     crosses = (deep > CLEARANCE) & (before <= CLEARANCE)
-    ends = crosses & (through | (deep < THICKNESS))
-    # Open sky is crossed by no ray. One that passes behind a surface from there is still outdoors.
-    in_front = steps - 1 - (deep <= CLEARANCE)[::-1].argmax(axis=0)
-    last = np.where(ends.any(axis=0), ends.argmax(axis=0), in_front)
-    return np.asarray(through[last, np.arange(len(start))])
+    far = depth[cell]
+    connected = np.abs(np.diff(far, axis=0, prepend=far[:1])) < CONNECTED * far
+    ends = crosses & (through | connected | (deep < THICKNESS))
+    # Open sky is crossed by no ray.
+    last, there = ends.argmax(axis=0), np.arange(len(start))
+    beyond = np.where(deep[-1] > CLEARANCE, outdoors, through[-1])
+    return np.asarray(np.where(ends.any(axis=0), through[last, there], beyond))

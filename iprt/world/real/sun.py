@@ -10,9 +10,7 @@ import numpy as np
 from iprt.device.block import Block, Float4, Int32, when
 from iprt.device.vectors import float4
 from iprt.footage.frame import Frame
-
-OUTDOORS = 0.1
-"""Least share of open sky among the upper half of an outdoor panorama's texels."""
+from iprt.footage.sun import is_outdoors
 
 
 @dataclass(kw_only=True)
@@ -40,10 +38,10 @@ class SunArgs(Block):
         if sun is None:
             return cls()
         x, y, z = sun.seen_from(frame.pose).tolist()
-        # A sample: in large panoramas, all texels take long.
-        above = frame.depth[: frame.height // 2 : 4, ::4]
+        # In large panoramas, all texels would take long.
+        sky = ~np.isfinite(frame.depth[::4, ::4])
         return cls(
             disc=float4((x, y, z, sun.sine_squared)),
             radiance=float4((*sun.radiance, 1.0 / sun.solid_angle)),
-            outdoors=int((~np.isfinite(above)).mean() > OUTDOORS),
+            outdoors=int(is_outdoors(sky)),
         )

@@ -19,7 +19,9 @@ from iprt.geometry.equirect import solid_angles
 from iprt.scene.scene import Scene
 from scenes360 import textures
 from scenes360.room.plan import SUN
+from scenes360.yard import model as yard_model
 from tests.footage.sunny_rooms import SunnyRoom
+from tests.footage.sunny_yards import SunnyYard
 
 Float = NDArray[np.float64]
 
@@ -31,7 +33,14 @@ def unit(*v: float) -> Float:
     return np.asarray(v) / np.linalg.norm(v)
 
 
-@pytest.mark.parametrize("sun", [unit(0.8, 0.5, 0.1), unit(0.6, 0.5, -0.4), unit(0.5, 0.7, 0.3)])
+@pytest.mark.parametrize(
+    "sun",
+    [
+        pytest.param(unit(0.8, 0.5, 0.1), marks=pytest.mark.thorough),
+        unit(0.6, 0.5, -0.4),
+        pytest.param(unit(0.5, 0.7, 0.3), marks=pytest.mark.thorough),
+    ],
+)
 def test_a_sun_is_found(sun: Float) -> None:
     room = SunnyRoom(sun)
     found = find_sun(room.frame(WIDTH, HEIGHT))
@@ -56,6 +65,53 @@ def test_the_sun_of_a_path_traced_room_is_found() -> None:
     irradiance = np.einsum("yxc,y->c", sky[0] - sky[1], solid_angles(1024, 512))
     np.testing.assert_allclose(LUMINANCE @ found.irradiance, LUMINANCE @ irradiance, rtol=0.2)
     np.testing.assert_allclose(found.irradiance, irradiance, rtol=0.3)
+
+
+HIDDEN = unit(-0.8, 0.5, 0.05)
+"""Behind the yard's pillar."""
+
+
+@pytest.mark.thorough
+def test_a_sun_behind_a_pillar_is_found() -> None:
+    """Rays that pass behind the pillar, as seen from the capture centre, still leave to the sky."""
+    yard = SunnyYard(HIDDEN)
+    assert not yard.sunlit(np.zeros(3))
+    found = find_sun(yard.frame(WIDTH, HEIGHT))
+    assert found is not None
+    assert np.rad2deg(np.arccos(min(found.direction @ HIDDEN, 1.0))) < 2.0
+
+
+def test_a_sun_in_sight_is_found() -> None:
+    """By its disc, which does not count as other light, whether it is clipped or not."""
+    sun = unit(0.55, 0.75, 0.2)
+    frame = SunnyYard(sun).frame(WIDTH, HEIGHT)
+    cosine = View(WIDTH, HEIGHT, projection="equirect").directions() @ sun
+    irradiance = []
+    for radius, radiance in ((1.0, 3000.0), (4.0, 3.0)):
+        disc = (cosine > np.cos(np.deg2rad(radius)))[..., None]
+        found = find_sun(replace(frame, color=np.where(disc, np.float32(radiance), frame.color)))
+        assert found is not None
+        assert np.rad2deg(np.arccos(min(found.direction @ sun, 1.0))) < 0.4
+        irradiance.append(found.irradiance)
+    np.testing.assert_allclose(*irradiance, rtol=0.03)
+
+
+def test_a_bright_spot_that_lights_nothing_is_no_sun() -> None:
+    frame = SunnyYard(HIDDEN, irradiance=(0.0, 0.0, 0.0)).frame(WIDTH, HEIGHT)
+    d = View(WIDTH, HEIGHT, projection="equirect").directions()
+    spot = d @ unit(0.55, 0.75, 0.2) > np.cos(np.deg2rad(1.0))
+    color = np.where(spot[..., None], np.float32(3.0), frame.color)
+    assert find_sun(replace(frame, color=color)) is None
+
+
+@pytest.mark.thorough
+def test_the_irradiance_of_a_path_traced_yard_is_found() -> None:
+    frame = Scene.open(SCENES / "yard").frame(0)
+    found = find_sun(replace(frame, sun=None))
+    assert found is not None
+    truth = unit(*yard_model.SUN)
+    assert np.rad2deg(np.arccos(min(found.direction @ truth, 1.0))) < 1.0
+    np.testing.assert_allclose(found.irradiance, yard_model.IRRADIANCE, rtol=0.2)
 
 
 def test_there_is_none_without_one() -> None:

@@ -83,7 +83,9 @@ class RealWorld:
             ),
             materials=device.upload("materials", material_table([Material()])),
         )
-        real = SimpleNamespace(panorama=self.panorama, lights=self.lights, highlight=None)
+        real = SimpleNamespace(
+            panorama=self.panorama, lights=self.lights, highlight=None, irradiance=None
+        )
         self._world = World(real, objects)
 
     def run(
