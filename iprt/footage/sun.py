@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class Sun:
     def seen_from(self, pose: NDArray[np.float64] | None) -> NDArray[np.float64]:
         """Return the direction in the axes of a capture centre with a (4, 4) pose; None: world."""
         return self.direction if pose is None else np.asarray(pose[:3, :3].T @ self.direction)
+
+    def dimmed(self, share: float) -> Sun:
+        """Return the sun with a share of its irradiance."""
+        red, green, blue = self.irradiance
+        return replace(self, irradiance=(share * red, share * green, share * blue))
 
     @property
     def sine_squared(self) -> float:

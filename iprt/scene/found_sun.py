@@ -8,6 +8,7 @@ import numpy as np
 
 from iprt.device.kept import Arrays, kept
 from iprt.errors import FormatError
+from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.prepare.reading import RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.real_material import RealMaterial
@@ -38,6 +39,31 @@ def found_sun(
         return None
     red, green, blue = found[3:6].tolist()
     return Sun(found[:3], (red, green, blue), correlation=float(found[6]))
+
+
+def sun_patches(
+    frames: RawFrames, manifest: Manifest, declared: tuple[RealMaterial, ...], sun: Sun
+) -> SunPatches | None:
+    """Return the patches by which a sun's brightness is followed, kept as `found_sun` keeps it.
+
+    None where there is one frame, too few patches, or a moving camera, to which they would move.
+    """
+    source = frames.source
+    if len(source.indices) == 1 or source.pose(source.indices[0]) is not None:
+        return None
+    video = manifest.video.model_dump_json(exclude={"gloss", "sun"})
+    inputs = [video, declared, sun.direction, file_states(source)]
+
+    def find() -> Arrays:
+        frame = Preparation(source.white, declared)(frames.read(source.indices[0]))
+        patches = SunPatches.of(frame, sun.direction)
+        return {} if patches is None else dict(vars(patches))
+
+    try:
+        found = kept("patches", __name__, inputs, find)
+    except FormatError:
+        return None
+    return SunPatches(**found) if found else None
 
 
 def _searched(frames: RawFrames, declared: tuple[RealMaterial, ...]) -> Arrays:

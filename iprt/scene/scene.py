@@ -12,6 +12,7 @@ from typing import Any
 from iprt.errors import SceneError
 from iprt.files.safe_reading import anywhere, is_file, require_inside
 from iprt.files.toml_tables import problems_error
+from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
@@ -23,7 +24,7 @@ from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
-from iprt.scene.found_sun import found_sun
+from iprt.scene.found_sun import found_sun, sun_patches
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -208,7 +209,13 @@ class Scene:
 
     def preparation(self, *, drift: bool = True) -> Preparation:
         """Return new stages from raw frames to frames, for one pass over the video."""
-        return Preparation(self.source.white, self.real_materials, drift=drift, sun=self.sun)
+        return Preparation(
+            self.source.white,
+            self.real_materials,
+            drift=drift,
+            sun=self.sun,
+            patches=self.sun_patches,
+        )
 
     @property
     def clips(self) -> bool:
@@ -242,6 +249,13 @@ class Scene:
         if declared == "none":
             return None
         return self.found_sun if declared == "auto" else declared.sun
+
+    @cached_property
+    def sun_patches(self) -> SunPatches | None:
+        """The patches by which the sun's brightness is followed (`iprt.scene.found_sun`)."""
+        if self.sun is None:
+            return None
+        return sun_patches(self.raw_frames, self.manifest, self.declared_materials, self.sun)
 
     @cached_property
     def found_sun(self) -> Sun | None:

@@ -14,7 +14,7 @@ ones. `Preparation` runs the other stages, frame by frame:
 8. Exposure (`exposure`): estimate the map of colors to the video's reference frame.
 9. Gloss (`gloss`): mark the texels of glossy surfaces.
 10. Clipped lights (`clipped_lights`): recover the radiance that the camera clipped.
-11. Sun (`iprt.footage.found_sun.disc`): take the disc of a known sun from the light.
+11. Sun (`iprt.footage.found_sun`): dim a known sun behind clouds, and take its disc from the light.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy as np
 
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
 from iprt.footage.found_sun.disc import without_disc
+from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.frame import OF_DEPTH, Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import Noise, smoothed
@@ -54,7 +55,9 @@ class Preparation:
     drift : bool
         Whether to estimate the `color_map` of frames.
     sun : Sun or None
-        The sun of all frames.
+        The sun of the first frame.
+    patches : SunPatches or None
+        Its patches, which tell its brightness in other frames; None: it is the same in all.
     """
 
     def __init__(
@@ -64,8 +67,9 @@ class Preparation:
         *,
         drift: bool = True,
         sun: Sun | None = None,
+        patches: SunPatches | None = None,
     ) -> None:
-        self._sun = sun
+        self._sun, self._patches = sun, patches
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
@@ -79,10 +83,16 @@ class Preparation:
             frame = self._exposure(frame)
         # Materials are recognised by their hue, in the colors of the reference frame.
         frame = self._gloss(frame)
-        frame = self._lights(frame)
-        if self._sun is None:
+        return self._sunny(self._lights(frame))
+
+    def _sunny(self, frame: Frame) -> Frame:
+        """Return a frame with its sun, whose disc is no part of the other light."""
+        sun = self._sun
+        if sun is None:
             return frame
-        return without_disc(frame, self._sun.seen_from(frame.pose))
+        if self._patches is not None:
+            sun = sun.dimmed(self._patches.share(frame.color))
+        return without_disc(frame.recolored(sun=sun), sun.seen_from(frame.pose))
 
     def frames(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
         """Prepare frames lazily, one by one."""
@@ -102,12 +112,7 @@ class Preparation:
         if self._last is None or not self._stays(raw, color, *self._last):
             self._last = raw.depth, raw.normal, self._clean(raw.depth, color)
         _, normal, clean = self._last
-        frame = Frame(
-            *(color, clean.depth, clean.opening, normal),
-            index=raw.index,
-            pose=raw.pose,
-            sun=self._sun,
-        )
+        frame = Frame(*(color, clean.depth, clean.opening, normal), index=raw.index, pose=raw.pose)
         return self._measures(frame)
 
     def _stays(

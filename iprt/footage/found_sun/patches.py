@@ -1,0 +1,123 @@
+"""Brightness of a sun from frame to frame, by the borders of its patches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from iprt.footage.cells import Cells, Float, Geometry
+from iprt.footage.found_sun.receivers import Receivers
+from iprt.footage.frame import LUMINANCE, Frame
+
+ROWS, OCCLUDER_ROWS, STEPS = 128, 256, 200
+"""Rows of cells, of cells that block rays, and points at which rays are tested."""
+MOST_PAIRS, MIN_PAIRS = 200, 8
+"""Bounds on the number of pairs of cells."""
+NEIGHBOURS = 8
+"""Number of shaded cells that are tried for each lit one."""
+SAME_NORMAL, SAME_PLANE, NEAR = 0.97, 0.03, np.deg2rad(15.0)
+"""Least cosine of the normals of a pair, largest distance across the surface relative to depth, and
+largest angle between them."""
+MIN_CONTRAST = 0.3
+"""Least radiance of a lit cell over the shaded one's, less 1."""
+SAMPLES = 4
+"""Texels along each side of a cell whose mean counts."""
+MOST = 1.5
+"""Largest brightness relative to the first frame's."""
+
+
+@dataclass(frozen=True)
+class SunPatches:
+    """Pairs of cells on one surface, in the sun and in the shade beside it.
+
+    The quotient of their radiance is (E + S cos) / E. Less 1, it is in proportion to the sun's
+    irradiance S, whatever the camera's exposure is.
+
+    Attributes
+    ----------
+    lit, shaded : (n, SAMPLES²) int64
+        Texels: row * width + column.
+    contrast : (n,) float64
+        Quotient of radiance, less 1, in the first frame.
+    """
+
+    lit: NDArray[np.int64]
+    shaded: NDArray[np.int64]
+    contrast: Float
+
+    @classmethod
+    def of(cls, frame: Frame, direction: Float) -> Self | None:
+        """Return the pairs that the first frame shows; None if they are too few.
+
+        `direction` (3,) is a unit vector towards the sun, in the axes of the capture centre.
+        """
+        rows, fine = (min(rows, frame.height) for rows in (ROWS, OCCLUDER_ROWS))
+        shown = Geometry.of(frame, fine)
+        receivers = Receivers.of(frame, shown, Cells.of(shown, fine), rows, STEPS)
+        _, weight = receivers.facing(direction)
+        is_lit, faces = receivers.lit(direction) > 0.0, weight > 0.0
+        lit, shaded = _pairs(
+            receivers.cells, _inner(is_lit, rows) & faces, _inner(~is_lit, rows) & faces
+        )
+        sides = [_texels(cells, rows, frame) for cells in (lit, shaded)]
+        contrast = _contrast(frame.color, *sides)
+        clear = contrast > MIN_CONTRAST
+        if np.count_nonzero(clear) < MIN_PAIRS:
+            return None
+        return cls(sides[0][clear], sides[1][clear], contrast[clear])
+
+    def share(self, color: NDArray[np.float32]) -> float:
+        """Return the sun's brightness in a picture (H, W, 3), relative to the first frame's."""
+        now = _contrast(color, self.lit, self.shaded) / self.contrast
+        return float(np.clip(np.median(now), 0.0, MOST))
+
+
+def _inner(inside: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+    """Return the cells (N,) of a set whose neighbours are in it too."""
+    wrapped = np.pad(inside.reshape(rows, -1), ((0, 0), (1, 1)), mode="wrap")
+    eroded = scipy.ndimage.binary_erosion(wrapped, np.ones((3, 3)), border_value=1)
+    return np.asarray(eroded[:, 1:-1].ravel())
+
+
+def _pairs(
+    cells: Cells, lit: NDArray[np.bool_], shaded: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return lit cells (n,), and for each a shaded one nearby on the same plane."""
+    bright, dark = np.flatnonzero(lit), np.flatnonzero(shaded)
+    if len(dark) < NEIGHBOURS:
+        return bright[:0], dark[:0]
+    bright = bright[:: -(-len(bright) // MOST_PAIRS) or 1]
+    chord = 2.0 * np.sin(0.5 * NEAR)
+    tree = scipy.spatial.cKDTree(cells.direction[dark])
+    apart, index = tree.query(cells.direction[bright], NEIGHBOURS)
+    other, normal = dark[index], cells.normal[bright]
+    like = np.einsum("ijk,ik->ij", cells.normal[other], normal) > SAME_NORMAL
+    across = np.einsum("ijk,ik->ij", cells.point[other] - cells.point[bright][:, None], normal)
+    fits = like & (np.abs(across) < SAME_PLANE * cells.depth[bright][:, None]) & (apart < chord)
+    there = fits.any(axis=1)
+    return bright[there], other[np.arange(len(bright)), fits.argmax(axis=1)][there]
+
+
+def _texels(cells: NDArray[np.intp], rows: int, frame: Frame) -> NDArray[np.int64]:
+    """Return the texels (n, SAMPLES²) that represent cells (n,) of `rows` rows."""
+    within = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    row, column = (
+        ((at[:, None] + within) * (size / count)).astype(np.int64)
+        for at, size, count in zip(
+            np.divmod(cells, 2 * rows), (frame.height, frame.width), (rows, 2 * rows), strict=True
+        )
+    )
+    return (row[:, :, None] * frame.width + column[:, None, :]).reshape(len(cells), SAMPLES**2)
+
+
+def _contrast(
+    color: NDArray[np.float32], lit: NDArray[np.int64], shaded: NDArray[np.int64]
+) -> Float:
+    """Return the quotients (n,) of radiance of pairs of cells, less 1."""
+    texels = color.reshape(-1, 3)
+    bright, dark = (texels[side].mean(axis=1) @ LUMINANCE for side in (lit, shaded))
+    return np.asarray(bright / np.maximum(dark, 1e-30) - 1.0, np.float64)
