@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import LUMINANCE, Frame
+from iprt.footage.sun import Sun
 from iprt.geometry.equirect import solid_angles
 from iprt.truth.backend import vector_mitsuba
 from iprt.truth.depth_mesh import depth_mesh
@@ -26,6 +27,42 @@ BOUNCES = 6
 """Most virtual surfaces on a path."""
 LIFT = 1e-3
 """Offset of rays above real surfaces, in units of the panorama's median depth."""
+
+
+@dataclass(frozen=True)
+class SunDisc:
+    """A sun, with the same radiance everywhere on its disc.
+
+    Attributes
+    ----------
+    frame : Frame3f
+        Its normal is the direction towards the sun.
+    cosine : float
+        Cosine of the disc's radius.
+    irradiance : Color3f
+        Of a surface perpendicular to it.
+    """
+
+    frame: Any
+    cosine: float
+    irradiance: Any
+
+    @classmethod
+    def of(cls, sun: Sun, pose: NDArray[np.float64] | None) -> SunDisc:
+        """Return the sun in the axes of a capture centre with this pose."""
+        frame = mi.Frame3f(mi.Vector3f(*sun.seen_from(pose).tolist()))
+        return cls(frame, (1.0 - sun.sine_squared) ** 0.5, mi.Color3f(*sun.irradiance))
+
+    def sample(self, sampler: Any, active: Any) -> Any:
+        """Return directions, uniform over the disc."""
+        return self.frame.to_world(
+            mi.warp.square_to_uniform_cone(sampler.next_2d(active), self.cosine)
+        )
+
+    def radiance(self, direction: Any) -> Any:
+        """Return the radiance in a direction."""
+        inside = dr.dot(direction, self.frame.n) > self.cosine
+        return dr.select(inside, self.irradiance / (2.0 * dr.pi * (1.0 - self.cosine)), 0.0)
 
 
 @dataclass
@@ -82,6 +119,7 @@ class World:
             :, None
         ]
         self._texels = mi.DiscreteDistribution(mi.Float(weight.ravel().astype(np.float32)))
+        self._sun = None if frame.sun is None else SunDisc.of(frame.sun, frame.pose)
 
     def relight(self, ratio: NDArray[np.float32] | None) -> None:
         """Multiply real radiance, as seen by objects, by `ratio` (h, w, 3); None: by 1."""
@@ -154,6 +192,27 @@ class World:
         pdf = self.light_pdf(hit, active & same)
         return direction, pdf, active & same & (pdf > 0.0), hit
 
+    def leaves(self, hit: RealHit) -> Any:
+        """Return whether rays leave the real scene, through an opening too."""
+        return ~hit.valid | ~self.receives(hit.direction)
+
+    def sunlight(self, point: Any, sampler: Any, active: Any) -> tuple[Any, Any]:
+        """Sample the sun.
+
+        Returns the direction, and the irradiance of a surface perpendicular to it without objects.
+        """
+        if self._sun is None:
+            return mi.Vector3f(0.0, 1.0, 0.0), mi.Color3f(0.0)
+        towards = self._sun.sample(sampler, active)
+        free = active & self.leaves(self.hit_real(point, towards, active))
+        return towards, dr.select(free, self._sun.irradiance, 0.0)
+
+    def sun_seen(self, direction: Any, hit: RealHit) -> Any:
+        """Return the sun's radiance along rays that end in `hit`."""
+        if self._sun is None:
+            return mi.Color3f(0.0)
+        return dr.select(self.leaves(hit), self._sun.radiance(direction), 0.0)
+
     def _centre_pdf(self, direction: Any) -> Any:
         """Return the density per solid angle at the capture centre of sampled texels."""
         uv = _equirect_uv(direction)
@@ -188,6 +247,11 @@ class World:
             weight = pdf / (pdf + pdf_bsdf)
             light = self.radiance(hit.direction, relit=hit.valid)
             total += dr.select(free, throughput * value * light * weight / pdf, 0.0)
+            towards, sun = self.sunlight(si.p + lift * si.n, sampler, lit)
+            free = lit & (dr.max(sun) > 0.0)
+            free &= ~self.objects.ray_test(mi.Ray3f(si.spawn_ray(towards)), free)
+            value = bsdf.eval(context, si, si.to_local(towards), free)
+            total += dr.select(free, throughput * value * sun, 0.0)
             # BSDF sampling.
             sample, value = bsdf.sample(
                 context, si, sampler.next_1d(active), sampler.next_2d(active), active
@@ -204,6 +268,7 @@ class World:
             pdf = dr.select(delta | ~smooth, 0.0, self.light_pdf(real, ends))
             weight = sample.pdf / (sample.pdf + pdf)
             light = self.radiance(real.direction, relit=real.valid)
+            light += dr.select(delta, self.sun_seen(ray.d, real), 0.0)
             total += dr.select(ends, throughput * light * weight, 0.0)
             si = object_hit
             bounce += 1
@@ -215,8 +280,8 @@ class World:
     ) -> tuple[Any, Any, Any]:
         """Return irradiance / pi of real surfaces without and with objects, and if one was hit.
 
-        One cosine-distributed and one light sample with the balance heuristic; the same rays for
-        both irradiances.
+        One cosine-distributed and one light sample with the balance heuristic, and one of the sun;
+        the same rays for both irradiances.
         """
         origin = point + LIFT * self.scale * normal
         frame = mi.Frame3f(normal)
@@ -240,7 +305,13 @@ class World:
         hidden = free & self.objects.ray_test(shadow, free)
         without += dr.select(free, light, 0.0)
         both += dr.select(free & ~hidden, light, 0.0)
-        return without, both, blocked | hidden
+
+        towards, sun = self.sunlight(origin, sampler, active)
+        sun *= dr.maximum(dr.dot(towards, normal), 0.0) / dr.pi
+        shaded = (dr.max(sun) > 0.0) & self.objects.ray_test(mi.Ray3f(origin, towards), active)
+        without += sun
+        both += dr.select(shaded, 0.0, sun)
+        return without, both, blocked | hidden | shaded
 
 
 def _shape(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> Any:

@@ -10,13 +10,18 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
+from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from scenes360.modelling import sphere
+from tests.footage.sunny_rooms import SKY, SunnyRoom
+from tests.oracles.worlds import cosine_about
 from tests.truth.conftest import sphere_frame
 
 pytestmark = pytest.mark.mitsuba
+
+ROOM = SunnyRoom(np.array([0.8, 0.55, 0.1]) / np.linalg.norm([0.8, 0.55, 0.1]))
 
 
 def ball(material: Material, centre: tuple[float, float, float], radius: float) -> Instance:
@@ -143,3 +148,55 @@ def test_without_objects_the_panorama_is_shown(mi: Any) -> None:
     # Each pixel averages a bilinear interpolation: close to its texel, not equal.
     np.testing.assert_allclose(result.color.mean((0, 1)), color.mean((0, 1)), rtol=0.01)
     assert np.corrcoef(result.color.ravel(), color.ravel())[0, 1] > 0.9
+
+
+def test_a_sun_lights_what_it_reaches_through_a_window(mi: Any) -> None:
+    """Shadow, lit side and disc, each in closed form by other light that is measured without it."""
+    room = ROOM
+    plain = room.frame(256, 128)
+    sunny = replace(plain, sun=Sun(room.sun, room.irradiance, angle_deg=4.0))
+    radius, floor = 0.18, room.world.low[1]
+    centre = np.array([0.9, floor + 2.0 * radius, -0.6])
+    shade = centre - 2.0 * radius / room.sun[1] * room.sun
+    up = np.array([0.0, 1.0, 0.0])
+    gray = ball(Material("diffuse", (0.5, 0.5, 0.5)), tuple(centre.tolist()), radius)
+    perfect = ball(Material("conductor", (1.0, 1.0, 1.0), 0.0), tuple(centre.tolist()), radius)
+
+    def towards(point: NDArray[np.float64], fov: float) -> View:
+        d = point / np.linalg.norm(point)
+        yaw, pitch = np.degrees([np.arctan2(d[0], -d[2]), np.arcsin(d[1])])
+        return View(16, 16, yaw_deg=float(yaw), pitch_deg=float(pitch), fov_y_deg=fov)
+
+    def pictured(frame: Frame, thing: Instance, point: NDArray[np.float64], fov: float) -> Any:
+        return shot(frame, [thing], towards(point, fov), 256)
+
+    middle = (slice(7, 9), slice(7, 9))
+    # The quotient of both irradiances is what the sun's share in all of it leaves.
+    sun = room.sun @ up / np.pi * np.array(room.irradiance)
+    with_it, without = (pictured(frame, gray, shade, 8.0).ratio[middle] for frame in (sunny, plain))
+    gathered = measured_irradiance(shade + 1e-3 * up, up)
+    expected = without.mean((0, 1)) * gathered / (gathered + sun)
+    np.testing.assert_allclose(with_it.mean((0, 1)), expected, rtol=0.08)
+
+    normal = np.array([0.1, 0.9, 0.4]) / np.linalg.norm([0.1, 0.9, 0.4])
+    lit = centre + radius * normal
+    bright, dark = (pictured(frame, gray, lit, 4.0).objects[middle] for frame in (sunny, plain))
+    more = 0.5 * room.sun @ normal / np.pi * np.array(room.irradiance)
+    np.testing.assert_allclose((bright - dark).mean((0, 1)), more, rtol=0.08)
+
+    for _ in range(50):  # the normal that reflects the view into the sun, by fixed-point steps
+        half = -(centre + radius * normal)
+        half = half / np.linalg.norm(half) + room.sun
+        normal = half / np.linalg.norm(half)
+    spot = pictured(sunny, perfect, centre + radius * normal, 0.5).objects[middle].mean((0, 1))
+    assert sunny.sun is not None
+    np.testing.assert_allclose(spot, np.array(sunny.sun.radiance) + SKY, rtol=0.05)
+
+
+def measured_irradiance(
+    point: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(3,) irradiance / pi by all that the sunny room's panorama shows, by Monte Carlo."""
+    d = cosine_about(np.broadcast_to(normal, (100_000, 3)), np.random.default_rng(0))
+    t, facing, _ = ROOM.world.first_hit(point, d)
+    return np.asarray(ROOM.radiance(point + t[:, None] * d, facing).mean(axis=0))
