@@ -11,6 +11,7 @@ import pyopencl.array as cla
 from iprt.filter.influence import VISIBLE, Change, Influence, Probes
 from iprt.filter.mask import LEVEL_WAITING, Mask, Masks
 from iprt.filter.temporal import Accumulated
+from iprt.footage.frame import LUMINANCE, Frame
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide, Guides, Layer
 from iprt.gbuffer.tiles import Tiles
@@ -205,7 +206,21 @@ class SparseMethod(Method):
         device, guide = self.setup.device, self._every_surface()
         shown = device.zeros("irradiance shown", guide.layout.shape(3))
         cache.show(self._world.panorama, guide.arguments(), shown)
-        return self.read(shown, slice(0, 3))
+        light = self.setup.layout.image(device.read(shown), slice(0, 3))
+        return self._in_the_sun(light, self._world.real.frame)
+
+    def _in_the_sun(self, others: Image, frame: Frame) -> Image:
+        """Add the sun's irradiance / π where the picture shows more than `others`, as `relight`."""
+        sun, real = frame.sun, self.setup.gbuffer.real
+        if sun is None or not self.setup.features.sun:
+            return others
+        color, normal = (
+            self.setup.layout.image(self.setup.device.read(planes), slice(0, 3))
+            for planes in (real.diffuse, real.normal)
+        )
+        facing = np.maximum(normal @ sun.seen_from(frame.pose), 0.0) / np.pi
+        facing *= (color @ LUMINANCE > others @ LUMINANCE) & (others.max(axis=-1) > 0.0)
+        return np.asarray(others + facing[..., None] * np.array(sun.irradiance), np.float32)
 
     def _every_surface(self) -> Guide:
         """Return a guide of the real surfaces in which none sleeps."""

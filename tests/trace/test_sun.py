@@ -252,3 +252,20 @@ def test_the_edges_of_its_shadows_are_smooth(device: ComputeDevice, frame: Frame
     edge = np.abs(np.diff(share > 0.5, axis=0)).sum() + np.abs(np.diff(share > 0.5, axis=1)).sum()
     assert edge > 20
     assert between > 0.25 * edge
+
+
+def test_layers_of_irradiance_contain_it(device: ComputeDevice, frame: Frame) -> None:
+    """Their quotient is the ratio, in the patch and beside it, in the shadow and out of it."""
+    thing, solid = object_at(LIT, (0.0, 0.0, 0.0))
+    shade = np.asarray(solid.centre) - (solid.centre[1] - FLOOR) / ROOM.sun[1] * ROOM.sun
+    view = looking_at(shade)
+    chosen = settings(rays=8, estimator="delta", **RAW)
+    pictures = [
+        render(device, one, [thing], view, chosen, frames=16) for one in (sunny(frame), frame)
+    ]
+    real, without = (picture.aovs["irradiance_real"] for picture in pictures)
+    here = pixel(view, shade)
+    up = np.array([0.0, 1.0, 0.0])
+    np.testing.assert_allclose((real - without)[here].mean((0, 1)), sunlight(up), rtol=0.02)
+    mixed, ratio = (pictures[0].aovs[name] for name in ("irradiance_mixed", "ratio"))
+    np.testing.assert_allclose((mixed / real)[here], ratio[here], atol=0.02)
