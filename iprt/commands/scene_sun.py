@@ -21,8 +21,8 @@ def sun(
 ) -> int:
     """Find the sun that lights patches of a scene, and print it as [video.sun] to add.
 
-    Its direction follows from the pattern of windows in the patches, its irradiance from their
-    borders. With sun = "auto" in the scene's [video] it is used without being declared.
+    Its direction follows from the pattern of the patches, its irradiance from their borders. It is
+    used without being declared, unless the scene's [video] has sun = "none".
 
     Parameters
     ----------
