@@ -102,6 +102,8 @@ def report_lines(report: SceneReport) -> list[str]:
     ]
     if report.clipped is not None:
         lines.append(f"clipped    {report.clipped.line()}")
+    if report.sun is not None:
+        lines.append(f"sun        {report.sun.line()}")
     lines += [_real_material_line(entry) for entry in report.real_materials]
     lines += [line for entry in report.objects for line in _object_lines(entry)]
     for name, view in report.views.items():

@@ -21,6 +21,7 @@ from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
 from iprt.footage.real_material import Evidence
+from iprt.footage.sun import Sun
 from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.tracks import depth_code
 from iprt.geometry.equirect import solid_angles
@@ -78,6 +79,46 @@ class RealMaterialReport:
 
 
 @dataclass(frozen=True)
+class SunReport:
+    """A sun, declared or found.
+
+    Attributes
+    ----------
+    azimuth_deg, elevation_deg : float
+        Its direction; azimuth 0 is -Z, and 90 is +X.
+    irradiance : three floats
+        As `Sun.irradiance`.
+    correlation : float or None
+        Evidence of a found one; None if declared.
+    """
+
+    azimuth_deg: float
+    elevation_deg: float
+    irradiance: tuple[float, float, float]
+    correlation: float | None
+
+    @classmethod
+    def of(cls, sun: Sun | None) -> SunReport | None:
+        """Describe a scene's sun."""
+        if sun is None:
+            return None
+        x, y, z = sun.direction.tolist()
+        azimuth, elevation = np.rad2deg([np.arctan2(x, -z), np.arcsin(y)]).round(1).tolist()
+        return cls(azimuth, elevation, sun.irradiance, sun.correlation)
+
+    def line(self) -> str:
+        """Return a sentence for reports."""
+        red, green, blue = self.irradiance
+        known = "declared"
+        if self.correlation is not None:
+            known = f"found by its patches, with a correlation of {self.correlation:.2f}"
+        return (
+            f"{self.elevation_deg:.1f} degrees high, at azimuth {self.azimuth_deg:.1f}; "
+            f"irradiance {red:.3g} {green:.3g} {blue:.3g}; {known}"
+        )
+
+
+@dataclass(frozen=True)
 class SceneReport:
     """Statistics of a scene; depth percentiles in metres.
 
@@ -101,6 +142,7 @@ class SceneReport:
     open_sky: Share
     dropouts: Share
     clipped: Recovered | None
+    sun: SunReport | None
     normals: str
     real_materials: tuple[RealMaterialReport, ...]
     objects: tuple[ObjectReport, ...]
@@ -154,6 +196,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         open_sky=share(holes.open_sky),
         dropouts=share(holes.dropout),
         clipped=Recovered.of(frame, scene.source.white),
+        sun=SunReport.of(scene.sun),
         normals="fitted to the depth" if raw.normal is None else "given",
         real_materials=tuple(
             RealMaterialReport(

@@ -133,3 +133,20 @@ def test_the_command_tells_that_there_is_none(
     searches[:] = [None]
     assert cli.main(["scene", "sun", str(scene_with(tmp_path / "a"))]) == 0
     assert "no patch is surely lit" in capsys.readouterr().out
+
+
+def test_the_scene_report_shows_it(
+    tmp_path: Path, searches: list[Sun | None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """(0.6, 0.8, 0) is to the right and asin 0.8 high."""
+    folder = scene_with(tmp_path / "a")
+    assert cli.main(["scene", "info", str(folder)]) == 0
+    (line,) = (x for x in capsys.readouterr().out.splitlines() if x.startswith("sun "))
+    assert "53.1 degrees high, at azimuth 90.0" in line
+    assert "correlation of 0.52" in line
+    assert cli.main(["scene", "info", str(folder), "--json"]) == 0
+    sun = json.loads(capsys.readouterr().out)["sun"]
+    assert sun["irradiance"] == list(FOUND.irradiance)
+    declaring = scene_with(tmp_path / "b", text=DECLARED)
+    assert cli.main(["scene", "info", str(declaring)]) == 0
+    assert "declared" in capsys.readouterr().out

@@ -39,8 +39,8 @@ class SunPatches:
 
     Attributes
     ----------
-    lit, shaded : (n, SAMPLES²) int64
-        Texels: row * width + column.
+    lit, shaded : (n,) int64
+        Numbers of cells, of `ROWS` rows.
     contrast : (n,) float64
         Quotient of radiance, less 1, in the first frame.
     """
@@ -55,20 +55,20 @@ class SunPatches:
 
         `direction` (3,) is a unit vector towards the sun, in the axes of the capture centre.
         """
-        rows, fine = (min(rows, frame.height) for rows in (ROWS, OCCLUDER_ROWS))
-        shown = Geometry.of(frame, fine)
-        receivers = Receivers.of(frame, shown, Cells.of(shown, fine), rows, STEPS)
+        if frame.height < ROWS:
+            return None
+        shown = Geometry.of(frame, min(OCCLUDER_ROWS, frame.height))
+        occluders = Cells.of(shown, min(OCCLUDER_ROWS, frame.height))
+        receivers = Receivers.of(frame, shown, occluders, ROWS, STEPS)
         _, weight = receivers.facing(direction)
         is_lit, faces = receivers.lit(direction) > 0.0, weight > 0.0
-        lit, shaded = _pairs(
-            receivers.cells, _inner(is_lit, rows) & faces, _inner(~is_lit, rows) & faces
-        )
-        sides = [_texels(cells, rows, frame) for cells in (lit, shaded)]
-        contrast = _contrast(frame.color, *sides)
+        inner = (_inner(side) & faces for side in (is_lit, ~is_lit))
+        lit, shaded = _pairs(receivers.cells, *inner)
+        contrast = _contrast(frame.color, lit, shaded)
         clear = contrast > MIN_CONTRAST
         if np.count_nonzero(clear) < MIN_PAIRS:
             return None
-        return cls(sides[0][clear], sides[1][clear], contrast[clear])
+        return cls(lit[clear], shaded[clear], contrast[clear])
 
     def share(self, color: NDArray[np.float32]) -> float:
         """Return the sun's brightness in a picture (H, W, 3), relative to the first frame's."""
@@ -76,9 +76,9 @@ class SunPatches:
         return float(np.clip(np.median(now), 0.0, MOST))
 
 
-def _inner(inside: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+def _inner(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the cells (N,) of a set whose neighbours are in it too."""
-    wrapped = np.pad(inside.reshape(rows, -1), ((0, 0), (1, 1)), mode="wrap")
+    wrapped = np.pad(inside.reshape(ROWS, -1), ((0, 0), (1, 1)), mode="wrap")
     eroded = scipy.ndimage.binary_erosion(wrapped, np.ones((3, 3)), border_value=1)
     return np.asarray(eroded[:, 1:-1].ravel())
 
@@ -102,22 +102,23 @@ def _pairs(
     return bright[there], other[np.arange(len(bright)), fits.argmax(axis=1)][there]
 
 
-def _texels(cells: NDArray[np.intp], rows: int, frame: Frame) -> NDArray[np.int64]:
-    """Return the texels (n, SAMPLES²) that represent cells (n,) of `rows` rows."""
+def _contrast(
+    color: NDArray[np.float32], lit: NDArray[np.int64], shaded: NDArray[np.int64]
+) -> Float:
+    """Return the quotients (n,) of radiance of pairs of cells, less 1, in a picture of any size."""
+    bright, dark = (color[_texels(cells, color.shape)].mean(axis=(1, 2)) for cells in (lit, shaded))
+    return np.asarray((bright @ LUMINANCE) / np.maximum(dark @ LUMINANCE, 1e-30) - 1.0, np.float64)
+
+
+def _texels(
+    cells: NDArray[np.int64], shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows (n, SAMPLES, 1) and columns (n, 1, SAMPLES) of texels in cells (n,)."""
     within = (np.arange(SAMPLES) + 0.5) / SAMPLES
     row, column = (
         ((at[:, None] + within) * (size / count)).astype(np.int64)
         for at, size, count in zip(
-            np.divmod(cells, 2 * rows), (frame.height, frame.width), (rows, 2 * rows), strict=True
+            np.divmod(cells, 2 * ROWS), shape[:2], (ROWS, 2 * ROWS), strict=True
         )
     )
-    return (row[:, :, None] * frame.width + column[:, None, :]).reshape(len(cells), SAMPLES**2)
-
-
-def _contrast(
-    color: NDArray[np.float32], lit: NDArray[np.int64], shaded: NDArray[np.int64]
-) -> Float:
-    """Return the quotients (n,) of radiance of pairs of cells, less 1."""
-    texels = color.reshape(-1, 3)
-    bright, dark = (texels[side].mean(axis=1) @ LUMINANCE for side in (lit, shaded))
-    return np.asarray(bright / np.maximum(dark, 1e-30) - 1.0, np.float64)
+    return row[:, :, None], column[:, None, :]
