@@ -7,14 +7,14 @@ from typing import Protocol
 
 import pyopencl.array as cla
 
-from iprt.device.block import Block, Float2, Float4s, Floats, Int32, when
+from iprt.device.block import Block, Float2, Float4s, Float32, Floats, Int32, when
 from iprt.device.vectors import float2
 from iprt.geometry.camera import View
 from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectsArgs
 from iprt.world.objects.objects import Objects
 from iprt.world.real.highlight import GlossArgs
-from iprt.world.real.irradiance import IrradianceCache, IrradianceCacheArgs
+from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.lights import Lights, LightsArgs
 from iprt.world.real.panorama import ImpostorArgs, Panorama, RealLayerArgs
 from iprt.world.real.real_world import RealWorld
@@ -65,8 +65,8 @@ class WorldArgs(Block):
         `material_table()` of the objects.
     max_bounces : int
         Virtual surfaces that a path may meet.
-    shade : IrradianceCacheArgs or None
-        E_R, which surfaces keep where objects hide the sun.
+    mean_radiance : float
+        `Panorama.mean_radiance`.
     """
 
     real: RealLayerArgs
@@ -76,7 +76,7 @@ class WorldArgs(Block):
     lights: LightsArgs
     relit: RelitArgs = when("RELIT")
     gloss: GlossArgs | None = when("GLOSS")
-    shade: IrradianceCacheArgs | None = when("SUN")
+    mean_radiance: Float32 = when("SUN")
 
 
 class Substitute(Protocol):
@@ -174,5 +174,5 @@ class World:
             lights=LightsArgs() if lights is None else lights.arguments(),
             relit=self._relit,
             gloss=real.highlight.arguments() if real.highlight else None,
-            shade=real.irradiance.arguments(self.panorama) if real.irradiance else None,
+            mean_radiance=self.panorama.mean_radiance,
         )

@@ -11,7 +11,6 @@
 #include "world/brdf.h"
 #include "world/boxes.h"
 #include "world/direction.h"
-#include "world/real/irradiance.h"
 #include "world/real/gloss.h"
 #include "maths/sampling.h"
 #include "trace/sums.h"
@@ -21,6 +20,8 @@
 #define AIMED_ALPHA 0.02f
 // Share of the rays that are not aimed at other lights.
 #define SUN_SHARE 0.4f
+// Least reflectance of a surface that counts as sunlit where a path ends.
+#define SUNLIT_ALBEDO 0.2f
 
 static inline float light_share(const World world, const Material material)
 {
@@ -139,38 +140,37 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 }
 #endif
 
-#ifdef SUN
-// Return the largest factor by which objects may change the radiance `seen` of a hit: the rest of the light
-// where they hide the sun, else INFINITY. Where no view has needed E_R, the panorama's mean radiance counts.
-static inline float3 factor_in_shade(const World world, const RealHit hit, float3 seen)
-{
-    const float4 surface = world.real.surface[hit.texel];
-    if (hit.kind > HIT_BACK_FACE || hit.behind || (int)surface.w & SURFACE_OPENING)
-        return (float3)(INFINITY);
-    const float3 n = -normalize(surface.xyz), p = hit_point(hit), light = sun_irradiance(world.real.sun, n);
-    const float3 o = p + world.real.bias * n, towards = world.real.sun.disc.xyz;
-    if (!(luminance(light) > 0.0f) || !meets_boxes(world.objects.bounds, world.objects.count, o, towards))
-        return (float3)(INFINITY);
-    float3 others = cached_irradiance(world.shade, p, n);
-    if (!(luminance(others) > 0.0f))
-        others = (float3)(world.shade.black / CACHE_BLACK);
-    ObjectHit blocker;
-    const int darker = shows_sun(luminance(seen), luminance(others))
-        && trace_objects(world.objects, o, towards, INFINITY, 1, &blocker);
-    return darker ? others / (others + light) : (float3)(INFINITY);
-}
-#endif
-
 // Return the radiance of a hit of a ray in direction d, changed by objects.
 static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
 {
-    const float3 radiance = captured_radiance(world.real, hit, d);
-    float3 factor = relit_factor(world, hit);
-#ifdef SUN
-    factor = fmin(factor, factor_in_shade(world, hit, radiance));
-#endif
-    return radiance * factor;
+    return captured_radiance(world.real, hit, d) * relit_factor(world, hit);
 }
+
+#ifdef SUN
+// Aim a ray from a hit at the sun, if objects may hide it there. Where they do, `s.specular` is the factor of its
+// radiance `seen`, which is the rest of the light. The panorama's mean radiance replaces E_R / pi, for which GPUs
+// would need half as many registers again.
+static inline int aim_from_shade(const World world, const RealHit hit, float3 seen, float3 *o_object, Scatter *s)
+{
+    const float4 surface = world.real.surface[hit.texel];
+    if (hit.kind > HIT_BACK_FACE || hit.behind || (int)surface.w & SURFACE_OPENING)
+        return 0;
+    const float3 n = -normalize(surface.xyz), p = hit_point(hit), light = sun_irradiance(world.real.sun, n);
+    const float3 o = p + world.real.bias * n, towards = world.real.sun.disc.xyz;
+    if (!(luminance(light) > 0.0f) || !meets_boxes(world.objects.bounds, world.objects.count, o, towards))
+        return 0;
+    const float3 others = (float3)(world.mean_radiance);
+    if (luminance(seen) < SUNLIT_ALBEDO * luminance(others + light))
+        return 0;
+    // The change by objects that the view shows counts already.
+    const float3 relit = fmax(relit_factor(world, hit), 1e-6f);
+    *o_object = o;
+    *s = no_scatter(towards);
+    s->specular = fmin(others / (others + light) / relit, 1.0f);
+    s->texel = SHADE_TEXEL;
+    return 1;
+}
+#endif
 
 #ifdef DELTA
 #define FIRST_ANY 0
@@ -198,7 +198,11 @@ static inline ALWAYS_INLINE FirstHit trace_path(
     int reflected = 0;
 #endif
     // One more for a glossy real surface, and one for the last ray, which sees real surfaces only.
-    for (int bounce = 0; bounce < world.max_bounces + 2; bounce++) {
+    int rays = world.max_bounces + 2;
+#ifdef SUN
+    rays++;
+#endif
+    for (int bounce = 0; bounce < rays; bounce++) {
         const float3 d = s.wi;
         ObjectHit hit;
         hit.t = INFINITY;
@@ -209,10 +213,16 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         const float away = blocked_by_any ? light_distance(world.real, s.texel, o, d) : INFINITY;
         int sees_objects = bounce < world.max_bounces;
 #ifdef SUN
-        sees_objects |= s.texel == SUN_TEXEL; // it would shine through the last object
+        sees_objects |= s.texel >= SHADE_TEXEL; // it would shine through the last object
 #endif
         const int object
             = sees_objects && trace_objects(world.objects, o_object, d, away, blocked_by_any, &hit);
+#ifdef SUN
+        if (s.texel == SHADE_TEXEL) {
+            arrive(sums, object ? throughput * s.specular : throughput);
+            return first;
+        }
+#endif
         if (blocked_by_any && object)
             return first;
 #ifdef DELTA
@@ -254,8 +264,20 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             const int gloss = reflected ? 0 : gloss_at(world, real);
             if (gloss) {
                 // A conductor has no diffuse part.
-                if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR)
-                    arrive(sums, throughput * real_radiance(world, real, d));
+                if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR) {
+                    const float3 radiance = real_radiance(world, real, d);
+#ifdef SUN
+                    // Two rays go on from here, of which one is chosen.
+                    if (aim_from_shade(world, real, captured_radiance(world.real, real, d), &o_object, &s)) {
+                        throughput *= 2.0f;
+                        if (sobol_1d(index, hash_combine(seed, 0x73686164u)) < 0.5f) {
+                            throughput *= radiance;
+                            continue;
+                        }
+                    } else
+#endif
+                    arrive(sums, throughput * radiance);
+                }
                 const float3 n = -normalize(world.real.surface[real.texel].xyz), p = hit_point(real);
                 const BrdfSample specular =
                     reflect_real(world, gloss - 1, p, n, d,
@@ -270,7 +292,14 @@ static inline ALWAYS_INLINE FirstHit trace_path(
                 continue;
             }
 #endif
-            arrive(sums, throughput * real_radiance(world, real, d));
+            const float3 radiance = real_radiance(world, real, d);
+#ifdef SUN
+            if (aim_from_shade(world, real, captured_radiance(world.real, real, d), &o_object, &s)) {
+                throughput *= radiance;
+                continue;
+            }
+#endif
+            arrive(sums, throughput * radiance);
             return first;
         }
 #ifdef DELTA

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from iprt.device.block import Block, Float4s, Float32, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
-from iprt.device.kernel_source import constant, float_constant
+from iprt.device.kernel_source import constant
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.cell_light import CellLight
 from iprt.world.real.changed_surfaces import span_of
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from iprt.world.real.panorama import Panorama
 
 
-BLACK = float_constant("lib/world/real/irradiance.h", "CACHE_BLACK")
-"""E_R / π that counts as black, relative to the panorama's mean radiance."""
+BLACK = 1e-6
+"""E_R that counts as black, relative to the panorama's mean radiance: ratios to it are noise."""
 
 SURFACES = constant("lib/world/real/irradiance.h", "CACHE_SURFACES")
 """Surfaces of a cell."""

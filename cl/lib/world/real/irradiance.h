@@ -21,9 +21,6 @@
 
 #define CACHE_SURFACES 2
 
-// E_R / pi that counts as black, relative to the panorama's mean radiance: ratios to it are noise.
-#define CACHE_BLACK 1e-6f
-
 // Return the upper left of the four cells around direction p, and the offset of p from its centre.
 static inline int2 cache_corner(int columns, int rows, float3 p, float2 *past)
 {

@@ -113,7 +113,7 @@ static inline ALWAYS_INLINE float light_distance(const RealLayer layer, int texe
     return INFINITY;
 #else
 #ifdef SUN
-    if (texel == SUN_TEXEL)
+    if (texel >= SHADE_TEXEL)
         return INFINITY;
 #endif
     const float4 surface = aims_behind(layer, texel) ? layer.background.surface[texel] : layer.surface[texel];

@@ -9,7 +9,9 @@
 
 #ifdef SUN
 
-#define SUN_TEXEL 0x7fffffff // in place of the texel of a light that a ray is aimed at
+// In place of the texel of a light that a ray is aimed at: the sun; and the sun as a surface in it sees it.
+#define SUN_TEXEL 0x7fffffff
+#define SHADE_TEXEL 0x7ffffffe
 // Slightly more than the disc: directions sampled at its rim are rounded.
 #define SUN_RIM 1.0001f
 
