@@ -69,8 +69,8 @@ def find_sun(frame: Frame) -> Sun | None:
     if not sure:
         return None
     if not is_outdoors(blurred.sky.reshape(middle, -1)):
-        # Two errors cancel, about. Blurred borders lower the irradiance. The light of windows raises
-        # it: it is extrapolated, and too bright, where the camera did not see outside.
+        # Two errors cancel, about. Blurred borders lower the irradiance. The light of windows
+        # raises it: it is extrapolated, and too bright, where the camera did not see outside.
         receivers = Receivers.of(frame, shown, blurred, middle, BLURRED_STEPS)
     irradiance = irradiance_of_sun(without_disc(frame, direction), shown, receivers, direction)
     return None if irradiance is None else Sun(direction, irradiance, correlation=correlation)
