@@ -68,8 +68,8 @@ static inline int is_sunlit(const RealLayer real, float3 p, float3 n, float3 see
     return leaves_room(real, trace_real_layer(real, o, real.sun.disc.xyz, INFINITY));
 }
 
-// Return the offset on a pixel's surface to that of the pixel `step` further in its planes; 0 where another
-// surface begins.
+// Return the offset on a surface from a pixel to the one `step` further in its planes; 0 where another surface
+// begins.
 static inline float3 offset_to(const Pixels pixels, const TracedPixel at, int step)
 {
     const float3 way = load_traced(pixels.guide, at.size, 3 * at.size + at.pixel + step) - at.p;

@@ -171,7 +171,7 @@ def test_a_sun_lights_what_it_reaches_through_a_window(mi: Any) -> None:
         return shot(frame, [thing], towards(point, fov), 256)
 
     middle = (slice(7, 9), slice(7, 9))
-    # The quotient of both irradiances is what the sun's share in all of it leaves.
+    # Without objects, the sun adds its own irradiance; with them, none in their shadow.
     sun = room.sun @ up / np.pi * np.array(room.irradiance)
     with_it, without = (pictured(frame, gray, shade, 8.0).ratio[middle] for frame in (sunny, plain))
     gathered = measured_irradiance(shade + 1e-3 * up, up)

@@ -58,7 +58,7 @@ def without_disc(frame: Frame, direction: NDArray[np.float64]) -> Frame:
         return frame
     disc, ring = around
     color = frame.color.reshape(-1, 3)
-    disc = disc[(color[disc] > ring).any(axis=-1)]
+    disc = disc[color[disc] @ LUMINANCE > MIN_CONTRAST * (ring @ LUMINANCE)]
     if not len(disc):
         return frame
     light = frame.color.copy()

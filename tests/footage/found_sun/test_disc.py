@@ -28,7 +28,7 @@ def unit(*v: float) -> Float:
 
 
 def with_disc(yard: SunnyYard, radius_deg: float, radiance: float) -> tuple[Frame, Frame]:
-    """The panorama without and with a disc, whose solid angle is that of its texels."""
+    """The panorama without and with a disc of whole texels."""
     frame = yard.frame(WIDTH, HEIGHT)
     disc = np.isinf(frame.depth) & (DIRECTIONS @ yard.sun > np.cos(np.deg2rad(radius_deg)))
     return frame, replace(frame, color=np.where(disc[..., None], np.float32(radiance), frame.color))
@@ -59,7 +59,7 @@ def test_two_bright_spots_are_none() -> None:
 
 @pytest.mark.parametrize("place", PLACES)
 def test_its_light_is_the_skys(place: tuple[float, float, float]) -> None:
-    """The irradiance of the ground is what it was without, and the picture stays."""
+    """The ground has the same irradiance as without a disc, and the picture stays."""
     yard = SunnyYard(unit(*place))
     plain, frame = with_disc(yard, 1.0, 3000.0)
     dimmed = without_disc(frame, yard.sun)
@@ -83,6 +83,15 @@ def test_clipped_colors_stay_in_the_picture() -> None:
     expected = frame.color.reshape(-1, 3).copy()
     expected[texel] = 1.0
     np.testing.assert_array_equal(shown, expected)
+
+
+def test_an_uneven_sky_without_a_disc_stays() -> None:
+    """As in a window beside a sun that its frame hides."""
+    yard = SunnyYard(unit(0.55, 0.75, 0.2))
+    frame = yard.frame(WIDTH, HEIGHT)
+    shade = 1.0 + 0.2 * np.sin(20.0 * DIRECTIONS).prod(axis=-1, keepdims=True)
+    uneven = replace(frame, color=(frame.color * shade).astype(np.float32))
+    assert without_disc(uneven, yard.sun) is uneven
 
 
 def test_a_hidden_one_changes_nothing() -> None:
