@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -81,12 +82,7 @@ OVERVIEW = View(960, 640, -8.0, -18.0, 72.0)
 
 def main() -> None:
     """Write the scene folder."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--spp", type=int, default=128, help="paths per pixel of the panorama")
-    parser.add_argument("--truth-spp", type=int, default=512, help="of the views' truth")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to")
-    options = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    options = read_flags(__doc__, FOLDER, spp=128, truth_spp=512)
     meshes = objects()
     for name, solid in meshes.items():
         write_ply(options.out / "meshes" / f"{name}.ply", solid)
@@ -104,6 +100,48 @@ def main() -> None:
         crops = render_view(options.out / "truth", name, view, parts, inserted, options.truth_spp)
         manifest.append(view_toml(name, view, names) + truth_toml(name, crops))
     manifest.append(view_toml("room", OVERVIEW, tuple(OBJECTS)))
+    (options.out / "scene.toml").write_text("\n".join(manifest))
+
+
+def read_flags(doc: str, folder: Path, *, spp: int, truth_spp: int) -> argparse.Namespace:
+    """Read `spp`, `truth_spp` and `out` from the command line, and log to the terminal."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--spp", type=int, default=spp, help="paths per pixel of the panorama")
+    parser.add_argument("--truth-spp", type=int, default=truth_spp, help="of the views' truth")
+    parser.add_argument("--out", type=Path, default=folder, help="folder to write to")
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    return parser.parse_args()
+
+
+def write_scene(
+    options: argparse.Namespace,
+    name: str,
+    parts: Parts,
+    meshes: Mapping[str, Solid],
+    objects: Mapping[str, Placed],
+    panorama: View,
+    view: View,
+    *,
+    exposure: float,
+    glossy: Mapping[str, tuple[float, float]],
+) -> None:
+    """Write a scene folder with one view, which shows all objects.
+
+    `glossy` has height and roughness of coated surfaces. `options` are from `read_flags`.
+    """
+    for each, solid in meshes.items():
+        write_ply(options.out / "meshes" / f"{each}.ply", solid)
+    LOG.info("panorama")
+    write_panorama(options.out, parts, panorama, spp=options.spp, lossy=True)
+    LOG.info("view")
+    inserted = {each: mitsuba_object(meshes[each], placed) for each, placed in objects.items()}
+    crops = render_view(options.out / "truth", name, view, parts, inserted, options.truth_spp)
+    manifest = [
+        head_toml(name, exposure),
+        *(glossy_toml(each, *how) for each, how in glossy.items()),
+        *(object_toml(each, placed) for each, placed in objects.items()),
+        view_toml(name, view, tuple(objects)) + truth_toml(name, crops),
+    ]
     (options.out / "scene.toml").write_text("\n".join(manifest))
 
 

@@ -6,23 +6,11 @@ the `reference` extra.
 
 from __future__ import annotations
 
-import argparse
-import logging
 from pathlib import Path
 
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from scenes360.modelling import write_ply
-from scenes360.room.make import (
-    Placed,
-    head_toml,
-    mitsuba_object,
-    object_toml,
-    render_view,
-    truth_toml,
-    view_toml,
-    write_panorama,
-)
+from scenes360.room.make import Placed, read_flags, write_scene
 from scenes360.room.objects import objects
 from scenes360.yard import model
 
@@ -36,32 +24,21 @@ OBJECTS = {
     "vase": Placed(Material("diffuse", (0.75, 0.70, 0.60)), 0, (2.42, GROUND, -0.30)),
     "ball": Placed(Material("conductor", (0.92, 0.92, 0.92), 0.0), 0, (2.62, GROUND, 0.22)),
 }
-LOG = logging.getLogger("scenes360")
 
 
 def main() -> None:
     """Write the scene folder."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--spp", type=int, default=128, help="paths per pixel of the panorama")
-    parser.add_argument("--truth-spp", type=int, default=512, help="of the view's truth")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write to")
-    options = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
-    meshes = {name: objects()[name] for name in OBJECTS}
-    for name, solid in meshes.items():
-        write_ply(options.out / "meshes" / f"{name}.ply", solid)
-    parts = model.build()
-    LOG.info("panorama")
-    write_panorama(options.out, parts, PANORAMA, spp=options.spp, lossy=True)
-    LOG.info("view")
-    inserted = {name: mitsuba_object(meshes[name], placed) for name, placed in OBJECTS.items()}
-    crops = render_view(options.out / "truth", "yard", VIEW, parts, inserted, options.truth_spp)
-    manifest = [
-        head_toml("yard", EXPOSURE),
-        *(object_toml(name, placed) for name, placed in OBJECTS.items()),
-        view_toml("yard", VIEW, tuple(OBJECTS)) + truth_toml("yard", crops),
-    ]
-    (options.out / "scene.toml").write_text("\n".join(manifest))
+    write_scene(
+        read_flags(__doc__, FOLDER, spp=128, truth_spp=512),
+        "yard",
+        model.build(),
+        {name: solid for name, solid in objects().items() if name in OBJECTS},
+        OBJECTS,
+        PANORAMA,
+        VIEW,
+        exposure=EXPOSURE,
+        glossy={},
+    )
 
 
 if __name__ == "__main__":
