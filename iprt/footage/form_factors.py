@@ -46,30 +46,29 @@ def visible(cells: Cells, x: Float, y: Float, steps: int) -> NDArray[np.bool_]:
     return free
 
 
-def form_factors(x: Float, n: Float, cells: Cells, chosen: NDArray[np.intp], share: Float) -> Float:
-    """Return form factors (n, m) between points and cells, without visibility.
+def form_factors(x: Float, n: Float, y: Float, facing: Float, area: Float) -> Float:
+    """Return form factors (n, m) between points and small surfaces, without visibility.
 
     Parameters
     ----------
     x, n : (n, 3) float64
         Points and their normals.
-    cells : Cells
-    chosen : (m,) int
-        Indices of cells.
-    share : (m,) float64
-        Share of each cell that counts.
+    y, facing : (m, 3) float64
+        Middles of the surfaces, and their normals.
+    area : (m,) float64
+        Square metres.
 
     Returns
     -------
     (n, m) float64
         F as defined in this module; the sum over a closed room is π.
     """
-    way = cells.point[chosen] - x[:, None]
+    way = y - x[:, None]
     squared = np.maximum((way * way).sum(-1), 1e-24)
     inverse = 1.0 / np.sqrt(squared)
     leaving = np.maximum(np.einsum("ijk,ik->ij", way, n) * inverse, 0.0)
-    arriving = np.maximum(-np.einsum("ijk,jk->ij", way, cells.normal[chosen]) * inverse, 0.0)
-    seen = arriving * (cells.area[chosen] * share)
+    arriving = np.maximum(-np.einsum("ijk,jk->ij", way, facing) * inverse, 0.0)
+    seen = arriving * area
     return np.asarray(leaving * seen / (squared + seen / np.pi))
 
 
@@ -96,7 +95,7 @@ def irradiance_of_lights(
         Projected solid angle of lights and openings, in [0, π].
     """
     chosen = np.flatnonzero((lights.sum(axis=(1, 2)) > 0.0) | (cells.opening > 0.0))
-    factors = form_factors(x, n, cells, chosen, np.ones(len(chosen)))
+    factors = form_factors(x, n, cells.point[chosen], cells.normal[chosen], cells.area[chosen])
     factors *= visible(fine, x, cells.point[chosen], steps)
     outside = cells.opening[chosen] > 0.5
     found = np.einsum("ij,jck->ick", factors[:, ~outside], lights[chosen[~outside]])
@@ -144,7 +143,8 @@ def irradiance_of_rest(
         Number of points at which visibility is tested.
     """
     chosen = np.flatnonzero(share > 0.0)
-    factors = form_factors(x, n, cells, chosen, share[chosen])
+    area = cells.area[chosen] * share[chosen]
+    factors = form_factors(x, n, cells.point[chosen], cells.normal[chosen], area)
     factors *= visible(cells, x, cells.point[chosen], steps)
     left = np.maximum(np.pi - taken, MIN_OPEN)
     total = np.maximum(factors.sum(1), MIN_OPEN)

@@ -13,6 +13,7 @@ from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.depth_noise import fit_tolerance
 from iprt.footage.median import median_of_smallest
 from iprt.footage.normals import estimate_normals, estimate_normals_at, sanitize_normals
+from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.geometry.material import Material
 
@@ -45,6 +46,9 @@ class Frame:
         The glossy materials of the real scene.
     sun : Sun or None
         A distant light that the panorama need not show.
+    sky : Sky or None
+        Radiance behind windows where no camera saw it, in the axes of the frame. None: as
+        extrapolated.
     index : int
         Index of the frame in the video.
     pose : (4, 4) float64 or None
@@ -64,6 +68,7 @@ class Frame:
     gloss: NDArray[np.uint8] | None = None
     real_materials: tuple[Material, ...] = ()
     sun: Sun | None = None
+    sky: Sky | None = None
     index: int = 0
     pose: NDArray[np.float64] | None = None
     clipped: ClippedTexels | None = None

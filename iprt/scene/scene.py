@@ -12,19 +12,21 @@ from typing import Any
 from iprt.errors import SceneError
 from iprt.files.safe_reading import anywhere, is_file, require_inside
 from iprt.files.toml_tables import problems_error
+from iprt.footage.found_light import SunChoice
 from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.frame import Frame
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.prepare.steady import steady_frames
 from iprt.footage.real_material import RealMaterial
+from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.stream import Ahead
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
-from iprt.scene.found_sun import found_sun, sun_patches
+from iprt.scene.found_light import found_light, sun_patches
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     Manifest,
@@ -215,6 +217,7 @@ class Scene:
             drift=drift,
             sun=self.sun,
             patches=self.sun_patches,
+            sky=self.sky,
         )
 
     @property
@@ -242,25 +245,37 @@ class Scene:
         found = self.found_materials if self.manifest.video.gloss == "auto" else ()
         return found + self.declared_materials
 
-    @cached_property
+    @property
     def sun(self) -> Sun | None:
         """The sun that the panorama does not show: declared, or found if `sun` is "auto"."""
+        return self._outside_light[0]
+
+    @property
+    def sky(self) -> Sky | None:
+        """The sky behind windows where no camera saw it, if `sky` is "auto"."""
+        return self._outside_light[1]
+
+    @cached_property
+    def _outside_light(self) -> tuple[Sun | None, Sky | None]:
         declared = self.manifest.video.sun
-        if declared == "none":
-            return None
-        return self.found_sun if declared == "auto" else declared.sun
+        if isinstance(declared, str):
+            return self._found_light("auto" if declared == "auto" else None)
+        return self._found_light(declared.sun)
+
+    def _found_light(self, choice: SunChoice) -> tuple[Sun | None, Sky | None]:
+        return found_light(self.raw_frames, self.manifest, self.real_materials, choice)
+
+    @property
+    def found_sun(self) -> Sun | None:
+        """The sun that is found whatever `sun` is (`iprt.scene.found_light`)."""
+        return self._found_light("auto")[0]
 
     @cached_property
     def sun_patches(self) -> SunPatches | None:
-        """The patches by which the sun's brightness is followed (`iprt.scene.found_sun`)."""
+        """The patches by which the sun's brightness is followed (`iprt.scene.found_light`)."""
         if self.sun is None:
             return None
-        return sun_patches(self.raw_frames, self.manifest, self.declared_materials, self.sun)
-
-    @cached_property
-    def found_sun(self) -> Sun | None:
-        """The undeclared sun (`iprt.scene.found_sun`)."""
-        return found_sun(self.raw_frames, self.manifest, self.declared_materials)
+        return sun_patches(self.raw_frames, self.manifest, self.real_materials, self.sun)
 
     @cached_property
     def found_materials(self) -> tuple[RealMaterial, ...]:

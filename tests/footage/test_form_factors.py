@@ -14,13 +14,12 @@ def test_form_factors_of_a_closed_room_sum_up_to_pi() -> None:
     cells = cells_of(World().frame(128, 64), 64)
     inside = np.array([[0.3, -1.38, -0.5], [1.0, 0.2, -2.48], [-1.9, 1.0, 2.0]])
     normal = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-    everything = np.arange(len(cells.depth))
-    factors = form_factors(inside, normal, cells, everything, np.ones(len(everything)))
+    factors = form_factors(inside, normal, cells.point, cells.normal, cells.area)
     np.testing.assert_allclose(factors.sum(1), np.pi, rtol=0.05)
     # From the middle of a ball, a cell's factor is its solid angle times the cosine.
     ball = cells_of(sphere_frame(2.0, 64, 32, 1.0), 32)
     up = np.array([[0.0, 1.0, 0.0]])
-    factors = form_factors(np.zeros((1, 3)), up, ball, np.arange(2048), np.ones(2048))
+    factors = form_factors(np.zeros((1, 3)), up, ball.point, ball.normal, ball.area)
     expected = ball.solid_angle * np.maximum(ball.direction[:, 1], 0.0)
     np.testing.assert_allclose(factors[0], expected, rtol=0.01, atol=1e-6)
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from iprt import cli
-from iprt.footage.found_sun import search
+from iprt.footage import found_light
 from iprt.footage.frame import Frame
+from iprt.footage.sky import Sky
 from iprt.footage.sun import DISC_DEG, Sun
 from iprt.scene.scene import Scene
 from tests.scene.files import MANIFEST, write_scene
@@ -31,11 +32,14 @@ def searches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sun | None
     results: list[Sun | None] = [FOUND]
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
-    def find(frame: Frame) -> Sun | None:
+    def find(
+        frame: Frame, choice: found_light.SunChoice, *, sky: bool
+    ) -> tuple[Sun | None, Sky | None]:
+        assert sky
         assert frame.sun is None
-        return results.pop(0)
+        return results.pop(0) if choice == "auto" else choice, None
 
-    monkeypatch.setattr(search, "find_sun", find)
+    monkeypatch.setattr(found_light, "find_light", find)
     return results
 
 

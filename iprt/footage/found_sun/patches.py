@@ -13,8 +13,8 @@ from iprt.footage.cells import Cells, Float, Geometry
 from iprt.footage.found_sun.receivers import Receivers
 from iprt.footage.frame import LUMINANCE, Frame
 
-ROWS, OCCLUDER_ROWS, STEPS = 128, 256, 200
-"""Rows of cells, of cells that block rays, and points at which rays are tested."""
+ROWS, STEPS = 256, 200
+"""Rows of cells in large enough frames, and points at which rays are tested."""
 MOST_PAIRS, MIN_PAIRS = 200, 8
 """Bounds on the number of pairs of cells."""
 NEIGHBOURS = 8
@@ -39,12 +39,15 @@ class SunPatches:
 
     Attributes
     ----------
+    rows : int
+        Rows of cells.
     lit, shaded : (n,) int64
-        Numbers of cells, of `ROWS` rows.
+        Numbers of cells.
     contrast : (n,) float64
         Quotient of radiance, less 1, in the first frame.
     """
 
+    rows: int
     lit: NDArray[np.int64]
     shaded: NDArray[np.int64]
     contrast: Float
@@ -55,38 +58,33 @@ class SunPatches:
 
         `direction` (3,) is a unit vector towards the sun, in the axes of the capture centre.
         """
-        if frame.height < ROWS:
-            return None
-        shown = Geometry.of(frame, min(OCCLUDER_ROWS, frame.height))
-        occluders = Cells.of(shown, min(OCCLUDER_ROWS, frame.height))
-        receivers = Receivers.of(frame, shown, occluders, ROWS, STEPS)
-        _, weight = receivers.facing(direction)
-        is_lit, faces = receivers.lit(direction) > 0.0, weight > 0.0
-        inner = (_inner(side) & faces for side in (is_lit, ~is_lit))
-        lit, shaded = _pairs(receivers.cells, *inner)
-        contrast = _contrast(frame.color, lit, shaded)
+        rows = min(ROWS, frame.height)
+        cells = Cells.of(Geometry.of(frame, rows), rows)
+        receivers = Receivers.of(frame, cells, cells, STEPS)
+        lit, shaded = border_pairs(receivers, direction)
+        contrast = _contrast(frame.color, rows, lit, shaded)
         clear = contrast > MIN_CONTRAST
         if np.count_nonzero(clear) < MIN_PAIRS:
             return None
-        return cls(lit[clear], shaded[clear], contrast[clear])
+        return cls(rows, lit[clear], shaded[clear], contrast[clear])
 
     def share(self, color: NDArray[np.float32]) -> float:
         """Return the sun's brightness in a picture (H, W, 3), relative to the first frame's."""
-        now = _contrast(color, self.lit, self.shaded) / self.contrast
+        now = _contrast(color, self.rows, self.lit, self.shaded) / self.contrast
         return float(np.clip(np.median(now), 0.0, MOST))
 
 
-def _inner(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells (N,) of a set whose neighbours are in it too."""
-    wrapped = np.pad(inside.reshape(ROWS, -1), ((0, 0), (1, 1)), mode="wrap")
-    eroded = scipy.ndimage.binary_erosion(wrapped, np.ones((3, 3)), border_value=1)
-    return np.asarray(eroded[:, 1:-1].ravel())
-
-
-def _pairs(
-    cells: Cells, lit: NDArray[np.bool_], shaded: NDArray[np.bool_]
+def border_pairs(
+    receivers: Receivers, direction: Float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return lit cells (n,), and for each a shaded one nearby on the same plane."""
+    """Return cells (n,) in the sun, and for each one in the shade nearby, on the same plane.
+
+    Cells beside a border are left out: they may be on either side. `direction` (3,) is a unit
+    vector towards the sun.
+    """
+    cells, (_, weight) = receivers.cells, receivers.facing(direction)
+    is_lit, faces = receivers.lit(direction) > 0.0, weight > 0.0
+    lit, shaded = (_inner(side, cells.rows) & faces for side in (is_lit, ~is_lit))
     bright, dark = np.flatnonzero(lit), np.flatnonzero(shaded)
     if len(dark) < NEIGHBOURS:
         return bright[:0], dark[:0]
@@ -102,23 +100,32 @@ def _pairs(
     return bright[there], other[np.arange(len(bright)), fits.argmax(axis=1)][there]
 
 
+def _inner(inside: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+    """Return the cells (N,) of a set whose neighbours are in it too."""
+    wrapped = np.pad(inside.reshape(rows, -1), ((0, 0), (1, 1)), mode="wrap")
+    eroded = scipy.ndimage.binary_erosion(wrapped, np.ones((3, 3)), border_value=1)
+    return np.asarray(eroded[:, 1:-1].ravel())
+
+
 def _contrast(
-    color: NDArray[np.float32], lit: NDArray[np.int64], shaded: NDArray[np.int64]
+    color: NDArray[np.float32], rows: int, lit: NDArray[np.int64], shaded: NDArray[np.int64]
 ) -> Float:
     """Return the quotients (n,) of radiance of pairs of cells, less 1, in a picture of any size."""
-    bright, dark = (color[_texels(cells, color.shape)].mean(axis=(1, 2)) for cells in (lit, shaded))
+    bright, dark = (
+        color[_texels(cells, rows, color.shape)].mean(axis=(1, 2)) for cells in (lit, shaded)
+    )
     return np.asarray((bright @ LUMINANCE) / np.maximum(dark @ LUMINANCE, 1e-30) - 1.0, np.float64)
 
 
 def _texels(
-    cells: NDArray[np.int64], shape: tuple[int, ...]
+    cells: NDArray[np.int64], rows: int, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows (n, SAMPLES, 1) and columns (n, 1, SAMPLES) of texels in cells (n,)."""
     within = (np.arange(SAMPLES) + 0.5) / SAMPLES
     row, column = (
         ((at[:, None] + within) * (size / count)).astype(np.int64)
         for at, size, count in zip(
-            np.divmod(cells, 2 * ROWS), shape[:2], (ROWS, 2 * ROWS), strict=True
+            np.divmod(cells, 2 * rows), shape[:2], (rows, 2 * rows), strict=True
         )
     )
     return row[:, :, None], column[:, None, :]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.albedo_segments import well_seen
-from iprt.footage.cells import Cells, Float, Geometry, cell_means
+from iprt.footage.cell_rays import leaves
+from iprt.footage.cells import Cells, Float, cell_means
 from iprt.footage.found_sun.local_mean import LocalMean
-from iprt.footage.found_sun.sky_rays import leaves
 from iprt.footage.frame import LUMINANCE, Frame
 from iprt.footage.threads import on_all_cores
 
@@ -41,7 +42,6 @@ class Receivers:
         Mean radiance.
     usable : (N,) bool
         Cells that show one diffuse surface, not clipped and not black.
-    mean : LocalMean
     steps : int
         Points at which rays are tested.
     """
@@ -51,20 +51,21 @@ class Receivers:
     start: Float
     color: Float
     usable: NDArray[np.bool_]
-    mean: LocalMean
     steps: int
 
     @classmethod
-    def of(
-        cls, frame: Frame, shown: Geometry, occluders: Cells, rows: int, steps: int
-    ) -> Receivers:
-        """Build them from a frame and its geometry, in `rows` rows of cells."""
-        cells = Cells.of(shown, rows)
-        color = cell_means(frame.radiance, rows).reshape(-1, 3)
+    def of(cls, frame: Frame, cells: Cells, occluders: Cells, steps: int) -> Receivers:
+        """Build them from a frame and its cells."""
+        color = cell_means(frame.radiance, cells.rows).reshape(-1, 3)
         usable = well_seen(cells) & (color.min(-1) > DARK * np.median(color))
-        usable &= cell_means(_spoilt(frame), rows).ravel() == 0.0
+        usable &= cell_means(_spoilt(frame), cells.rows).ravel() == 0.0
         start = cells.point + LIFT * cells.depth[:, None] * cells.normal
-        return cls(cells, occluders, start, color, usable, LocalMean(rows, WIDTH), steps)
+        return cls(cells, occluders, start, color, usable, steps)
+
+    @cached_property
+    def mean(self) -> LocalMean:
+        """Means over cells nearby."""
+        return LocalMean(self.cells.rows, WIDTH)
 
     def facing(self, direction: Float) -> tuple[Float, Floats]:
         """Return the cosines (N,) with a direction, and the solid angles of usable cells facing it.

@@ -13,20 +13,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from iprt.footage.cells import Cells, Float, Geometry
-from iprt.footage.found_sun.disc import visible_disc, without_disc
-from iprt.footage.found_sun.irradiance import irradiance_of_sun
+from iprt.footage.found_sun.disc import visible_disc
 from iprt.footage.found_sun.receivers import Receivers
 from iprt.footage.frame import Frame
-from iprt.footage.sun import Sun, is_outdoors
 
 COARSE_ROWS, MIDDLE_ROWS, FINE_ROWS = 64, 128, 256
 """Rows of cells: receivers of the search; its occluders, and receivers of its refinement; occluders
 there."""
 DIRECTIONS = 350
 """Directions of the upper hemisphere that are tried: one every 7.7°."""
-COARSE_STEPS, FINE_STEPS, BLURRED_STEPS = 50, 200, 100
-"""Points at which rays are tested, in the search, in its refinement, and for the irradiance
-indoors."""
+COARSE_STEPS, FINE_STEPS = 50, 200
+"""Points at which rays are tested, in the search and in its refinement."""
 COARSE_ROUNDS, FINE_ROUNDS, TRIES = (6.0, 2.5), (2.0, 0.7), 16
 """Radii, in degrees, of the rounds of refinement on coarse and fine cells; directions in each."""
 GOLDEN = np.pi * (1.0 + 5.0**0.5)
@@ -39,41 +36,34 @@ MIN_CORRELATION, MIN_OF_DISC = 0.33, 0.2
 """Least correlation of a sun in fine cells, and of one whose disc is in sight."""
 
 
-def find_sun(frame: Frame) -> Sun | None:
-    """Return the sun that lights patches of a frame's surfaces; None without sure evidence.
+def find_direction(frame: Frame) -> tuple[Float, float] | None:
+    """Return the direction (3,) of the sun that lights patches of a frame, and its correlation.
+
+    Returns None without sure evidence.
 
     Parameters
     ----------
     frame : Frame
         Sanitized, with recovered clipped lights.
     """
-    shown = Geometry.of(frame, min(FINE_ROWS, frame.height))
     coarse, middle, fine = (
         min(rows, frame.height) for rows in (COARSE_ROWS, MIDDLE_ROWS, FINE_ROWS)
     )
-    occluders = Cells.of(shown, fine)
+    shown = Geometry.of(frame, fine)
+    cells, blurred, occluders = (Cells.of(shown, rows) for rows in (coarse, middle, fine))
     if not ((occluders.opening + occluders.sky) > 0.5).any():
         return None
-    receivers = Receivers.of(frame, shown, occluders, middle, FINE_STEPS)
-    blurred = Cells.of(shown, middle)
     disc = visible_disc(frame)
     if disc is None:
-        likely = _likely(Receivers.of(frame, shown, blurred, coarse, COARSE_STEPS))
+        likely = _likely(Receivers.of(frame, cells, blurred, COARSE_STEPS))
         if likely is None:
             return None
+        receivers = Receivers.of(frame, blurred, occluders, FINE_STEPS)
         direction, correlation = _refined(receivers, likely[None], FINE_ROUNDS)
-        sure = correlation >= MIN_CORRELATION
-    else:
-        direction, correlation = disc, float(receivers.correlations(disc[None])[0])
-        sure = correlation >= MIN_OF_DISC
-    if not sure:
-        return None
-    if not is_outdoors(blurred.sky.reshape(middle, -1)):
-        # Two errors cancel, about. Blurred borders lower the irradiance. The light of windows
-        # raises it: it is extrapolated, and too bright, where the camera did not see outside.
-        receivers = Receivers.of(frame, shown, blurred, middle, BLURRED_STEPS)
-    irradiance = irradiance_of_sun(without_disc(frame, direction), shown, receivers, direction)
-    return None if irradiance is None else Sun(direction, irradiance, correlation=correlation)
+        return (direction, correlation) if correlation >= MIN_CORRELATION else None
+    receivers = Receivers.of(frame, blurred, occluders, FINE_STEPS)
+    correlation = float(receivers.correlations(disc[None])[0])
+    return (disc, correlation) if correlation >= MIN_OF_DISC else None
 
 
 def _likely(receivers: Receivers) -> Float | None:

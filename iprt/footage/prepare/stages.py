@@ -15,6 +15,7 @@ ones. `Preparation` runs the other stages, frame by frame:
 9. Gloss (`gloss`): mark the texels of glossy surfaces.
 10. Clipped lights (`clipped_lights`): recover the radiance that the camera clipped.
 11. Sun (`iprt.footage.found_sun`): dim a known sun behind clouds, and take its disc from the light.
+12. Sky (`iprt.footage.found_sky`): turn a known sky to the axes of the frame.
 """
 
 from __future__ import annotations
@@ -36,12 +37,13 @@ from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.measures import Measures
 from iprt.footage.prepare.reading import Picture, RawFrame
 from iprt.footage.real_material import RealMaterial
+from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.footage.video.depth_code import usable
 
 
 class Preparation:
-    """Stages 5 to 11 for the frames of one video, in the order in which they are given.
+    """Stages 5 to 12 for the frames of one video, in the order in which they are given.
 
     The stages keep state from frame to frame, so each pass over a video needs its own preparation.
     A single frame is the first one of its own preparation.
@@ -58,6 +60,8 @@ class Preparation:
         The sun of the first frame.
     patches : SunPatches or None
         Its patches, which tell its brightness in other frames; None: it is the same in all.
+    sky : Sky or None
+        The sky behind windows, where no camera saw it.
     """
 
     def __init__(
@@ -68,8 +72,9 @@ class Preparation:
         drift: bool = True,
         sun: Sun | None = None,
         patches: SunPatches | None = None,
+        sky: Sky | None = None,
     ) -> None:
-        self._sun, self._patches = sun, patches
+        self._sun, self._patches, self._sky = sun, patches, sky
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
@@ -83,7 +88,10 @@ class Preparation:
             frame = self._exposure(frame)
         # Materials are recognised by their hue, in the colors of the reference frame.
         frame = self._gloss(frame)
-        return self._sunny(self._lights(frame))
+        frame = self._sunny(self._lights(frame))
+        if self._sky is None or not frame.opening.any():
+            return frame
+        return frame.recolored(sky=self._sky.seen_from(frame.pose))
 
     def _sunny(self, frame: Frame) -> Frame:
         """Return a frame with its sun, whose disc is no part of the other light."""

@@ -86,6 +86,9 @@ class VideoTable(Table):
 
     `sun` is "auto" to search the first frame for the patches of a sun that the panorama does not
     show, a `[video.sun]` table that declares it, or "none".
+
+    `sky` is "auto" to estimate the sky behind windows where no camera saw it, from the shading of
+    the first frame, and "none" to extrapolate it only.
     """
 
     color: FramePath
@@ -111,6 +114,7 @@ class VideoTable(Table):
     loop: bool = False
     gloss: Literal["auto", "declared"] = "auto"
     sun: SunChoice = "auto"
+    sky: Literal["auto", "none"] = "auto"
 
     @field_validator("depth")
     @classmethod

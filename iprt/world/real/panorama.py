@@ -232,7 +232,7 @@ class Panorama:
     def _outside(frame: Frame) -> NDArray[np.float32]:
         texel = np.flatnonzero(frame.opening)
         light = frame.radiance_of(frame.color.reshape(-1, 3)[texel])
-        return outside_radiance(light, frame.opening)
+        return outside_radiance(light, frame.opening, frame.sky)
 
     def _load_picture(self, frame: Frame) -> None:
         self.sun = SunArgs.of(frame)

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.footage.cell_rays import leaves
 from iprt.footage.cells import Cells, Geometry
+from iprt.footage.found_light import find_light
 from iprt.footage.found_sun.local_mean import LocalMean
-from iprt.footage.found_sun.search import find_sun, upper_hemisphere
-from iprt.footage.found_sun.sky_rays import leaves
-from iprt.footage.frame import LUMINANCE
+from iprt.footage.found_sun.search import upper_hemisphere
+from iprt.footage.frame import LUMINANCE, Frame
+from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import solid_angles
 from iprt.scene.scene import Scene
@@ -27,6 +29,10 @@ Float = NDArray[np.float64]
 
 WIDTH, HEIGHT = 512, 256
 SCENES = Path(__file__).parents[3] / "scenes360"
+
+
+def find_sun(frame: Frame, *, sky: bool = False) -> Sun | None:
+    return find_light(frame, "auto", sky=sky)[0]
 
 
 def unit(*v: float) -> Float:
@@ -54,7 +60,7 @@ def test_a_sun_is_found(sun: Float) -> None:
 def test_the_sun_of_a_path_traced_room_is_found() -> None:
     """Mitsuba rendered it; direction, and irradiance by the environment's pixels."""
     frame = Scene.open(SCENES / "train").frame(0)
-    found = find_sun(replace(frame, real_materials=()))
+    found = find_sun(frame.recolored(sun=None, sky=None), sky=True)
     assert found is not None
     truth = unit(*SUN)
     assert np.rad2deg(np.arccos(min(found.direction @ truth, 1.0))) < 2.0

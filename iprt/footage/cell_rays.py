@@ -1,4 +1,4 @@
-"""Rays from surfaces of a panorama towards a distant light."""
+"""Rays through a panorama in cells, followed on the host."""
 
 from __future__ import annotations
 
@@ -20,7 +20,14 @@ AT_ONCE = 1 << 11
 
 
 def leaves(cells: Cells, start: Float, direction: Float, steps: int) -> NDArray[np.bool_]:
-    """Return whether rays leave the room, through an opening or to open sky.
+    """Return (n,) whether rays leave the room; see `ends`."""
+    return ends(cells, start, direction, steps)[0]
+
+
+def ends(
+    cells: Cells, start: Float, direction: Float, steps: int
+) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """Return whether rays leave the room, through an opening or to open sky, and where they end.
 
     A ray leaves through an opening where it crosses the depth of the opening's rim. One that ends
     behind a surface has left if it is outdoors, as behind a house.
@@ -38,38 +45,40 @@ def leaves(cells: Cells, start: Float, direction: Float, steps: int) -> NDArray[
 
     Returns
     -------
-    (n,) bool
+    (n,) bool, (n,) int
+        The cell is the one that blocks a ray or that it leaves through, else the one in its
+        direction.
     """
     depth, is_open = cells.depth.astype(np.float32), (cells.opening + cells.sky) > 0.5
     outdoors = is_outdoors(cells.sky.reshape(cells.rows, -1))
-    found = [
-        _leave(cells.rows, depth, is_open, outdoors, start[at:end], direction[at:end], steps)
-        for at in range(0, len(start), AT_ONCE)
-        for end in (at + AT_ONCE,)
-    ]
-    return np.concatenate(found) if found else np.zeros(0, bool)
+    left, cell = np.zeros(len(start), bool), np.zeros(len(start), np.intp)
+    for at in range(0, len(start), AT_ONCE):
+        one = slice(at, at + AT_ONCE)
+        arcs = RayArcs(start[one], direction[one])
+        left[one], cell[one] = _ends(cells.rows, depth, is_open, outdoors, arcs, steps)
+    return left, cell
 
 
-def _leave(
+def _ends(
     rows: int,
     depth: NDArray[np.float32],
     is_open: NDArray[np.bool_],
     outdoors: bool,
-    start: Float,
-    direction: Float,
+    arcs: RayArcs,
     steps: int,
-) -> NDArray[np.bool_]:
-    arcs = RayArcs(start, direction)
+) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
     # The last point is a little before the direction itself, which is infinitely far away.
     part = np.arange(1, steps + 1, dtype=np.float32)[:, None] / np.float32(steps + 0.01)
     deep, cell = arcs.behind(part * arcs.whole, depth, rows)
     through = is_open[cell]
-    before = np.concatenate([np.full((1, len(start)), -1.0, np.float32), deep[:-1]])
+    there = np.arange(deep.shape[1])
+    before = np.concatenate([np.full((1, len(there)), -1.0, np.float32), deep[:-1]])
     crosses = (deep > CLEARANCE) & (before <= CLEARANCE)
     far = depth[cell]
     connected = np.abs(np.diff(far, axis=0, prepend=far[:1])) < CONNECTED * far
-    ends = crosses & (through | connected | (deep < THICKNESS))
+    blocked = crosses & (through | connected | (deep < THICKNESS))
     # Open sky is crossed by no ray.
-    last, there = ends.argmax(axis=0), np.arange(len(start))
+    is_blocked = blocked.any(axis=0)
+    last = np.where(is_blocked, blocked.argmax(axis=0), steps - 1)
     beyond = np.where(deep[-1] > CLEARANCE, outdoors, through[-1])
-    return np.asarray(np.where(ends.any(axis=0), through[last, there], beyond))
+    return np.where(is_blocked, through[last, there], beyond), cell[last, there]

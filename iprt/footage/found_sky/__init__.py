@@ -1,0 +1,1 @@
+"""Estimation of the sky behind windows in directions that no camera saw."""

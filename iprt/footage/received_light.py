@@ -1,0 +1,159 @@
+"""Light that surfaces of a panorama receive, by rays followed on the host."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from iprt.footage.cell_rays import ends, leaves
+from iprt.footage.cells import GRAZING, Cells, Float, Geometry, cell_means
+from iprt.footage.diffuse_share import diffuse_share
+from iprt.footage.form_factors import form_factors
+from iprt.footage.frame import Frame
+from iprt.footage.threads import on_all_cores
+from iprt.footage.window_environment import OUTSIDE_ROWS
+from iprt.geometry.equirect import cell_towards, equirect_direction
+
+OCCLUDER_ROWS, WINDOW_ROWS = 256, 64
+"""Rows of cells that block rays, and of cells towards whose windows rays are aimed."""
+RAYS, WINDOW_RAYS = 256, 2
+"""Rays from a point to all surfaces, and to each cell with a window."""
+STEPS = 100
+"""Points at which rays are tested."""
+LIFT = 0.01
+"""Offset of rays' origins from their surface, relative to depth."""
+MIN_SHARE = 0.05
+"""Least share of surfaces in a cell, by which their radiance is divided."""
+AT_ONCE = 32
+"""Points whose rays are followed together."""
+PLASTIC = 1.32471795724474602596
+"""Plastic number, whose powers make the R2 sequence (Roberts 2018)."""
+
+
+@dataclass(frozen=True)
+class ReceivedLight:
+    """Light that n points receive.
+
+    Attributes
+    ----------
+    rest : (n, 3) float64
+        Irradiance by surfaces and open sky.
+    windows : (n, 2 OUTSIDE_ROWS²) sparse float64
+        Projected solid angle, in sr, in which each texel of the environment behind windows is seen
+        from each point.
+    """
+
+    rest: Float
+    windows: scipy.sparse.csr_array
+
+    def irradiance(self, outside: NDArray[np.floating] | None) -> Float:
+        """Return irradiance (n, 3), with `outside_radiance` behind windows; None without any."""
+        if outside is None:
+            return self.rest
+        return np.asarray(self.rest + self.windows @ outside.reshape(-1, 3))
+
+
+@dataclass(frozen=True)
+class RoomLight:
+    """Surfaces of a frame as rays see them.
+
+    Attributes
+    ----------
+    occluders, openings : Cells
+        N cells that block rays, and coarser ones towards whose windows rays are aimed.
+    diffuse : (r, 2 r, 3) float64
+        `diffuse_share` of coarse cells.
+    radiance : (N, 3) float64
+        Diffuse radiance of surfaces and open sky in `occluders`, without windows.
+    """
+
+    occluders: Cells
+    openings: Cells
+    diffuse: Float
+    radiance: Float
+
+    @classmethod
+    def of(cls, frame: Frame, shown: Geometry) -> RoomLight:
+        """Build them from a frame and its geometry."""
+        rows, window_rows = (min(rows, frame.height) for rows in (OCCLUDER_ROWS, WINDOW_ROWS))
+        dark = np.where(frame.opening[..., None], np.float32(0.0), frame.radiance)
+        share = np.maximum(1.0 - cell_means(frame.opening, rows), MIN_SHARE)
+        diffuse = diffuse_share(frame)
+        radiance = cell_means(dark, rows) / share[..., None] * finer(diffuse, rows)
+        occluders, openings = (Cells.of(shown, count) for count in (rows, window_rows))
+        return cls(occluders, openings, diffuse, radiance.reshape(-1, 3))
+
+    def received(self, point: Float, normal: Float) -> ReceivedLight:
+        """Return the light at points (n, 3) of surfaces, in metres, with unit normals (n, 3)."""
+        start = point + LIFT * np.linalg.norm(point, axis=-1, keepdims=True) * normal
+        # Points of one batch, which share the ends of rays, are far apart.
+        count = -(-len(start) // AT_ONCE)
+        batches = [np.arange(first, len(start), count) for first in range(count)]
+
+        def batch(one: NDArray[np.intp]) -> tuple[Float, scipy.sparse.csr_array]:
+            rng = np.random.default_rng(one[0])
+            seen = [self._through_windows(start[one], normal[one], rng) for _ in range(WINDOW_RAYS)]
+            rest = self._by_surfaces(start[one], normal[one], rng)
+            return rest, sum(seen[1:], start=seen[0]) / WINDOW_RAYS
+
+        rest, windows = zip(*on_all_cores(batch, batches), strict=True)
+        order = np.argsort(np.concatenate(batches))
+        return ReceivedLight(
+            np.concatenate(rest)[order], scipy.sparse.vstack(windows).tocsr()[order]
+        )
+
+    def _by_surfaces(self, start: Float, normal: Float, rng: np.random.Generator) -> Float:
+        """Return irradiance (n, 3) by all but windows: Monte Carlo over the hemisphere."""
+        direction = cosine_directions(normal, RAYS, rng).reshape(-1, 3)
+        _, cell = ends(self.occluders, np.repeat(start, RAYS, axis=0), direction, STEPS)
+        window = self.occluders.opening[cell] > 0.5
+        found = np.where(window[:, None], 0.0, self.radiance[cell])
+        return np.asarray(np.pi * found.reshape(len(start), RAYS, 3).mean(axis=1))
+
+    def _through_windows(
+        self, start: Float, normal: Float, rng: np.random.Generator
+    ) -> scipy.sparse.csr_array:
+        """Return `ReceivedLight.windows` by one ray to each cell with a window, anywhere in it."""
+        chosen, rows = np.flatnonzero(self.openings.opening > 0.0), self.openings.rows
+        corner = np.stack([chosen % (2 * rows), chosen // (2 * rows)], axis=-1)
+        ahead = equirect_direction(corner + rng.random(corner.shape), 2 * rows, rows)
+        at = cell_towards(ahead, np.ones(len(ahead)), self.occluders.rows)
+        depth, facing = self.occluders.depth[at], self.occluders.normal[at]
+        end = depth[:, None] * ahead
+        cosine = np.maximum(np.abs((facing * ahead).sum(axis=-1)), GRAZING)
+        area = self.openings.solid_angle[chosen] * depth**2 / cosine
+        factor = form_factors(start, normal, end, facing, area)
+        point, cell = np.nonzero(factor > 0.0)
+        way = end[cell] - start[point]
+        way /= np.linalg.norm(way, axis=-1)[:, None]
+        free = leaves(self.occluders, start[point], way, STEPS)
+        point, cell, way = point[free], cell[free], way[free]
+        texel = cell_towards(way, np.ones(len(way)), OUTSIDE_ROWS)
+        shape = (len(start), 2 * OUTSIDE_ROWS**2)
+        return scipy.sparse.coo_array((factor[point, cell], (point, texel)), shape=shape).tocsr()
+
+
+def finer(values: Float, rows: int) -> Float:
+    """Return values (r, 2 r, ...) of cells for cells of another size, (rows, 2 rows, ...)."""
+    at = np.arange(rows) * len(values) // rows
+    across = np.arange(2 * rows) * values.shape[1] // (2 * rows)
+    return np.asarray(values[at[:, None], across])
+
+
+def cosine_directions(normal: Float, count: int, rng: np.random.Generator) -> Float:
+    """Return directions (n, count, 3) about normals (n, 3), with density cosine / π."""
+    step = np.arange(count)
+    height = (step / PLASTIC + rng.random((len(normal), 1))) % 1.0
+    azimuth = 2.0 * np.pi * ((step / PLASTIC**2 + rng.random((len(normal), 1))) % 1.0)
+    axis = np.eye(3)[np.abs(normal).argmin(axis=-1)]
+    across = np.cross(normal, axis)
+    across /= np.linalg.norm(across, axis=-1)[:, None]
+    along = np.cross(normal, across)
+    radius = np.sqrt(height)[..., None]
+    flat = (
+        np.cos(azimuth)[..., None] * across[:, None] + np.sin(azimuth)[..., None] * along[:, None]
+    )
+    return np.asarray(radius * flat + np.sqrt(1.0 - height)[..., None] * normal[:, None])
