@@ -104,6 +104,8 @@ def report_lines(report: SceneReport) -> list[str]:
         lines.append(f"clipped    {report.clipped.line()}")
     if report.sun is not None:
         lines.append(f"sun        {report.sun.line()}")
+    if report.sky is not None:
+        lines.append(f"sky        {report.sky.line()}")
     lines += [_real_material_line(entry) for entry in report.real_materials]
     lines += [line for entry in report.objects for line in _object_lines(entry)]
     for name, view in report.views.items():

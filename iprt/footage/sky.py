@@ -9,11 +9,14 @@ import scipy
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
+from iprt.geometry.equirect import solid_angles
 
 ELEVATIONS_DEG = (-80, -50, -30, -15, -5, 5, 12, 20, 30, 45, 65, 85)
 """Elevations of the nodes of a sky. They are dense where windows show the horizon."""
 AZIMUTHS = 12
 """Number of nodes around a circle of latitude."""
+MEAN_ROWS = 64
+"""Rows of factors that are averaged."""
 
 
 def node_directions() -> NDArray[np.float64]:
@@ -74,3 +77,10 @@ class Sky:
         direction = View(2 * rows, rows, projection="equirect").directions().reshape(-1, 3)
         found = node_weights(direction @ self.turn.T) @ self.gain
         return np.asarray(found, np.float32).reshape(rows, 2 * rows, 3)
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """Mean factor (3,) of the upper hemisphere, by solid angle."""
+        above = self.factors(MEAN_ROWS)[: MEAN_ROWS // 2].mean(axis=1)
+        weight = solid_angles(2 * MEAN_ROWS, MEAN_ROWS)[: MEAN_ROWS // 2]
+        return np.asarray(np.average(above, axis=0, weights=weight), np.float64)

@@ -21,6 +21,7 @@ from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
 from iprt.footage.real_material import Evidence
+from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.tracks import depth_code
@@ -76,6 +77,35 @@ class RealMaterialReport:
         if self.share.area > 0.0:
             return []
         return ["no texel belongs to it; check its mask, color and plane, and later entries"]
+
+
+@dataclass(frozen=True)
+class SkyReport:
+    """A sky estimated behind windows.
+
+    Attributes
+    ----------
+    factor : three floats
+        `Sky.mean`.
+    """
+
+    factor: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, sky: Sky | None) -> SkyReport | None:
+        """Describe a scene's sky."""
+        if sky is None:
+            return None
+        red, green, blue = sky.mean.round(2).tolist()
+        return cls((red, green, blue))
+
+    def line(self) -> str:
+        """Return a sentence for reports."""
+        red, green, blue = self.factor
+        return (
+            f"light from above that windows do not show: {red:g}, {green:g}, {blue:g} times the "
+            "extrapolated (r, g, b), by the room's shading"
+        )
 
 
 @dataclass(frozen=True)
@@ -143,6 +173,7 @@ class SceneReport:
     dropouts: Share
     clipped: Recovered | None
     sun: SunReport | None
+    sky: SkyReport | None
     normals: str
     real_materials: tuple[RealMaterialReport, ...]
     objects: tuple[ObjectReport, ...]
@@ -197,6 +228,7 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         dropouts=share(holes.dropout),
         clipped=Recovered.of(frame, scene.source.white),
         sun=SunReport.of(scene.sun),
+        sky=SkyReport.of(scene.sky),
         normals="fitted to the depth" if raw.normal is None else "given",
         real_materials=tuple(
             RealMaterialReport(

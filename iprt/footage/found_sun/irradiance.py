@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from iprt.footage.cells import Float, Geometry, cell_means
-from iprt.footage.found_sun.patches import MIN_CONTRAST, MIN_PAIRS, STEPS, border_pairs
+from iprt.footage.found_sun.patches import STEPS, border_pairs
 from iprt.footage.found_sun.receivers import Receivers
-from iprt.footage.frame import LUMINANCE, Frame
+from iprt.footage.frame import Frame
 from iprt.footage.received_light import OCCLUDER_ROWS, RoomLight
 from iprt.footage.window_environment import outside_radiance
 
@@ -29,18 +29,17 @@ def irradiance_of_sun(frame: Frame, direction: Float) -> tuple[float, float, flo
     shown = Geometry.of(frame, min(OCCLUDER_ROWS, frame.height))
     room = RoomLight.of(frame, shown)
     cells = room.occluders
-    lit, shaded = border_pairs(Receivers.of(frame, cells, cells, STEPS), direction)
+    pairs = border_pairs(Receivers.of(frame, cells, cells, STEPS), direction)
+    if pairs is None:
+        return None
+    lit, shaded = pairs
     color = cell_means(frame.radiance, cells.rows).reshape(-1, 3)
     quotient = color[lit] / np.maximum(color[shaded], 1e-30)
-    clear = (color[lit] - color[shaded]) @ LUMINANCE > MIN_CONTRAST * (color[shaded] @ LUMINANCE)
-    if np.count_nonzero(clear) < MIN_PAIRS:
-        return None
-    lit, shaded, quotient = lit[clear], shaded[clear], quotient[clear]
     outside = None
     if frame.opening.any():
         seen = frame.radiance[frame.opening]
         outside = outside_radiance(seen, frame.opening, frame.sky)
-    both = np.concatenate([lit, shaded])
+    both = np.concatenate(pairs)
     light = room.received(cells.point[both], cells.normal[both])
     in_sun, in_shade = np.split(light.irradiance(outside), 2)
     cosine = cells.normal[lit] @ direction

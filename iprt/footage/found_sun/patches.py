@@ -17,6 +17,8 @@ ROWS, STEPS = 256, 200
 """Rows of cells in large enough frames, and points at which rays are tested."""
 MOST_PAIRS, MIN_PAIRS = 200, 8
 """Bounds on the number of pairs of cells."""
+MARGINS = (3, 2, 1)
+"""Numbers of cells beside a border that are left out, in the order in which they are tried."""
 NEIGHBOURS = 8
 """Number of shaded cells that are tried for each lit one."""
 SAME_NORMAL, SAME_PLANE, NEAR = 0.97, 0.03, np.deg2rad(15.0)
@@ -61,12 +63,10 @@ class SunPatches:
         rows = min(ROWS, frame.height)
         cells = Cells.of(Geometry.of(frame, rows), rows)
         receivers = Receivers.of(frame, cells, cells, STEPS)
-        lit, shaded = border_pairs(receivers, direction)
-        contrast = _contrast(frame.color, rows, lit, shaded)
-        clear = contrast > MIN_CONTRAST
-        if np.count_nonzero(clear) < MIN_PAIRS:
+        pairs = border_pairs(receivers, direction)
+        if pairs is None:
             return None
-        return cls(rows, lit[clear], shaded[clear], contrast[clear])
+        return cls(rows, *pairs, contrast=_contrast(frame.color, rows, *pairs))
 
     def share(self, color: NDArray[np.float32]) -> float:
         """Return the sun's brightness in a picture (H, W, 3), relative to the first frame's."""
@@ -76,16 +76,34 @@ class SunPatches:
 
 def border_pairs(
     receivers: Receivers, direction: Float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
     """Return cells (n,) in the sun, and for each one in the shade nearby, on the same plane.
 
-    Cells beside a border are left out: they may be on either side. `direction` (3,) is a unit
-    vector towards the sun.
+    Cells near a border may be on either side. They are left out: as many of them as leave enough
+    pairs. Returns None if there are too few in any case.
+
+    Parameters
+    ----------
+    receivers : Receivers
+    direction : (3,) float64
+        Unit vector towards the sun.
     """
-    cells, (_, weight) = receivers.cells, receivers.facing(direction)
+    bright, (_, weight) = receivers.color @ LUMINANCE, receivers.facing(direction)
     is_lit, faces = receivers.lit(direction) > 0.0, weight > 0.0
-    lit, shaded = (_inner(side, cells.rows) & faces for side in (is_lit, ~is_lit))
-    bright, dark = np.flatnonzero(lit), np.flatnonzero(shaded)
+    for margin in MARGINS:
+        inner = (_inner(side, receivers.cells.rows, margin) & faces for side in (is_lit, ~is_lit))
+        lit, shaded = _pairs(receivers.cells, *inner)
+        clear = bright[lit] > (1.0 + MIN_CONTRAST) * bright[shaded]
+        if np.count_nonzero(clear) >= MIN_PAIRS:
+            return lit[clear], shaded[clear]
+    return None
+
+
+def _pairs(
+    cells: Cells, is_lit: NDArray[np.bool_], is_shaded: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return lit cells (n,), and for each a shaded one nearby on the same plane."""
+    bright, dark = np.flatnonzero(is_lit), np.flatnonzero(is_shaded)
     if len(dark) < NEIGHBOURS:
         return bright[:0], dark[:0]
     bright = bright[:: -(-len(bright) // MOST_PAIRS) or 1]
@@ -100,11 +118,13 @@ def border_pairs(
     return bright[there], other[np.arange(len(bright)), fits.argmax(axis=1)][there]
 
 
-def _inner(inside: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
-    """Return the cells (N,) of a set whose neighbours are in it too."""
-    wrapped = np.pad(inside.reshape(rows, -1), ((0, 0), (1, 1)), mode="wrap")
-    eroded = scipy.ndimage.binary_erosion(wrapped, np.ones((3, 3)), border_value=1)
-    return np.asarray(eroded[:, 1:-1].ravel())
+def _inner(inside: NDArray[np.bool_], rows: int, margin: int) -> NDArray[np.bool_]:
+    """Return the cells (N,) of a set that are farther than some cells from others."""
+    wrapped = np.pad(inside.reshape(rows, -1), ((0, 0), (margin, margin)), mode="wrap")
+    eroded = scipy.ndimage.binary_erosion(
+        wrapped, np.ones((3, 3)), iterations=margin, border_value=1
+    )
+    return np.asarray(eroded[:, margin:-margin].ravel())
 
 
 def _contrast(

