@@ -50,18 +50,26 @@ def gloss(
     from iprt.scene.scene import Scene
 
     opened = Scene.open(scene, allow_outside=allow_outside)
-    found = opened.found_materials
+    search = opened.searched_gloss
+    found = search.found
     if write and found:
         declare(opened.root, found)
     with reporting(f"{scene} has been extended nevertheless" if write else "nothing was written"):
         if json:
-            print(json_format.dumps({"found": [_record(one) for one in found]}, indent=2))
+            record = {
+                "found": [_record(one) for one in found],
+                "doubts": [asdict(one) for one in search.doubts],
+            }
+            print(json_format.dumps(record, indent=2))
         elif not found:
             print(f"# {opened.name}: no surface shows a reflection that is surely one")
         else:
             print("\n".join(declaration(material) for material in found))
             if write:
                 print(f"# {counted(len(found), 'table')} appended to {opened.root / MANIFEST_NAME}")
+        if not json:
+            for doubt in search.doubts:
+                print(f"# diffuse: {doubt.line()}")
     return 0
 
 

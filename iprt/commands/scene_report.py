@@ -104,9 +104,12 @@ def report_lines(report: SceneReport) -> list[str]:
         lines.append(f"clipped    {report.clipped.line()}")
     if report.sun is not None:
         lines.append(f"sun        {report.sun.line()}")
+    if report.no_sun:
+        lines.append(f"no sun     {report.no_sun}")
     if report.sky is not None:
         lines.append(f"sky        {report.sky.line()}")
     lines += [_real_material_line(entry) for entry in report.real_materials]
+    lines += [f"diffuse    {doubt.line()}" for doubt in report.diffuse]
     lines += [line for entry in report.objects for line in _object_lines(entry)]
     for name, view in report.views.items():
         shown = ", ".join(view["objects"]) or "no objects"

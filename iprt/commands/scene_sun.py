@@ -41,11 +41,13 @@ def sun(
     from iprt.scene.scene import Scene
 
     opened = Scene.open(scene, allow_outside=allow_outside)
-    found = opened.found_sun
+    light = opened.found_light
+    found = light.sun
     if json:
-        print(json_format.dumps({"sun": None if found is None else _record(found)}, indent=2))
+        record = None if found is None else _record(found)
+        print(json_format.dumps({"sun": record, "doubt": light.doubt}, indent=2))
     elif found is None:
-        print(f"# {opened.name}: no patch is surely lit by a sun that the panorama does not show")
+        print(f"# {opened.name}: no patch is surely lit by a sun: {light.doubt}")
     else:
         print(f"# correlation of its light with the picture: {found.correlation:.2f}")
         print("[video.sun]")

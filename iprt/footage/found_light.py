@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from iprt.footage.found_sky.search import find_sky
@@ -11,14 +9,11 @@ from iprt.footage.found_sun.disc import without_disc
 from iprt.footage.found_sun.irradiance import irradiance_of_sun
 from iprt.footage.found_sun.search import find_direction
 from iprt.footage.frame import Frame
-from iprt.footage.sky import Sky
+from iprt.footage.outside_light import OutsideLight, SunChoice
 from iprt.footage.sun import Sun
 
-SunChoice = Sun | Literal["auto"] | None
-"""A known sun, "auto" to look for one, or None for none."""
 
-
-def find_light(frame: Frame, choice: SunChoice, *, sky: bool) -> tuple[Sun | None, Sky | None]:
+def find_light(frame: Frame, choice: SunChoice, *, sky: bool) -> OutsideLight:
     """Return the sun that lights a frame, and the sky behind its windows.
 
     The sky is estimated from what the sun does not light. The irradiance of a sun that is found is
@@ -32,16 +27,20 @@ def find_light(frame: Frame, choice: SunChoice, *, sky: bool) -> tuple[Sun | Non
     sky : bool
         Whether to estimate the sky.
     """
-    turn = np.eye(3) if frame.pose is None else frame.pose[:3, :3]
-    correlation, sun = None, None if choice == "auto" else choice
-    direction = None if sun is None else sun.seen_from(frame.pose)
-    if choice == "auto" and (found := find_direction(frame)) is not None:
-        direction, correlation = found
+    direction, correlation, doubt = None, 0.0, ""
+    sun = None if choice == "auto" else choice
+    if choice == "auto":
+        direction, correlation, doubt = find_direction(frame)
+    elif choice is not None:
+        direction = choice.seen_from(frame.pose)
     if direction is not None:
         frame = without_disc(frame, direction)
     above = find_sky(frame, direction) if sky else None
-    if correlation is not None and direction is not None:
+    if choice == "auto" and direction is not None:
         irradiance = irradiance_of_sun(frame.recolored(sky=above), direction)
-        if irradiance is not None:
+        if irradiance is None:
+            doubt = "its patches have too few borders on one surface to tell its irradiance"
+        else:
+            turn = np.eye(3) if frame.pose is None else frame.pose[:3, :3]
             sun = Sun(turn @ direction, irradiance, correlation=correlation)
-    return sun, above
+    return OutsideLight(sun, above, doubt)

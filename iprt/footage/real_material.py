@@ -127,6 +127,38 @@ class RealMaterial:
         return place & _alike(frame.radiance, self.color, self.color_tolerance)
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """A plane that stays diffuse.
+
+    Attributes
+    ----------
+    name : str
+        As for a found one, such as "wall_2".
+    yaw_deg, pitch_deg : int
+        Direction of its middle.
+    reason : str
+        Why its reflection is not believed.
+    """
+
+    name: str
+    yaw_deg: int
+    pitch_deg: int
+    reason: str
+
+    def line(self) -> str:
+        """Return a sentence for reports."""
+        return f"{self.name} (yaw {self.yaw_deg}, pitch {self.pitch_deg}): {self.reason}"
+
+
+@dataclass(frozen=True)
+class GlossSearch:
+    """Planes that reflect, and planes that stay diffuse, in the order of their size."""
+
+    found: tuple[RealMaterial, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+
+
 def chromaticity(color: NDArray[np.floating]) -> NDArray[np.float64]:
     """Divide linear colors (..., 3) by the sum of their channels; NaN for black.
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from iprt.device.kept import Arrays, kept
 from iprt.errors import FormatError
-from iprt.footage.found_light import SunChoice
 from iprt.footage.found_sun.patches import SunPatches
+from iprt.footage.outside_light import OutsideLight, SunChoice
 from iprt.footage.prepare.reading import RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.real_material import RealMaterial
@@ -26,16 +26,16 @@ def found_light(
     manifest: Manifest,
     materials: tuple[RealMaterial, ...],
     choice: SunChoice,
-) -> tuple[Sun | None, Sky | None]:
-    """Return the sun and the sky that `find_light` finds in the first frame of a scene.
+) -> OutsideLight:
+    """Return the light that `find_light` finds in the first frame of a scene.
 
-    The result is kept as `found_materials` keeps its own. An unreadable frame is no error, but
+    The result is kept as `searched_gloss` keeps its own. An unreadable frame is no error, but
     reported where it is needed.
     """
     known, source = None if choice == "auto" else choice, frames.source
     sky = manifest.video.sky == "auto"
     if source.size[1] < MIN_HEIGHT or not (sky or choice == "auto"):
-        return known, None
+        return OutsideLight(known)
     video = manifest.video.model_dump_json(exclude={"gloss", "sun"})
 
     def find() -> Arrays:
@@ -43,28 +43,26 @@ def found_light(
 
         raw = frames.read(source.indices[0])
         LOG.info("looking for sunlight and for the sky behind windows, once for this footage")
-        frame = Preparation(source.white, materials)(raw)
-        sun, above = find_light(frame, choice, sky=sky)
+        light = find_light(Preparation(source.white, materials)(raw), choice, sky=sky)
+        sun = [] if light.sun is None else [*light.sun.direction, *light.sun.irradiance]
         return {
-            "sun": np.zeros(0) if sun is None else _values(sun),
-            "gain": np.zeros((0, 3)) if above is None else above.gain,
+            "sun": np.array(sun, np.float64),
+            "correlation": np.array(0.0 if light.sun is None else light.sun.correlation or 0.0),
+            "gain": np.zeros((0, 3)) if light.sky is None else light.sky.gain,
+            "doubt": np.frombuffer(light.doubt.encode(), np.uint8),
         }
 
     try:
         inputs = [video, materials, choice, file_states(source)]
         found = kept("light", __name__, inputs, find)
     except FormatError:
-        return known, None
+        return OutsideLight(known)
     above = Sky(found["gain"], np.eye(3)) if len(found["gain"]) else None
-    if choice != "auto" or not len(found["sun"]):
-        return known, above
-    red, green, blue = found["sun"][3:6].tolist()
-    correlation = float(found["sun"][6])
-    return Sun(found["sun"][:3], (red, green, blue), correlation=correlation), above
-
-
-def _values(sun: Sun) -> np.ndarray:
-    return np.array([*sun.direction, *sun.irradiance, sun.correlation or 0.0], np.float64)
+    if choice == "auto" and len(found["sun"]):
+        red, green, blue = found["sun"][3:].tolist()
+        correlation = float(found["correlation"])
+        known = Sun(found["sun"][:3], (red, green, blue), correlation=correlation)
+    return OutsideLight(known, above, found["doubt"].tobytes().decode())
 
 
 def sun_patches(

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from iprt.device.kept import kept
 from iprt.errors import FormatError
@@ -19,7 +19,14 @@ from iprt.files.safe_reading import MAX_PIXELS
 from iprt.files.toml_tables import Ior, Table, Unit
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
-from iprt.footage.real_material import MAX_REAL_MATERIALS, Evidence, Plane, RealMaterial
+from iprt.footage.real_material import (
+    MAX_REAL_MATERIALS,
+    Doubt,
+    Evidence,
+    GlossSearch,
+    Plane,
+    RealMaterial,
+)
 from iprt.footage.video.source import FrameSource
 from iprt.geometry.material import Material
 from iprt.scene.manifest import Manifest
@@ -91,33 +98,38 @@ class _Kept(Table):
         return RealMaterial(self.name, coat, plane=self.plane, evidence=self.evidence)
 
 
-_ALL_KEPT = TypeAdapter(list[_Kept])
+class _Result(Table):
+    """A `GlossSearch` in the cache."""
+
+    found: list[_Kept]
+    doubts: tuple[Doubt, ...]
 
 
-def found_materials(
+def searched_gloss(
     frames: RawFrames, manifest: Manifest, declared: tuple[RealMaterial, ...]
-) -> tuple[RealMaterial, ...]:
-    """Return the undeclared glossy surfaces that `find_gloss` finds in a scene.
+) -> GlossSearch:
+    """Return the undeclared glossy surfaces that `find_gloss` finds in a scene, and its doubts.
 
     Results are kept (`iprt.device.kept`), for the table `[video]`, the declarations, and sizes and
     times of the frames' files: videos are long. An unreadable frame is no error, but reported where
     it is needed.
     """
     source = frames.source
-    video = manifest.video.model_dump_json(exclude={"gloss", "sun"})
+    video = manifest.video.model_dump_json(exclude={"gloss", "sun", "sky"})
     inputs = [video, declared, file_states(source)]
     try:
         if source.size[1] < MIN_HEIGHT:
-            return ()
+            return GlossSearch()
         found = kept("gloss", __name__, inputs, lambda: _searched(frames, declared))
     except FormatError:
-        return ()
-    materials = _ALL_KEPT.validate_json(found["json"].tobytes())
-    return tuple(entry.material() for entry in materials)[: MAX_REAL_MATERIALS - len(declared)]
+        return GlossSearch()
+    result = _Result.model_validate_json(found["json"].tobytes())
+    materials = tuple(entry.material() for entry in result.found)
+    return GlossSearch(materials[: MAX_REAL_MATERIALS - len(declared)], result.doubts)
 
 
 def _searched(frames: RawFrames, declared: tuple[RealMaterial, ...]) -> dict[str, Any]:
-    """Return the surfaces that `find_gloss` finds, as `_Kept` in JSON, for `kept`."""
+    """Return the result of `find_gloss`, as `_Result` in JSON, for `kept`."""
     from iprt.footage.found_gloss.search import find_gloss
 
     source = frames.source
@@ -125,9 +137,9 @@ def _searched(frames: RawFrames, declared: tuple[RealMaterial, ...]) -> dict[str
     LOG.info("looking for glossy surfaces, once for this footage")
     prepare = Preparation(source.white, declared)
     names = frozenset(material.name for material in declared)
-    found = find_gloss(prepare(raw), names, prepare.frames(_later(frames)))
-    dumped = _ALL_KEPT.dump_json([_Kept.of(material) for material in found])
-    return {"json": np.frombuffer(dumped, np.uint8)}
+    search = find_gloss(prepare(raw), names, prepare.frames(_later(frames)))
+    result = _Result(found=[_Kept.of(one) for one in search.found], doubts=search.doubts)
+    return {"json": np.frombuffer(result.model_dump_json().encode(), np.uint8)}
 
 
 def _looked_at(source: FrameSource) -> list[int]:

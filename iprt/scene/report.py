@@ -20,7 +20,7 @@ from iprt.footage.prepare.openings import holes_of
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
-from iprt.footage.real_material import Evidence
+from iprt.footage.real_material import Doubt, Evidence
 from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.footage.video.picture_tracks import frame_path
@@ -152,6 +152,8 @@ class SunReport:
 class SceneReport:
     """Statistics of a scene; depth percentiles in metres.
 
+    `no_sun` tells why a sun that was looked for was not found, and `diffuse` which
+    planes are not believed to be glossy.
     `depth_unit` describes the encoding of depth. `unlikely` lists doubtful facts about depth and
     normals, a phrase each.
     """
@@ -174,6 +176,8 @@ class SceneReport:
     clipped: Recovered | None
     sun: SunReport | None
     sky: SkyReport | None
+    no_sun: str
+    diffuse: tuple[Doubt, ...]
     normals: str
     real_materials: tuple[RealMaterialReport, ...]
     objects: tuple[ObjectReport, ...]
@@ -228,6 +232,8 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         dropouts=share(holes.dropout),
         clipped=Recovered.of(frame, scene.source.white),
         sun=SunReport.of(scene.sun),
+        no_sun=scene.outside_light.doubt,
+        diffuse=scene.searched_gloss.doubts if scene.manifest.video.gloss == "auto" else (),
         sky=SkyReport.of(scene.sky),
         normals="fitted to the depth" if raw.normal is None else "given",
         real_materials=tuple(

@@ -12,13 +12,13 @@ from typing import Any
 from iprt.errors import SceneError
 from iprt.files.safe_reading import anywhere, is_file, require_inside
 from iprt.files.toml_tables import problems_error
-from iprt.footage.found_light import SunChoice
 from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.frame import Frame
+from iprt.footage.outside_light import OutsideLight, SunChoice
 from iprt.footage.prepare.reading import RawFrame, RawFrames
 from iprt.footage.prepare.stages import Preparation
 from iprt.footage.prepare.steady import steady_frames
-from iprt.footage.real_material import RealMaterial
+from iprt.footage.real_material import GlossSearch, RealMaterial
 from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.footage.video.source import FrameSource
@@ -34,7 +34,7 @@ from iprt.scene.manifest import (
     read_manifest,
 )
 from iprt.scene.objects import SceneObject, load_objects, objects_at
-from iprt.scene.real_materials import declared_materials, found_materials
+from iprt.scene.real_materials import declared_materials, searched_gloss
 from iprt.scene.scene_files import input_files, missing_files
 
 
@@ -248,27 +248,28 @@ class Scene:
     @property
     def sun(self) -> Sun | None:
         """The sun that the panorama does not show: declared, or found if `sun` is "auto"."""
-        return self._outside_light[0]
+        return self.outside_light.sun
 
     @property
     def sky(self) -> Sky | None:
         """The sky behind windows where no camera saw it, if `sky` is "auto"."""
-        return self._outside_light[1]
+        return self.outside_light.sky
 
     @cached_property
-    def _outside_light(self) -> tuple[Sun | None, Sky | None]:
+    def outside_light(self) -> OutsideLight:
+        """Light from outside that the panorama does not show (`iprt.scene.found_light`)."""
         declared = self.manifest.video.sun
         if isinstance(declared, str):
             return self._found_light("auto" if declared == "auto" else None)
         return self._found_light(declared.sun)
 
-    def _found_light(self, choice: SunChoice) -> tuple[Sun | None, Sky | None]:
+    def _found_light(self, choice: SunChoice) -> OutsideLight:
         return found_light(self.raw_frames, self.manifest, self.real_materials, choice)
 
     @property
-    def found_sun(self) -> Sun | None:
-        """The sun that is found whatever `sun` is (`iprt.scene.found_light`)."""
-        return self._found_light("auto")[0]
+    def found_light(self) -> OutsideLight:
+        """The light that is found whatever `sun` is."""
+        return self._found_light("auto")
 
     @cached_property
     def sun_patches(self) -> SunPatches | None:
@@ -278,15 +279,20 @@ class Scene:
         return sun_patches(self.raw_frames, self.manifest, self.real_materials, self.sun)
 
     @cached_property
-    def found_materials(self) -> tuple[RealMaterial, ...]:
-        """The undeclared glossy surfaces (`iprt.scene.real_materials`).
+    def searched_gloss(self) -> GlossSearch:
+        """The undeclared glossy surfaces, and the planes that stay diffuse.
 
         Raises
         ------
         FormatError
             As `declared_materials`.
         """
-        return found_materials(self.raw_frames, self.manifest, self.declared_materials)
+        return searched_gloss(self.raw_frames, self.manifest, self.declared_materials)
+
+    @property
+    def found_materials(self) -> tuple[RealMaterial, ...]:
+        """The undeclared glossy surfaces (`searched_gloss`)."""
+        return self.searched_gloss.found
 
     @cached_property
     def declared_materials(self) -> tuple[RealMaterial, ...]:

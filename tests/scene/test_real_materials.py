@@ -13,7 +13,7 @@ from PIL import Image
 from iprt import cli
 from iprt.footage.found_gloss import search
 from iprt.footage.frame import Frame
-from iprt.footage.real_material import Evidence, Plane, RealMaterial
+from iprt.footage.real_material import Doubt, Evidence, GlossSearch, Plane, RealMaterial
 from iprt.geometry.material import Material
 from iprt.scene import real_materials
 from iprt.scene.scene import Scene
@@ -33,12 +33,10 @@ def looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[frozenset[str
     """A cache of its own, and the names that were taken each time gloss was looked for."""
     calls: list[frozenset[str]] = []
 
-    def find(
-        frame: Frame, taken: frozenset[str], later: Iterable[Frame]
-    ) -> tuple[RealMaterial, ...]:
+    def find(frame: Frame, taken: frozenset[str], later: Iterable[Frame]) -> GlossSearch:
         assert frame.height >= real_materials.MIN_HEIGHT
         calls.append(taken)
-        return (FLOOR,)
+        return GlossSearch((FLOOR,), (Doubt("wall", 90, 0, "no sign of a reflection (t = 1.2)"),))
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(search, "find_gloss", find)
@@ -106,9 +104,11 @@ def test_info_tells_the_evidence(
     tmp_path: Path, looks: list[frozenset[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(["scene", "info", str(scene_with(tmp_path / "a"))]) == 0
-    (line,) = [text for text in capsys.readouterr().out.splitlines() if text.startswith("glossy")]
+    shown = capsys.readouterr().out.splitlines()
+    (line,) = [text for text in shown if text.startswith("glossy")]
     assert line.startswith("glossy     floor: plastic, alpha 0.12; ")
     assert line.endswith("found: alpha 0.1 to 0.14, strength 0.80 ± 0.07, t = 12")
+    assert "diffuse    wall (yaw 90, pitch 0): no sign of a reflection (t = 1.2)" in shown
     assert len(looks) == 1
 
 
@@ -119,6 +119,7 @@ def test_what_is_found_is_printed_as_tables(
     before = (folder / "scene.toml").read_text()
     assert cli.main(["scene", "gloss", str(folder)]) == 0
     printed = capsys.readouterr().out
+    assert "# diffuse: wall (yaw 90, pitch 0): no sign of a reflection (t = 1.2)" in printed
     (table,) = tomllib.loads(printed)["real_materials"]
     assert table["name"] == "floor"
     assert table["alpha"] == pytest.approx(0.12)
@@ -145,7 +146,7 @@ def test_nothing_found_is_said(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(search, "find_gloss", lambda *_: ())
+    monkeypatch.setattr(search, "find_gloss", lambda *_: GlossSearch())
     folder = scene_with(tmp_path / "a")
     assert cli.main(["scene", "gloss", str(folder), "--write"]) == 0
     assert capsys.readouterr().out == "# box: no surface shows a reflection that is surely one\n"

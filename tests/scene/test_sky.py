@@ -11,8 +11,8 @@ import pytest
 from iprt import cli
 from iprt.footage import found_light
 from iprt.footage.frame import Frame
+from iprt.footage.outside_light import OutsideLight, SunChoice
 from iprt.footage.sky import Sky, node_directions
-from iprt.footage.sun import Sun
 from iprt.scene.scene import Scene
 from tests.scene.files import MANIFEST, write_scene
 
@@ -25,11 +25,9 @@ def estimates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sky | Non
     results: list[Sky | None] = [FOUND]
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
-    def find(
-        frame: Frame, choice: found_light.SunChoice, *, sky: bool
-    ) -> tuple[Sun | None, Sky | None]:
+    def find(frame: Frame, choice: SunChoice, *, sky: bool) -> OutsideLight:
         assert frame.sky is None
-        return None, results.pop(0) if sky else None
+        return OutsideLight(sky=results.pop(0) if sky else None)
 
     monkeypatch.setattr(found_light, "find_light", find)
     return results

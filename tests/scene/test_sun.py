@@ -12,7 +12,7 @@ import pytest
 from iprt import cli
 from iprt.footage import found_light
 from iprt.footage.frame import Frame
-from iprt.footage.sky import Sky
+from iprt.footage.outside_light import OutsideLight, SunChoice
 from iprt.footage.sun import DISC_DEG, Sun
 from iprt.scene.scene import Scene
 from tests.scene.files import MANIFEST, write_scene
@@ -32,12 +32,11 @@ def searches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Sun | None
     results: list[Sun | None] = [FOUND]
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
-    def find(
-        frame: Frame, choice: found_light.SunChoice, *, sky: bool
-    ) -> tuple[Sun | None, Sky | None]:
+    def find(frame: Frame, choice: SunChoice, *, sky: bool) -> OutsideLight:
         assert sky
         assert frame.sun is None
-        return results.pop(0) if choice == "auto" else choice, None
+        sun = results.pop(0) if choice == "auto" else choice
+        return OutsideLight(sun, doubt="" if sun else "two directions fit")
 
     monkeypatch.setattr(found_light, "find_light", find)
     return results
@@ -136,7 +135,7 @@ def test_the_command_tells_that_there_is_none(
 ) -> None:
     searches[:] = [None]
     assert cli.main(["scene", "sun", str(scene_with(tmp_path / "a"))]) == 0
-    assert "no patch is surely lit" in capsys.readouterr().out
+    assert "no patch is surely lit by a sun: two directions fit" in capsys.readouterr().out
 
 
 def test_the_scene_report_shows_it(
@@ -154,3 +153,6 @@ def test_the_scene_report_shows_it(
     declaring = scene_with(tmp_path / "b", text=DECLARED)
     assert cli.main(["scene", "info", str(declaring)]) == 0
     assert "declared" in capsys.readouterr().out
+    searches[:] = [None]
+    assert cli.main(["scene", "info", str(scene_with(tmp_path / "c"))]) == 0
+    assert "no sun     two directions fit\n" in capsys.readouterr().out

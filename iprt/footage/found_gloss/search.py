@@ -1,6 +1,6 @@
 """Search for undeclared gloss: large planes of a frame that reflect their surroundings.
 
-A plane counts as glossy only if the evidence is strong (`is_strong`); all others stay diffuse. A
+A plane counts as glossy only if the evidence is strong (`doubt_of`); all others stay diffuse. A
 window's reflection in a floor with little texture is the easiest to detect. Not detectable are
 roughness above 0.35, reflections of evenly bright surroundings, metals and mirrors, which have no
 diffuse reflection, curved surfaces, and gloss on only a part of a plane.
@@ -18,7 +18,7 @@ from iprt.footage.found_gloss.coat_reflection import IOR, KINDS
 from iprt.footage.found_gloss.evidence import ALPHAS, Reflection
 from iprt.footage.found_gloss.followed_planes import Followed, Moment
 from iprt.footage.frame import Frame
-from iprt.footage.real_material import Evidence, Plane, RealMaterial
+from iprt.footage.real_material import Doubt, Evidence, GlossSearch, Plane, RealMaterial
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 
@@ -51,7 +51,7 @@ UPRIGHT = 0.9
 
 def find_gloss(
     frame: Frame, taken: frozenset[str] = frozenset(), later: Iterable[Frame] = ()
-) -> tuple[RealMaterial, ...]:
+) -> GlossSearch:
     """Find the planes that reflect.
 
     Parameters
@@ -67,8 +67,8 @@ def find_gloss(
 
     Returns
     -------
-    tuple of RealMaterial
-        One per plane with strong evidence.
+    GlossSearch
+        Found are the planes with strong evidence.
     """
     first = Moment.of(frame, min(ROWS, frame.height), frame)
     cells = first.around.cells
@@ -84,25 +84,39 @@ def find_gloss(
             for view in followed:
                 view.follow(moment, other, tolerance)
     found: list[RealMaterial] = []
-    for plane, reflection in zip(planes, on_all_cores(_reflection, followed), strict=True):
-        if reflection and is_strong(reflection, len(planes) * len(ALPHAS) * KINDS):
-            names = taken | {material.name for material in found}
-            name = _free_name(_kind(plane, planes), names)
-            found.append(_material(name, cells, plane, tolerance, reflection))
-    return tuple(found)
+    doubts: list[Doubt] = []
+    names = taken
+    for plane, seen in zip(planes, on_all_cores(_reflection, followed), strict=True):
+        name = _free_name(_kind(plane, planes), names)
+        names |= {name}
+        if isinstance(seen, Reflection):
+            reason = doubt_of(seen, len(planes) * len(ALPHAS) * KINDS)
+            if reason is None:
+                found.append(_material(name, cells, plane, tolerance, seen))
+                continue
+        else:
+            reason = f"no sign of a reflection (t = {seen:.1f})"
+        x, y, z = cells.direction[plane.cells].mean(axis=0)
+        yaw, pitch = np.rad2deg([np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))])
+        doubts.append(Doubt(name, round(float(yaw)), round(float(pitch)), reason))
+    return GlossSearch(tuple(found), tuple(doubts))
 
 
-def is_strong(reflection: Reflection, tries: int) -> bool:
-    """Return whether the evidence of a reflection suffices; it is the best of `tries`."""
+def doubt_of(reflection: Reflection, tries: int) -> str | None:
+    """Return why a reflection is not believed, the best of `tries`; None if it is."""
     fit = reflection.fit
     most = MAX_RECOVERED if fit.recovered else STRENGTH[1]
-    return (
-        fit.t >= MIN_T
-        and fit.chance(tries) <= MAX_CHANCE
-        and reflection.alpha <= MAX_ALPHA
-        and STRENGTH[0] <= fit.strength <= most
-        and fit.beyond <= MAX_BEYOND
-    )
+    if fit.t < MIN_T or fit.chance(tries) > MAX_CHANCE:
+        return f"weak evidence of a reflection (t = {fit.t:.1f}, of {MIN_T:g} at least)"
+    if reflection.alpha > MAX_ALPHA:
+        return f"a reflection of alpha {reflection.alpha:.2f}, which may be shading"
+    if fit.strength < STRENGTH[0]:
+        return f"a reflection of {fit.strength:.2g} of a coat's strength, which may be shading"
+    if fit.strength > most:
+        return f"a reflection of {fit.strength:.1f} times a coat's strength, which no coat has"
+    if fit.beyond > MAX_BEYOND:
+        return f"a reflection that would be brighter than {fit.beyond:.0%} of the surface is"
+    return None
 
 
 def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
@@ -119,23 +133,27 @@ def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
     return kept
 
 
-def _reflection(plane: Followed) -> Reflection | None:
-    """Gather the evidence of a plane's reflection; None if the screening finds none."""
-    if not _worth_a_look(plane):
-        return None
+def _reflection(plane: Followed) -> Reflection | float:
+    """Gather the evidence of a plane's reflection; t of the screening if that finds none."""
+    t = _screened(plane)
+    if t < MIN_SCREEN_T:
+        return t
     parts = [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
     return plane.picture().reflection(parts)
 
 
-def _worth_a_look(plane: Followed) -> bool:
-    """Return whether a plane's picture correlates with its reflections; most walls do not."""
-    picture = plane.picture(shaded=False)
+def _screened(plane: Followed) -> float:
+    """Return t of the correlation of a plane's picture and its reflections; 0 if they are weak.
+
+    Most walls have none.
+    """
+    picture, best = plane.picture(shaded=False), 0.0
     for index in SCREEN:
         alpha = ALPHAS[index]
         fit = picture.fit(plane.reflected(alpha, index, SCREEN_RAYS), alpha)
-        if fit.t >= MIN_SCREEN_T and fit.strength >= STRENGTH[0]:
-            return True
-    return False
+        if fit.strength >= STRENGTH[0]:
+            best = max(best, fit.t)
+    return best
 
 
 def _material(

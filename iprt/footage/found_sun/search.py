@@ -36,15 +36,22 @@ MIN_CORRELATION, MIN_OF_DISC = 0.33, 0.2
 """Least correlation of a sun in fine cells, and of one whose disc is in sight."""
 
 
-def find_direction(frame: Frame) -> tuple[Float, float] | None:
-    """Return the direction (3,) of the sun that lights patches of a frame, and its correlation.
-
-    Returns None without sure evidence.
+def find_direction(frame: Frame) -> tuple[Float | None, float, str]:
+    """Find the direction of the sun that lights patches of a frame.
 
     Parameters
     ----------
     frame : Frame
         Sanitized, with recovered clipped lights.
+
+    Returns
+    -------
+    (3,) float64 or None
+        None without sure evidence.
+    float
+        Its correlation.
+    str
+        Why there is none; else empty.
     """
     coarse, middle, fine = (
         min(rows, frame.height) for rows in (COARSE_ROWS, MIDDLE_ROWS, FINE_ROWS)
@@ -52,29 +59,42 @@ def find_direction(frame: Frame) -> tuple[Float, float] | None:
     shown = Geometry.of(frame, fine)
     cells, blurred, occluders = (Cells.of(shown, rows) for rows in (coarse, middle, fine))
     if not ((occluders.opening + occluders.sky) > 0.5).any():
-        return None
+        return None, 0.0, "there are no windows and no open sky"
     disc = visible_disc(frame)
     if disc is None:
-        likely = _likely(Receivers.of(frame, cells, blurred, COARSE_STEPS))
+        likely, doubt = _likely(Receivers.of(frame, cells, blurred, COARSE_STEPS))
         if likely is None:
-            return None
+            return None, 0.0, doubt
         receivers = Receivers.of(frame, blurred, occluders, FINE_STEPS)
         direction, correlation = _refined(receivers, likely[None], FINE_ROUNDS)
-        return (direction, correlation) if correlation >= MIN_CORRELATION else None
-    receivers = Receivers.of(frame, blurred, occluders, FINE_STEPS)
-    correlation = float(receivers.correlations(disc[None])[0])
-    return (disc, correlation) if correlation >= MIN_OF_DISC else None
+        least = MIN_CORRELATION
+    else:
+        receivers = Receivers.of(frame, blurred, occluders, FINE_STEPS)
+        direction, correlation = disc, float(receivers.correlations(disc[None])[0])
+        least = MIN_OF_DISC
+    if correlation < least:
+        return None, correlation, _too_little(correlation, least)
+    return direction, correlation, ""
 
 
-def _likely(receivers: Receivers) -> Float | None:
-    """Return the direction (3,) that explains the picture best; None if another does nearly."""
+def _too_little(correlation: float, least: float) -> str:
+    return f"its light correlates with the picture by {correlation:.2f}, of {least:g} at least"
+
+
+def _likely(receivers: Receivers) -> tuple[Float | None, str]:
+    """Return the direction (3,) that explains the picture best; None and the reason without one."""
     tried = upper_hemisphere(DIRECTIONS)
     found = receivers.correlations(tried)
     best = float(found.max())
     other = float(found[tried @ tried[found.argmax()] < np.cos(APART)].max(initial=0.0))
-    if best < LIKELY or best < MIN_LEAD * other:
-        return None
-    return _refined(receivers, tried[np.argsort(found)[-3:]], COARSE_ROUNDS)[0]
+    if best < LIKELY:
+        return None, _too_little(best, LIKELY)
+    if best < MIN_LEAD * other:
+        return (
+            None,
+            f"two directions fit nearly as well, with correlations of {best:.2f} and {other:.2f}",
+        )
+    return _refined(receivers, tried[np.argsort(found)[-3:]], COARSE_ROUNDS)[0], ""
 
 
 def upper_hemisphere(count: int) -> Float:

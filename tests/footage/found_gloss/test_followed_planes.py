@@ -23,8 +23,8 @@ def carried(alpha: float | None) -> list[Frame]:
 @pytest.mark.thorough
 def test_a_moving_camera_finds_the_gloss_of_a_patterned_floor() -> None:
     first, *later = carried(ALPHA)
-    assert find_gloss(first) == ()
-    (floor,) = find_gloss(first, later=later)
+    assert find_gloss(first).found == ()
+    (floor,) = find_gloss(first, later=later).found
     assert floor.name == "floor"
     assert ALPHA / 2.0 < floor.material.alpha < 2.0 * ALPHA
 
@@ -32,11 +32,11 @@ def test_a_moving_camera_finds_the_gloss_of_a_patterned_floor() -> None:
 @pytest.mark.thorough
 def test_a_moving_camera_finds_nothing_on_a_matte_floor() -> None:
     first, *later = carried(None)
-    assert find_gloss(first, later=later) == ()
+    assert find_gloss(first, later=later).found == ()
 
 
 @pytest.mark.thorough
 def test_what_things_change_that_move_is_no_evidence() -> None:
     """Their shadows are like rough reflections, so that frames of a still camera are left out."""
     first, *later = (seen(None, CONTRAST, ball, rows=ROWS) for ball in BALL)
-    assert find_gloss(first, later=later) == find_gloss(first) == ()
+    assert find_gloss(first, later=later).found == find_gloss(first).found == ()

@@ -19,7 +19,7 @@ from iprt.footage.found_gloss.coat_reflection import (
     reflected,
 )
 from iprt.footage.found_gloss.evidence import ALPHAS, Fit, PlanePicture, Reflection
-from iprt.footage.found_gloss.search import find_gloss, is_strong, without_flakes
+from iprt.footage.found_gloss.search import doubt_of, find_gloss, without_flakes
 from iprt.footage.frame import Frame
 from iprt.geometry.material import Material
 from tests.footage.coated_rooms import coated_room, matte_room
@@ -35,7 +35,7 @@ ROWS = 96
 @pytest.mark.parametrize(("alpha", "rows"), [(0.05, ROWS), (0.2, 128)])
 def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float, rows: int) -> None:
     frame = coated_room(alpha, rows=rows)
-    (floor,) = find_gloss(frame)
+    (floor,) = find_gloss(frame).found
     assert floor.name == "floor"
     assert alpha / 1.5 < floor.material.alpha < 1.5 * alpha
     assert floor.plane is not None
@@ -50,7 +50,13 @@ def test_a_floor_that_reflects_a_window_gets_its_roughness(alpha: float, rows: i
 
 @pytest.mark.thorough
 def test_a_matte_room_has_no_gloss() -> None:
-    assert find_gloss(matte_room(rows=ROWS)) == ()
+    search = find_gloss(matte_room(rows=ROWS))
+    assert search.found == ()
+    doubts = {doubt.name: doubt for doubt in search.doubts}
+    assert {"floor", "ceiling"} <= doubts.keys()
+    assert doubts["floor"].pitch_deg < -80
+    assert doubts["ceiling"].pitch_deg > 80
+    assert all("reflection" in doubt.reason for doubt in search.doubts)
 
 
 def clipped(frame: Frame, factor: float) -> Frame:
@@ -65,19 +71,19 @@ def clipped(frame: Frame, factor: float) -> Frame:
 @pytest.mark.thorough
 def test_the_reflection_of_a_clipped_window_may_be_brighter_than_the_window_seems() -> None:
     factor, alpha = 0.2, 0.05
-    (floor,) = find_gloss(clipped(coated_room(alpha, rows=ROWS), factor))
+    (floor,) = find_gloss(clipped(coated_room(alpha, rows=ROWS), factor)).found
     assert floor.name == "floor"
     assert alpha / 1.5 < floor.material.alpha < 1.5 * alpha
     assert floor.evidence is not None
     assert 0.4 < floor.evidence.strength * factor < 1.6
-    assert find_gloss(clipped(matte_room(rows=ROWS), factor)) == ()
+    assert find_gloss(clipped(matte_room(rows=ROWS), factor)).found == ()
 
 
 @pytest.mark.thorough
 def test_what_is_declared_is_not_found_again() -> None:
     frame = coated_room(0.2)
     floor = (frame.fitted_normal[..., 1] > 0.9).astype(np.uint8)
-    assert find_gloss(replace(frame, gloss=floor)) == ()
+    assert find_gloss(replace(frame, gloss=floor)).found == ()
 
 
 # Planes ---------------------------------------------------------------------------------------
@@ -205,7 +211,7 @@ def test_the_strength_of_a_reflection_is_found_through_texture() -> None:
     assert found.fit.strength == pytest.approx(0.7, abs=4.0 * found.fit.error + 0.05)
     assert found.fit.t > 8.0
     assert alpha / 1.6 < found.alpha < 1.6 * alpha
-    assert is_strong(found, 50)
+    assert doubt_of(found, 50) is None
 
 
 @pytest.mark.thorough
@@ -214,7 +220,7 @@ def test_what_is_clipped_has_a_strength_of_its_own() -> None:
     assert found.fit.recovered
     assert found.fit.strength == pytest.approx(4.2, abs=4.0 * found.fit.error + 0.3)
     assert alpha / 1.6 < found.alpha < 1.6 * alpha
-    assert is_strong(found, 50)
+    assert doubt_of(found, 50) is None
 
 
 @pytest.mark.thorough
@@ -222,7 +228,7 @@ def test_texture_alone_is_no_evidence() -> None:
     """t is a Student's t: of many floors without a reflection, few have a large one."""
     found = [pictured(0.0, 0.2, seed)[0] for seed in range(3)]
     assert max(abs(one.fit.t) for one in found) < 5.0
-    assert not any(is_strong(one, 50) for one in found)
+    assert all(doubt_of(one, 50) for one in found)
 
 
 def test_more_tries_need_a_smaller_chance() -> None:
@@ -239,13 +245,13 @@ def test_more_tries_need_a_smaller_chance() -> None:
 )
 def test_what_is_not_believed(change: dict[str, float]) -> None:
     fit = Fit(strength=1.0, error=0.05, explained=0.5, beyond=0.0, blocks=100)
-    assert is_strong(Reflection(0.1, 1.1, fit), 50)
-    assert not is_strong(Reflection(0.1, 1.1, replace(fit, **change)), 50)
-    assert not is_strong(Reflection(0.4, 1.1, fit), 50)
+    assert doubt_of(Reflection(0.1, 1.1, fit), 50) is None
+    assert doubt_of(Reflection(0.1, 1.1, replace(fit, **change)), 50) is not None
+    assert doubt_of(Reflection(0.4, 1.1, fit), 50) is not None
 
 
 def test_what_is_clipped_may_be_brighter_than_it_is_recovered() -> None:
     fit = Fit(6.0, 0.5, explained=0.5, beyond=0.0, blocks=100, recovered=True)
-    assert is_strong(Reflection(0.1, 1.1, fit), 50)
-    assert not is_strong(Reflection(0.1, 1.1, replace(fit, recovered=False)), 50)
-    assert not is_strong(Reflection(0.1, 1.1, replace(fit, strength=20.0)), 50)
+    assert doubt_of(Reflection(0.1, 1.1, fit), 50) is None
+    assert doubt_of(Reflection(0.1, 1.1, replace(fit, recovered=False)), 50) is not None
+    assert doubt_of(Reflection(0.1, 1.1, replace(fit, strength=20.0)), 50) is not None

@@ -32,7 +32,7 @@ SCENES = Path(__file__).parents[3] / "scenes360"
 
 
 def find_sun(frame: Frame, *, sky: bool = False) -> Sun | None:
-    return find_light(frame, "auto", sky=sky)[0]
+    return find_light(frame, "auto", sky=sky).sun
 
 
 def unit(*v: float) -> Float:
