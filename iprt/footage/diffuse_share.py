@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iprt.footage.cells import Cells, Float, cell_means
+from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.found_gloss.coat_reflection import LIFT, Patch, RoomCells, reflected
 from iprt.footage.frame import Frame
 
@@ -17,7 +17,7 @@ LEAST = 0.1
 """Least diffuse share; what is reflected is not known better."""
 
 
-def diffuse_share(frame: Frame) -> Float:
+def diffuse_share(frame: Frame, shown: Geometry) -> Float:
     """Return the share (r, 2 r, 3) of diffuse radiance in r rows of cells, at most `ROWS`.
 
     It is the share towards the capture centre: 1 but where the coat of a plastic reflects.
@@ -25,8 +25,8 @@ def diffuse_share(frame: Frame) -> Float:
     rows = min(ROWS, frame.height)
     share = np.ones((2 * rows**2, 3))
     if frame.gloss is not None:
-        room = RoomCells.of(frame, min(ROOM_ROWS, frame.height))
-        cells = Cells.of(room.shown, rows)
+        room = RoomCells.of(frame, shown, min(ROOM_ROWS, frame.height))
+        cells = Cells.of(shown, rows)
         color = cell_means(frame.radiance, rows).reshape(-1, 3)
         for index, material in enumerate(frame.real_materials):
             covered = cell_means(frame.gloss == index + 1, rows).ravel()

@@ -62,6 +62,8 @@ class RoomLight:
 
     Attributes
     ----------
+    shown : Geometry
+        Geometry from which coarser cells can be made.
     occluders, openings : Cells
         N cells that block rays, and coarser ones towards whose windows rays are aimed.
     diffuse : (r, 2 r, 3) float64
@@ -70,6 +72,7 @@ class RoomLight:
         Diffuse radiance of surfaces and open sky in `occluders`, without windows.
     """
 
+    shown: Geometry
     occluders: Cells
     openings: Cells
     diffuse: Float
@@ -81,10 +84,10 @@ class RoomLight:
         rows, window_rows = (min(rows, frame.height) for rows in (OCCLUDER_ROWS, WINDOW_ROWS))
         dark = np.where(frame.opening[..., None], np.float32(0.0), frame.radiance)
         share = np.maximum(1.0 - cell_means(frame.opening, rows), MIN_SHARE)
-        diffuse = diffuse_share(frame)
+        diffuse = diffuse_share(frame, shown)
         radiance = cell_means(dark, rows) / share[..., None] * finer(diffuse, rows)
         occluders, openings = (Cells.of(shown, count) for count in (rows, window_rows))
-        return cls(occluders, openings, diffuse, radiance.reshape(-1, 3))
+        return cls(shown, occluders, openings, diffuse, radiance.reshape(-1, 3))
 
     def received(self, point: Float, normal: Float) -> ReceivedLight:
         """Return the light at points (n, 3) of surfaces, in metres, with unit normals (n, 3)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -61,12 +61,15 @@ class Sky:
     ----------
     gain : (M, 3) float64
         Factors at the nodes, per color.
+    deviation : (3,) float64
+        Standard deviation of the logarithm of `mean`.
     turn : (3, 3) float64
         Rotation from the axes of a panorama to those of the nodes, the world's.
     """
 
     gain: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def seen_from(self, pose: NDArray[np.float64] | None) -> Sky:
         """Return the sky for a panorama with a (4, 4) pose; None: identity."""
@@ -81,6 +84,12 @@ class Sky:
     @property
     def mean(self) -> NDArray[np.float64]:
         """Mean factor (3,) of the upper hemisphere, by solid angle."""
-        above = self.factors(MEAN_ROWS)[: MEAN_ROWS // 2].mean(axis=1)
-        weight = solid_angles(2 * MEAN_ROWS, MEAN_ROWS)[: MEAN_ROWS // 2]
-        return np.asarray(np.average(above, axis=0, weights=weight), np.float64)
+        return np.asarray(upper_weights() @ self.gain)
+
+
+def upper_weights() -> NDArray[np.float64]:
+    """Return the weights (M,) of nodes in the mean over the upper hemisphere."""
+    rows = MEAN_ROWS // 2
+    direction = View(2 * MEAN_ROWS, MEAN_ROWS, projection="equirect").directions()[:rows]
+    area = np.repeat(solid_angles(2 * MEAN_ROWS, MEAN_ROWS)[:rows], 2 * MEAN_ROWS)
+    return np.asarray(node_weights(direction.reshape(-1, 3)).T @ (area / area.sum()))

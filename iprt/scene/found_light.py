@@ -49,6 +49,7 @@ def found_light(
             "sun": np.array(sun, np.float64),
             "correlation": np.array(0.0 if light.sun is None else light.sun.correlation or 0.0),
             "gain": np.zeros((0, 3)) if light.sky is None else light.sky.gain,
+            "deviation": np.zeros(3) if light.sky is None else light.sky.deviation,
             "doubt": np.frombuffer(light.doubt.encode(), np.uint8),
         }
 
@@ -57,7 +58,7 @@ def found_light(
         found = kept("light", __name__, inputs, find)
     except FormatError:
         return OutsideLight(known)
-    above = Sky(found["gain"], np.eye(3)) if len(found["gain"]) else None
+    above = Sky(found["gain"], found["deviation"]) if len(found["gain"]) else None
     if choice == "auto" and len(found["sun"]):
         red, green, blue = found["sun"][3:].tolist()
         correlation = float(found["correlation"])

@@ -85,26 +85,30 @@ class SkyReport:
 
     Attributes
     ----------
-    factor : three floats
-        `Sky.mean`.
+    factor, deviation : three floats
+        `Sky.mean` and `Sky.deviation`.
     """
 
     factor: tuple[float, float, float]
+    deviation: tuple[float, float, float]
 
     @classmethod
     def of(cls, sky: Sky | None) -> SkyReport | None:
         """Describe a scene's sky."""
         if sky is None:
             return None
-        red, green, blue = sky.mean.round(2).tolist()
-        return cls((red, green, blue))
+        (r, g, b), (dr, dg, db) = (part.round(2).tolist() for part in (sky.mean, sky.deviation))
+        return cls((r, g, b), (dr, dg, db))
 
     def line(self) -> str:
         """Return a sentence for reports."""
-        red, green, blue = self.factor
+        factors = ", ".join(
+            f"{factor:g} ± {factor * deviation:.1g}"
+            for factor, deviation in zip(self.factor, self.deviation, strict=True)
+        )
         return (
-            f"light from above that windows do not show: {red:g}, {green:g}, {blue:g} times the "
-            "extrapolated (r, g, b), by the room's shading"
+            f"light from above that windows do not show: {factors} times the extrapolated "
+            "(r, g, b), by the room's shading"
         )
 
 

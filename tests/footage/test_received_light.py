@@ -24,8 +24,7 @@ NORMALS = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0
 
 
 def received(frame: Frame) -> ReceivedLight:
-    room = RoomLight.of(frame, Geometry.of(frame, min(256, frame.height)))
-    return room.received(POINTS, NORMALS)
+    return RoomLight.of(frame, Geometry.of(frame, 256)).received(POINTS, NORMALS)
 
 
 def test_directions_have_the_density_of_the_cosine() -> None:
@@ -91,7 +90,7 @@ def test_a_coat_in_uniform_light_reflects_its_fresnel_term(alpha: float) -> None
         gloss=floor.view(np.uint8),
         real_materials=(Material("plastic", (0.5, 0.5, 0.5), alpha=alpha),),
     )
-    share = diffuse_share(coated)
+    share = diffuse_share(coated, Geometry.of(coated, 256))
     rows = len(share)
     pixels = np.stack(np.meshgrid(np.arange(2 * rows), np.arange(rows)), axis=-1) + 0.5
     down = -equirect_direction(pixels, 2 * rows, rows)[..., 1]
@@ -102,4 +101,5 @@ def test_a_coat_in_uniform_light_reflects_its_fresnel_term(alpha: float) -> None
 
 
 def test_nothing_is_coated_without_gloss() -> None:
-    assert (diffuse_share(sphere_frame(2.0, 128, 64, 1.0)) == 1.0).all()
+    frame = sphere_frame(2.0, 128, 64, 1.0)
+    assert (diffuse_share(frame, Geometry.of(frame, 64)) == 1.0).all()

@@ -27,7 +27,7 @@ def test_weights_interpolate() -> None:
 
 
 def test_factors_have_no_seam() -> None:
-    factors = Sky(random_gain(), np.eye(3)).factors(OUTSIDE_ROWS)
+    factors = Sky(random_gain(), np.zeros(3)).factors(OUTSIDE_ROWS)
     inside = np.abs(np.diff(factors, axis=1)).max(axis=(1, 2))
     across = np.abs(factors[:, 0] - factors[:, -1]).max(axis=1)
     assert (across <= inside * 1.01).all()
@@ -37,7 +37,7 @@ def test_a_turned_camera_sees_the_same_sky() -> None:
     """By a quarter turn to the left, directions ahead are those that were on the left."""
     gain, pose = random_gain(), np.eye(4)
     pose[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-    sky = Sky(gain, np.eye(3))
+    sky = Sky(gain, np.zeros(3))
     turned = sky.seen_from(pose).factors(OUTSIDE_ROWS)
     expected = np.roll(sky.factors(OUTSIDE_ROWS), OUTSIDE_ROWS // 2, axis=1)
     np.testing.assert_allclose(turned, expected, rtol=1e-5)
@@ -47,7 +47,7 @@ def test_a_turned_camera_sees_the_same_sky() -> None:
 def test_what_windows_show_is_not_scaled(opening: np.ndarray) -> None:
     color = random_colors()
     plain = outside_radiance(color[opening], opening)
-    sky = Sky(random_gain(), np.eye(3))
+    sky = Sky(random_gain(), np.zeros(3))
     scaled = outside_radiance(color[opening], opening, sky)
     np.testing.assert_array_equal(scaled[opening], plain[opening])
     expected = (plain * sky.factors(OUTSIDE_ROWS))[~opening]
@@ -62,3 +62,14 @@ def test_shares_are_of_the_texels(scale: int) -> None:
     assert share.shape == (ROWS, COLUMNS)
     blocks = opening.reshape(ROWS, scale, COLUMNS, scale).mean(axis=(1, 3))
     np.testing.assert_allclose(share, blocks)
+
+
+def test_the_mean_is_over_the_upper_hemisphere() -> None:
+    """Of a gain that is linear in height: 1 + 2 mean of sin, over the hemisphere: 2."""
+    d = View(256, 128, projection="equirect").directions()
+    gain = np.repeat(1.0 + 2.0 * node_directions()[:, 1:2], 3, axis=1)
+    np.testing.assert_allclose(Sky(gain, np.zeros(3)).mean, 2.0, rtol=0.02)
+    factors = Sky(random_gain(), np.zeros(3)).factors(128)[:64]
+    weight = np.cos(np.arcsin(d[:64, :, 1]))
+    expected = np.average(factors, axis=(0, 1), weights=np.repeat(weight[..., None], 3, axis=-1))
+    np.testing.assert_allclose(Sky(random_gain(), np.zeros(3)).mean, expected, rtol=0.01)

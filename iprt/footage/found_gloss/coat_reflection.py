@@ -72,9 +72,8 @@ class RoomCells:
     outside: Float | None
 
     @classmethod
-    def of(cls, frame: Frame, rows: int) -> RoomCells:
-        """Build cells of a frame, with `rows` rows; at most the frame's."""
-        shown = Geometry.of(frame, rows)
+    def of(cls, frame: Frame, shown: Geometry, rows: int) -> RoomCells:
+        """Build cells of a frame and its geometry, with `rows` rows; at most the geometry's."""
         cells = Cells.of(shown, rows)
         color = cell_means(frame.radiance, rows).reshape(-1, 3)
         clipped = np.zeros_like(frame.radiance)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from iprt.footage.albedo_segments import lifted
 from iprt.footage.cell_planes import NEAREST, CellPlane
-from iprt.footage.cells import Cells, Float, cell_means
+from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.form_factors import irradiance_of_lights, irradiance_of_rest
 from iprt.footage.found_gloss.coat_reflection import RAYS, Patch, RoomCells, reflected
 from iprt.footage.found_gloss.evidence import Later, PlanePicture
@@ -64,7 +64,7 @@ class Moment:
         """Build the cells of a frame, with `rows` rows; at most the frame's."""
         motion = camera_motion(frame.pose, first.pose)
         return cls(
-            around=RoomCells.of(frame, rows),
+            around=RoomCells.of(frame, Geometry.of(frame, rows), rows),
             bright=cell_means(frame.radiance, min(LIGHT_ROWS, rows)),
             motion=None if np.array_equal(motion, np.eye(4)[:3]) else motion,
         )

@@ -23,7 +23,7 @@ import scipy
 from iprt.footage.cells import Float
 from iprt.footage.found_sky.prior import precision
 from iprt.footage.found_sky.shading import Shading
-from iprt.footage.sky import node_directions
+from iprt.footage.sky import node_directions, upper_weights
 
 SPREADS = (0.1, 0.2, 0.4, 0.8, 1.6)
 """Standard deviations of the mean log-gain that are tried."""
@@ -51,13 +51,13 @@ class Estimate:
     gain : (M, 3) float64
     spread : float
         Spread of the prior with the most evidence.
-    gained : float
-        Twice the log-likelihood ratio to no gains at all.
+    deviation : (3,) float64
+        Standard deviation of the logarithm of the mean gain of the upper hemisphere.
     """
 
     gain: Float
     spread: float
-    gained: float
+    deviation: Float
 
 
 def estimate_gains(shading: Shading) -> Estimate:
@@ -65,9 +65,14 @@ def estimate_gains(shading: Shading) -> Estimate:
     problem, node = _Problem(shading), node_directions()
     found = [_descent(problem, precision(node, shading.shown, spread)) for spread in SPREADS]
     best = min(range(len(found)), key=lambda index: found[index][1])
-    gains = found[best][0]
-    gained = problem.linearised(np.zeros_like(gains)).misfit - problem.linearised(gains).misfit
-    return Estimate(np.exp(gains).reshape(-1, 3), SPREADS[best], gained)
+    gain, spread = np.exp(found[best][0]).reshape(-1, 3), SPREADS[best]
+    information = problem.linearised(found[best][0]).curvature
+    information += precision(node, shading.shown, spread)
+    share = upper_weights()[:, None] * gain
+    slope = share / share.sum(axis=0)
+    parts = np.linalg.inv(information).reshape(len(node), 3, len(node), 3)
+    deviation = np.sqrt(np.einsum("ic,icjc,jc->c", slope, parts, slope))
+    return Estimate(gain, spread, deviation)
 
 
 def _descent(problem: _Problem, prior: Float) -> tuple[Float, float]:

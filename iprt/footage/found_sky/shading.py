@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from iprt.footage.albedo_segments import points_of_segments, segments, spread_cells, well_seen
 from iprt.footage.cell_rays import leaves
-from iprt.footage.cells import Cells, Float, Geometry, cell_means
+from iprt.footage.cells import Cells, Float, cell_means
 from iprt.footage.frame import Frame
-from iprt.footage.received_light import OCCLUDER_ROWS, RoomLight, finer
+from iprt.footage.received_light import RoomLight, finer
 from iprt.footage.sky import node_weights
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance, seen_share
 from iprt.geometry.camera import View
@@ -58,18 +58,19 @@ class Shading:
     shown: Float
 
     @classmethod
-    def of(cls, frame: Frame, sun: Float | None) -> Shading | None:
+    def of(cls, frame: Frame, room: RoomLight, sun: Float | None) -> Shading | None:
         """Compute the shading of a frame; None if too little of it comes from unseen directions.
 
         Parameters
         ----------
         frame : Frame
             With windows.
+        room : RoomLight
+            Its surfaces.
         sun : (3,) float64 or None
             Direction of a sun in the axes of the frame; what it lights is left out.
         """
-        shown = Geometry.of(frame, OCCLUDER_ROWS)
-        room, cells = RoomLight.of(frame, shown), Cells.of(shown, RECEIVER_ROWS)
+        cells = Cells.of(room.shown, RECEIVER_ROWS)
         color, usable = _receivers(frame, cells, room, sun)
         candidates = spread_cells(RECEIVER_ROWS, CANDIDATES)
         chosen, segment = points_of_segments(

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from iprt.footage.cells import Float, Geometry, cell_means
+from iprt.footage.cells import Float, cell_means
 from iprt.footage.found_sun.patches import STEPS, border_pairs
 from iprt.footage.found_sun.receivers import Receivers
 from iprt.footage.frame import Frame
-from iprt.footage.received_light import OCCLUDER_ROWS, RoomLight
+from iprt.footage.received_light import RoomLight
 from iprt.footage.window_environment import outside_radiance
 
 
-def irradiance_of_sun(frame: Frame, direction: Float) -> tuple[float, float, float] | None:
+def irradiance_of_sun(
+    frame: Frame, room: RoomLight, direction: Float
+) -> tuple[float, float, float] | None:
     """Return the irradiance of a surface perpendicular to the sun; None with too few borders.
 
     On both sides of a border a surface has the same reflectance. The quotient q of its radiance in
@@ -23,11 +25,11 @@ def irradiance_of_sun(frame: Frame, direction: Float) -> tuple[float, float, flo
     ----------
     frame : Frame
         Without the sun's disc, with the sky behind windows.
+    room : RoomLight
+        Its surfaces.
     direction : (3,) float64
         Unit vector towards the sun.
     """
-    shown = Geometry.of(frame, min(OCCLUDER_ROWS, frame.height))
-    room = RoomLight.of(frame, shown)
     cells = room.occluders
     pairs = border_pairs(Receivers.of(frame, cells, cells, STEPS), direction)
     if pairs is None:

@@ -36,13 +36,15 @@ MIN_CORRELATION, MIN_OF_DISC = 0.33, 0.2
 """Least correlation of a sun in fine cells, and of one whose disc is in sight."""
 
 
-def find_direction(frame: Frame) -> tuple[Float | None, float, str]:
+def find_direction(frame: Frame, shown: Geometry) -> tuple[Float | None, float, str]:
     """Find the direction of the sun that lights patches of a frame.
 
     Parameters
     ----------
     frame : Frame
         Sanitized, with recovered clipped lights.
+    shown : Geometry
+        Its geometry, in `FINE_ROWS` rows if it has as many.
 
     Returns
     -------
@@ -56,7 +58,6 @@ def find_direction(frame: Frame) -> tuple[Float | None, float, str]:
     coarse, middle, fine = (
         min(rows, frame.height) for rows in (COARSE_ROWS, MIDDLE_ROWS, FINE_ROWS)
     )
-    shown = Geometry.of(frame, fine)
     cells, blurred, occluders = (Cells.of(shown, rows) for rows in (coarse, middle, fine))
     if not ((occluders.opening + occluders.sky) > 0.5).any():
         return None, 0.0, "there are no windows and no open sky"

@@ -86,6 +86,10 @@ def test_what_is_declared_is_not_found_again() -> None:
     assert find_gloss(replace(frame, gloss=floor)).found == ()
 
 
+def cells_around(frame: Frame, rows: int) -> RoomCells:
+    return RoomCells.of(frame, Geometry.of(frame, rows), rows)
+
+
 # Planes ---------------------------------------------------------------------------------------
 
 
@@ -134,7 +138,7 @@ def floor_of(around: RoomCells) -> CellPlane:
 def test_rays_find_what_an_exact_intersection_finds() -> None:
     rng = np.random.default_rng(1)
     frame = room_frame(ROOM, 256, 128, bright_walls)
-    around = RoomCells.of(frame, 128)
+    around = cells_around(frame, 128)
     start = rng.uniform(0.9 * np.array(ROOM.low), 0.9 * np.array(ROOM.high), (500, 3))
     way = rng.normal(size=(500, 3))
     way /= np.linalg.norm(way, axis=-1, keepdims=True)
@@ -148,7 +152,7 @@ def test_rays_find_what_an_exact_intersection_finds() -> None:
 @pytest.mark.parametrize("alpha", [0.05, 0.2])
 def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None:
     frame = ROOM.frame(128, 64)
-    around = RoomCells.of(replace(frame, color=np.full_like(frame.color, 2.0)), 64)
+    around = cells_around(replace(frame, color=np.full_like(frame.color, 2.0)), 64)
     plane = floor_of(around)
     cosine = -(around.cells.direction[plane.cells] @ plane.normal)
     found = reflected(around, Patch.of(around.cells, plane), alpha, 0, rays=64).sum(0).mean(-1)
@@ -163,13 +167,13 @@ def test_even_light_is_reflected_by_the_albedo_of_the_coat(alpha: float) -> None
 @pytest.mark.thorough
 def test_what_is_clipped_is_reflected_apart() -> None:
     frame = matte_room()
-    cells = [RoomCells.of(other, 128) for other in (frame, clipped(frame, 1.0))]
+    cells = [cells_around(other, 128) for other in (frame, clipped(frame, 1.0))]
     patch = Patch.of(cells[0].cells, floor_of(cells[0]))
     whole, apart = (reflected(around, patch, 0.1, 0) for around in cells)
     assert not whole[RECOVERED].any()
     np.testing.assert_allclose(apart.sum(0), whole.sum(0), rtol=1e-5, atol=1e-6)
     walls = replace(frame, color=np.where(frame.opening[..., None], np.float32(0.0), frame.color))
-    unlit = reflected(RoomCells.of(walls, 128), patch, 0.1, 0)
+    unlit = reflected(cells_around(walls, 128), patch, 0.1, 0)
     np.testing.assert_allclose(apart[0], unlit[0], rtol=1e-5, atol=1e-6)
     assert apart[RECOVERED].max() > 0.1
 
@@ -180,7 +184,7 @@ def test_what_is_clipped_is_reflected_apart() -> None:
 @cache
 def parts_of(room: str) -> tuple[RoomCells, CellPlane, list[Float]]:
     """The room's cells, its floor, and what this reflects for each α; the window may be clipped."""
-    around = RoomCells.of(clipped(matte_room(), 1.0) if room == "clipped" else matte_room(), 128)
+    around = cells_around(clipped(matte_room(), 1.0) if room == "clipped" else matte_room(), 128)
     plane = floor_of(around)
     patch = Patch.of(around.cells, plane)
     parts = [reflected(around, patch, alpha, index)[None] for index, alpha in enumerate(ALPHAS)]

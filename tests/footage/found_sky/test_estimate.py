@@ -82,6 +82,24 @@ def test_no_surface_reflects_more_than_it_receives() -> None:
     np.testing.assert_allclose(estimate_gains(dull).gain, 1.0, atol=0.02)
 
 
+def test_few_points_leave_more_doubt() -> None:
+    gain = np.where(NODE[:, 1:2] > 0.42, 4.0, 1.0) * np.ones(3)
+    many = shading(gain)
+    chosen = np.arange(0, 300, 7)
+    few = Shading(
+        many.radiance[chosen],
+        many.segment[chosen],
+        many.known[chosen],
+        many.unseen[chosen],
+        SHOWN,
+    )
+    sure, unsure = (estimate_gains(made) for made in (many, few))
+    assert sure.spread == unsure.spread
+    assert (sure.deviation > 0.0).all()
+    assert (1.05 * sure.deviation < unsure.deviation).all()
+    assert (unsure.deviation < unsure.spread + 0.6).all()
+
+
 def test_nodes_are_in_circles() -> None:
     assert len(NODE) % AZIMUTHS == 0
     np.testing.assert_allclose(np.linalg.norm(NODE, axis=-1), 1.0)

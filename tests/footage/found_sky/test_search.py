@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from iprt.footage.cells import Geometry
 from iprt.footage.found_sky.search import find_sky
 from iprt.footage.found_sky.shading import Shading
 from iprt.footage.frame import Frame
+from iprt.footage.received_light import RoomLight
 from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance, seen_share
 from iprt.scene.scene import Scene
 from scenes360 import textures
@@ -23,10 +25,14 @@ def room() -> Frame:
     return Scene.open(SCENES / "room").frame(0).recolored(sky=None)
 
 
+def surfaces(frame: Frame) -> RoomLight:
+    return RoomLight.of(frame, Geometry.of(frame, 256))
+
+
 def test_the_hue_of_a_path_traced_rooms_sky_is_found(room: Frame) -> None:
     """Its zenith is bluer than what the windows show; the extrapolation does not know."""
     assert room.sun is not None
-    sky = find_sky(room, room.sun.direction)
+    sky = find_sky(room, surfaces(room), room.sun.direction)
     assert sky is not None
     truth = textures.sky(1024, sun=SUN, sun_radiance=(0.0, 0.0, 0.0), sun_radius_deg=0.8, seed=SEED)
     truth = truth.reshape(OUTSIDE_ROWS, 4, 2 * OUTSIDE_ROWS, 4, 3).mean(axis=(1, 3))
@@ -51,7 +57,7 @@ def test_the_hue_of_a_path_traced_rooms_sky_is_found(room: Frame) -> None:
 
 def test_shading_is_an_integral_of_the_environment(room: Frame) -> None:
     """All nodes together give the light through windows, and nothing is lit by what is behind."""
-    made = Shading.of(room, None)
+    made = Shading.of(room, surfaces(room), None)
     assert made is not None
     assert (made.unseen >= 0.0).all()
     assert (made.known > 0.0).all()
@@ -60,4 +66,5 @@ def test_shading_is_an_integral_of_the_environment(room: Frame) -> None:
 
 
 def test_there_is_none_without_windows(room: Frame) -> None:
-    assert find_sky(room.recolored(opening=np.zeros_like(room.opening)), None) is None
+    closed = room.recolored(opening=np.zeros_like(room.opening))
+    assert find_sky(closed, surfaces(closed), None) is None
