@@ -14,7 +14,7 @@ RAYS = 32
 SAME_PLANE = 0.97
 """Least cosine of a cell's normal and the mean normal of its material's cells."""
 LEAST = 0.1
-"""Least diffuse share; what is reflected is not known better."""
+"""Least diffuse share: reflections are not predicted better."""
 
 
 def diffuse_share(frame: Frame, shown: Geometry) -> Float:

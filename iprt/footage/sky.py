@@ -64,7 +64,7 @@ class Sky:
     deviation : (3,) float64
         Standard deviation of the logarithm of `mean`.
     turn : (3, 3) float64
-        Rotation from the axes of a panorama to those of the nodes, the world's.
+        Rotation from the axes of a panorama to the world's, which the nodes use.
     """
 
     gain: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Shading of a room's surfaces by the light that they receive, with what windows hide unknown."""
+"""Shading of a room's surfaces by seen and unseen light."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Shading:
         room : RoomLight
             Its surfaces.
         sun : (3,) float64 or None
-            Direction of a sun in the axes of the frame; what it lights is left out.
+            Direction of a sun in the axes of the frame; sunlit cells are left out.
         """
         cells = Cells.of(room.shown, RECEIVER_ROWS)
         color, usable = _receivers(frame, cells, room, sun)
@@ -131,6 +131,6 @@ def _by_nodes(
 
 
 def _shown(share: Float, direction: Float) -> Float:
-    """Return directions (D, 3) spread over those that windows show, from texels (T, ...)."""
+    """Return directions (D, 3) spread over the windows, from shares and directions (T, ...)."""
     spread = spread_cells(OUTSIDE_ROWS, CANDIDATES)
     return np.asarray(direction[spread[share[spread, 0] > 0.5]])
