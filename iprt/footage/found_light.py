@@ -18,7 +18,7 @@ from iprt.footage.sun import Sun
 def find_light(frame: Frame, choice: SunChoice, *, sky: bool) -> OutsideLight:
     """Return the sun that lights a frame, and the sky behind its windows.
 
-    The sky is estimated from surfaces outside the sun's patches. The irradiance of a sun that is found is
+    The sky is estimated from surfaces outside the sun's patches. The irradiance of a found sun is
     relative to all other light, the sky's included.
 
     Parameters
