@@ -93,7 +93,7 @@ def _likely(receivers: Receivers) -> tuple[Float | None, str]:
     if best < MIN_LEAD * other:
         return (
             None,
-            f"two directions fit nearly as well, with correlations of {best:.2f} and {other:.2f}",
+            f"two directions fit alike, with correlations of {best:.2f} and {other:.2f}",
         )
     return _refined(receivers, tried[np.argsort(found)[-3:]], COARSE_ROUNDS)[0], ""
 
