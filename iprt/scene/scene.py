@@ -242,7 +242,7 @@ class Scene:
         FormatError
             As `declared_materials`.
         """
-        found = self.found_materials if self.manifest.video.gloss == "auto" else ()
+        found = self.searched_gloss.found if self.manifest.video.gloss == "auto" else ()
         return found + self.declared_materials
 
     @property
@@ -288,11 +288,6 @@ class Scene:
             As `declared_materials`.
         """
         return searched_gloss(self.raw_frames, self.manifest, self.declared_materials)
-
-    @property
-    def found_materials(self) -> tuple[RealMaterial, ...]:
-        """The undeclared glossy surfaces (`searched_gloss`)."""
-        return self.searched_gloss.found
 
     @cached_property
     def declared_materials(self) -> tuple[RealMaterial, ...]:
