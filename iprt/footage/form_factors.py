@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.cells import Cells, Float
-from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.footage.sky import OUTSIDE_ROWS
+from iprt.footage.window_environment import outside_radiance
 from iprt.geometry.equirect import cell_towards
 
 THICKNESS, CLEARANCE = 0.15, 0.03

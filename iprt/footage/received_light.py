@@ -13,8 +13,8 @@ from iprt.footage.cells import GRAZING, Cells, Float, Geometry, cell_means
 from iprt.footage.diffuse_share import diffuse_share
 from iprt.footage.form_factors import form_factors
 from iprt.footage.frame import Frame
+from iprt.footage.sky import OUTSIDE_ROWS
 from iprt.footage.threads import on_all_cores
-from iprt.footage.window_environment import OUTSIDE_ROWS
 from iprt.geometry.equirect import cell_towards, equirect_direction
 
 OCCLUDER_ROWS, WINDOW_ROWS = 256, 64

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from iprt.device.kernel_source import constant
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import solid_angles
 
+OUTSIDE_ROWS = constant("lib/world/real/panorama.h", "OUTSIDE_ROWS")
+"""Rows of the environment; directions that no window shows need no more."""
 ELEVATIONS_DEG = (-80, -50, -30, -15, -5, 5, 12, 20, 30, 45, 65, 85)
 """Elevations of the nodes of a sky. They are dense where windows show the horizon."""
 AZIMUTHS = 12
@@ -72,14 +76,15 @@ class Sky:
     turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     def seen_from(self, pose: NDArray[np.float64] | None) -> Sky:
-        """Return the sky for a panorama with a (4, 4) pose; None: identity."""
-        return replace(self, turn=np.eye(3) if pose is None else pose[:3, :3])
+        """Return a sky in the world's axes for a panorama with a (4, 4) pose; None: identity."""
+        return self if pose is None else replace(self, turn=pose[:3, :3])
 
-    def factors(self, rows: int) -> NDArray[np.float32]:
-        """Return the factors (rows, 2 rows, 3) of an equirect environment."""
-        direction = View(2 * rows, rows, projection="equirect").directions().reshape(-1, 3)
-        found = node_weights(direction @ self.turn.T) @ self.gain
-        return np.asarray(found, np.float32).reshape(rows, 2 * rows, 3)
+    @cached_property
+    def factors(self) -> NDArray[np.float32]:
+        """Factors (OUTSIDE_ROWS, 2 OUTSIDE_ROWS, 3) of the equirect environment."""
+        direction = View(2 * OUTSIDE_ROWS, OUTSIDE_ROWS, projection="equirect").directions()
+        found = node_weights(direction.reshape(-1, 3) @ self.turn.T) @ self.gain
+        return np.asarray(found, np.float32).reshape(direction.shape)
 
     @property
     def mean(self) -> NDArray[np.float64]:

@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.device.kernel_source import constant
 from iprt.footage.cells import Float, binned, cell_texels
 from iprt.footage.push_pull import push_pull
-from iprt.footage.sky import Sky
+from iprt.footage.sky import OUTSIDE_ROWS, Sky
 from iprt.geometry.equirect import texel_polar_angles
-
-OUTSIDE_ROWS = constant("lib/world/real/panorama.h", "OUTSIDE_ROWS")
-"""Rows of the environment; directions that no window shows need no more."""
 
 WIDE_LEVELS = 4
 """Number of push-pull levels in which cells grow in width only."""
@@ -48,7 +44,7 @@ def outside_radiance(
     filled = push_pull(both[..., :3], both[..., 3], wide_levels=WIDE_LEVELS)
     if sky is not None:
         seen = seen_share(opening)[..., None]
-        filled *= seen + (1.0 - seen) * sky.factors(OUTSIDE_ROWS)
+        filled *= seen + (1.0 - seen) * sky.factors
     return filled.astype(np.float32)
 
 

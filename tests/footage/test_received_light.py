@@ -11,7 +11,7 @@ from iprt.footage.cells import Geometry, cell_means
 from iprt.footage.diffuse_share import diffuse_share
 from iprt.footage.frame import Frame
 from iprt.footage.received_light import ReceivedLight, RoomLight, cosine_directions
-from iprt.footage.window_environment import OUTSIDE_ROWS
+from iprt.footage.sky import OUTSIDE_ROWS
 from iprt.geometry.coat import fresnel_dielectric
 from iprt.geometry.equirect import equirect_direction
 from iprt.geometry.material import Material
@@ -81,7 +81,7 @@ def test_a_box_takes_the_light_of_what_it_hides() -> None:
 
 @pytest.mark.parametrize("alpha", [0.02, 0.1])
 def test_a_coat_in_uniform_light_reflects_its_fresnel_term(alpha: float) -> None:
-    """In a white room, the coat of the floor reflects F of the angle of view."""
+    """The coat of a floor in a white room reflects F of the angle of view."""
     frame = World().frame(512, 256)
     assert frame.normal is not None
     floor = frame.normal[..., 1] > 0.9

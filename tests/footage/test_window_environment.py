@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.footage.sky import OUTSIDE_ROWS
+from iprt.footage.window_environment import outside_radiance
 from iprt.geometry.equirect import solid_angles
 
 ROWS, COLUMNS = OUTSIDE_ROWS, 2 * OUTSIDE_ROWS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.footage.window_environment import OUTSIDE_ROWS
+from iprt.footage.sky import OUTSIDE_ROWS
 from iprt.geometry.camera import View
 from iprt.trace.voxels import PrefilteredArgs, PrefilteredPanorama, SurroundingsArgs
 from tests.kernels.wrap import evaluate

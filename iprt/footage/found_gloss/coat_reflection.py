@@ -15,7 +15,8 @@ from iprt.footage.cell_planes import CellPlane
 from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.frame import Frame
 from iprt.footage.ray_arcs import RayArcs
-from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.footage.sky import OUTSIDE_ROWS
+from iprt.footage.window_environment import outside_radiance
 from iprt.geometry.coat import fresnel_dielectric, visible_normals
 from iprt.geometry.equirect import cell_towards
 

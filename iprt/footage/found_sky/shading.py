@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from iprt.footage.albedo_segments import points_of_segments, segments, spread_cells, well_seen
 from iprt.footage.cell_rays import leaves
 from iprt.footage.cells import Cells, Float, cell_means
+from iprt.footage.found_sun.receivers import spoilt
 from iprt.footage.frame import Frame
 from iprt.footage.received_light import RoomLight, finer
-from iprt.footage.sky import node_weights
-from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance, seen_share
+from iprt.footage.sky import OUTSIDE_ROWS, node_weights
+from iprt.footage.window_environment import outside_radiance, seen_share
 from iprt.geometry.camera import View
 
 RECEIVER_ROWS = 128
@@ -103,10 +104,7 @@ def _receivers(
     if frame.gloss is not None:
         glossy = cell_means(frame.gloss > 0, cells.rows).ravel() > 0.0
         usable &= ~glossy | (diffuse < 1.0).any(axis=-1)
-    if frame.clipped is not None:
-        clipped = np.zeros(frame.depth.shape, bool)
-        clipped.ravel()[frame.clipped.texel] = True
-        usable &= cell_means(clipped, cells.rows).ravel() == 0.0
+    usable &= cell_means(spoilt(frame), cells.rows).ravel() == 0.0
     if sun is not None:
         usable &= ~_sunlit(cells, room.occluders, sun)
     return color * diffuse, usable

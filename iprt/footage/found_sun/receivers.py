@@ -58,7 +58,7 @@ class Receivers:
         """Build them from a frame and its cells."""
         color = cell_means(frame.radiance, cells.rows).reshape(-1, 3)
         usable = well_seen(cells) & (color.min(-1) > DARK * np.median(color))
-        usable &= cell_means(_spoilt(frame), cells.rows).ravel() == 0.0
+        usable &= cell_means(spoilt(frame), cells.rows).ravel() == 0.0
         start = cells.point + LIFT * cells.depth[:, None] * cells.normal
         return cls(cells, occluders, start, color, usable, steps)
 
@@ -99,7 +99,7 @@ class Receivers:
         return np.asarray(both / np.sqrt(np.maximum(own * other, 1e-20)))
 
 
-def _spoilt(frame: Frame) -> NDArray[np.bool_]:
+def spoilt(frame: Frame) -> NDArray[np.bool_]:
     """Return texels (H, W) whose picture is no diffuse radiance: mirrors, and clipped lights."""
     metals = [i + 1 for i, one in enumerate(frame.real_materials) if one.kind != "plastic"]
     none = np.zeros(frame.depth.shape, bool)

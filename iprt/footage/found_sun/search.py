@@ -33,7 +33,7 @@ APART = np.deg2rad(25.0)
 LIKELY, MIN_LEAD = 0.25, 1.2
 """Least correlation in coarse cells, and least quotient of it and the next other peak's."""
 MIN_CORRELATION, MIN_OF_DISC = 0.33, 0.2
-"""Least correlation of a sun in fine cells, and of one whose disc is in sight."""
+"""Least correlation of a sun in fine cells, and of one with a visible disc."""
 
 
 def find_direction(frame: Frame, shown: Geometry) -> tuple[Float | None, float, str]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from iprt.device.block import Block, Float4, Float4s, Float32, Floats, Int32, when
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
-from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance
+from iprt.footage.sky import OUTSIDE_ROWS
+from iprt.footage.window_environment import outside_radiance
 from iprt.passes import Clock, Pass, Schedule
 from iprt.world.real.background import Background, BackgroundArgs
 from iprt.world.real.changed_surfaces import ChangedSurfaces, changed_tiles, span_of

@@ -50,7 +50,7 @@ def test_what_is_extrapolated_well_stays() -> None:
     "high", [(0.6, 1.0, 1.6), (4.0, 4.0, 4.0), (3.0, 5.0, 9.0), (0.2, 0.2, 0.2)]
 )
 def test_the_light_of_a_sky_is_found(high: tuple[float, float, float]) -> None:
-    """It differs from the extrapolation above 25 degrees."""
+    """The sky differs from the extrapolation above 25 degrees."""
     gain = np.where(NODE[:, 1:2] > 0.42, np.array(high), 1.0)
     made = shading(gain)
     before = error(made, np.ones_like(gain), gain)
@@ -65,7 +65,7 @@ def test_where_windows_show_the_sky_nothing_changes() -> None:
     shown = (NODE @ AHEAD > 0.9) & (np.abs(NODE[:, 1]) < 0.3)
     np.testing.assert_allclose(found[shown], 1.0, atol=0.3)
     away = NODE @ AHEAD < -0.9
-    # No point is lit from behind; only the correlation with what is seen reaches there.
+    # No point is lit from behind: only the prior's correlation reaches there.
     assert np.abs(np.log(found[away])).max() < np.abs(np.log(found)).max()
 
 

@@ -12,7 +12,8 @@ from iprt.footage.found_sky.search import find_sky
 from iprt.footage.found_sky.shading import Shading
 from iprt.footage.frame import Frame
 from iprt.footage.received_light import RoomLight
-from iprt.footage.window_environment import OUTSIDE_ROWS, outside_radiance, seen_share
+from iprt.footage.sky import AZIMUTHS, ELEVATIONS_DEG, OUTSIDE_ROWS
+from iprt.footage.window_environment import outside_radiance, seen_share
 from iprt.scene.scene import Scene
 from scenes360 import textures
 from scenes360.room.plan import SEED, SUN
@@ -30,7 +31,7 @@ def surfaces(frame: Frame) -> RoomLight:
 
 
 def test_the_hue_of_a_path_traced_rooms_sky_is_found(room: Frame) -> None:
-    """Its zenith is bluer than what the windows show; the extrapolation does not know."""
+    """Its zenith is bluer than the horizon in the windows, which is extrapolated."""
     assert room.sun is not None
     sky = find_sky(room, surfaces(room), room.sun.direction)
     assert sky is not None
@@ -56,13 +57,28 @@ def test_the_hue_of_a_path_traced_rooms_sky_is_found(room: Frame) -> None:
 
 
 def test_shading_is_an_integral_of_the_environment(room: Frame) -> None:
-    """All nodes together give the light through windows, and nothing is lit by what is behind."""
+    """No part is negative, and the ground straight below lights next to nothing."""
     made = Shading.of(room, surfaces(room), None)
     assert made is not None
     assert (made.unseen >= 0.0).all()
     assert (made.known > 0.0).all()
     below = made.unseen[:, :12].sum() / made.unseen.sum()
     assert below < 0.05
+
+
+def test_nodes_stay_in_the_world_when_the_camera_turns(room: Frame) -> None:
+    """The pose takes the middle of the picture to -X, three nodes to the left."""
+    still = Shading.of(room, surfaces(room), None)
+    pose = np.eye(4)
+    pose[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    turned = Shading.of(room.recolored(pose=pose), surfaces(room), None)
+    assert still is not None
+    assert turned is not None
+    here, there = (
+        made.unseen.reshape(-1, len(ELEVATIONS_DEG), AZIMUTHS, 3) for made in (still, turned)
+    )
+    np.testing.assert_allclose(np.roll(there, 3, axis=2), here, atol=1e-9)
+    np.testing.assert_allclose(turned.shown, still.shown @ pose[:3, :3].T, atol=1e-12)
 
 
 def test_there_is_none_without_windows(room: Frame) -> None:
