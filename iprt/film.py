@@ -17,7 +17,8 @@ from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.memory import RenderPlan, require_memory
 from iprt.renderer import RenderedFrame, Renderer
-from iprt.scene.scene import Scene, SceneView
+from iprt.scene.scene import Scene
+from iprt.scene.scene_view import SceneView
 from iprt.settings.model import Settings
 
 LEAVING_S = 5.0

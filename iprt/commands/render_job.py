@@ -10,7 +10,8 @@ from iprt.device.profile import SAMPLED_S
 from iprt.film import Film, view_at
 from iprt.geometry.camera import View
 from iprt.output.metadata import picture_metadata
-from iprt.scene.scene import Scene, SceneView
+from iprt.scene.scene import Scene
+from iprt.scene.scene_view import SceneView
 from iprt.settings.model import Settings
 
 

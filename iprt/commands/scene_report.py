@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from iprt.commands.findings import Findings
     from iprt.device.compute import ComputeDevice
     from iprt.footage.frame import Frame
-    from iprt.scene.report import ObjectReport, RealMaterialReport, SceneReport, Share
+    from iprt.scene.light_report import Share
+    from iprt.scene.report import ObjectReport, SceneReport
     from iprt.scene.scene import Scene
 
 
@@ -102,14 +103,7 @@ def report_lines(report: SceneReport) -> list[str]:
     ]
     if report.clipped is not None:
         lines.append(f"clipped    {report.clipped.line()}")
-    if report.sun is not None:
-        lines.append(f"sun        {report.sun.line()}")
-    if report.no_sun:
-        lines.append(f"no sun     {report.no_sun}")
-    if report.sky is not None:
-        lines.append(f"sky        {report.sky.line()}")
-    lines += [_real_material_line(entry) for entry in report.real_materials]
-    lines += [f"diffuse    {doubt.line()}" for doubt in report.diffuse]
+    lines += [f"{label:<10} {words}" for label, words in report.lines()]
     lines += [line for entry in report.objects for line in _object_lines(entry)]
     for name, view in report.views.items():
         shown = ", ".join(view["objects"]) or "no objects"
@@ -122,22 +116,8 @@ def report_lines(report: SceneReport) -> list[str]:
     return lines
 
 
-def _real_material_line(entry: RealMaterialReport) -> str:
-    """Return a material as a line of text."""
-    warned = "".join(f"; warning: {phrase}" for phrase in entry.warnings())
-    found = f"; {entry.evidence.line()}" if entry.evidence is not None else ""
-    return (
-        f"glossy     {entry.name}: {entry.kind}, alpha {entry.alpha:g}; "
-        f"{_share(entry.share)}{found}{warned}"
-    )
-
-
 def _share_line(label: str, share: Share) -> str:
-    return f"{label:<10} {_share(share)}"
-
-
-def _share(share: Share) -> str:
-    return f"{100 * share.area:.2f}% of all directions, {100 * share.flux:.1f}% of all light"
+    return f"{label:<10} {share.line()}"
 
 
 def _object_lines(entry: ObjectReport) -> list[str]:

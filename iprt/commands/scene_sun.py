@@ -56,9 +56,8 @@ def sun(
 
 
 def _record(found: Sun) -> dict[str, Any]:
-    """Return the keys of `[video.sun]`, rounded to their accuracy."""
-    return {
-        "direction": [round(part, 4) for part in found.direction.tolist()],
-        "irradiance": [float(f"{part:.3g}") for part in found.irradiance],
-        "angle_deg": found.angle_deg,
-    }
+    """Return the keys of `[video.sun]`."""
+    from iprt.scene.light_edits import sun_table
+
+    direction = found.direction.tolist()
+    return sun_table(direction, found.irradiance, found.angle_deg).model_dump()

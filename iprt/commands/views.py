@@ -10,7 +10,8 @@ from iprt.errors import IprtError
 if TYPE_CHECKING:
     from iprt.geometry.camera import View
     from iprt.geometry.mesh import Instance
-    from iprt.scene.scene import Scene, SceneView
+    from iprt.scene.scene import Scene
+    from iprt.scene.scene_view import SceneView
 
 MAX_SIZE = 16384
 DEFAULT_SIZE = (1024, 1024)

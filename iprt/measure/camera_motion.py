@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from iprt.footage.frame import Frame
     from iprt.geometry.mesh import Instance
     from iprt.renderer import Renderer
-    from iprt.scene.scene import Scene, SceneView
+    from iprt.scene.scene import Scene
+    from iprt.scene.scene_view import SceneView
 
 TURN_DEG = 0.2
 """Yaw in degrees per frame: 12 degrees per second at 60 frames per second, a slow look around."""

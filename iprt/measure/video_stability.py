@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from iprt.device.compute import ComputeDevice
     from iprt.measure.view_truth import Background
     from iprt.renderer import RenderedFrame
-    from iprt.scene.scene import Scene, SceneView
+    from iprt.scene.scene import Scene
+    from iprt.scene.scene_view import SceneView
 
 SHOWN = ("background", "coverage", "ratio", "gloss", "motion")
 CONVERGED = ("coverage", "depth", "ratio")

@@ -1,4 +1,4 @@
-"""Edits of a scene's objects, and writing them to `scene.toml`.
+"""Edits of a scene's objects, and writing all edits to `scene.toml`.
 
 Comments, order and everything else in the file stay unchanged.
 """
@@ -20,6 +20,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
 from iprt.geometry.mesh_files import MeshFile
+from iprt.scene.light_edits import UNEDITED, LightEdit, write_light
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     DiffuseTable,
@@ -144,6 +145,7 @@ def save_edits(
     scene: Scene,
     edits: Iterable[ObjectEdit],
     *,
+    light: LightEdit = UNEDITED,
     base: str | None = None,
     look: Look | None = None,
 ) -> dict[str, Path]:
@@ -155,6 +157,8 @@ def save_edits(
 
     Parameters
     ----------
+    light : LightEdit
+        Edits of light and reflections.
     base : str or None
         Text that the edits apply to; None for the file's current text.
 
@@ -169,16 +173,21 @@ def save_edits(
         The edits cannot be saved; nothing has been written.
     """
     with changing(scene.root):
-        return _save(scene, edits, base, look)
+        return _save(scene, edits, light, base, look)
 
 
 def _save(
-    scene: Scene, edits: Iterable[ObjectEdit], base: str | None, look: Look | None
+    scene: Scene,
+    edits: Iterable[ObjectEdit],
+    light: LightEdit,
+    base: str | None,
+    look: Look | None,
 ) -> dict[str, Path]:
     path = scene.root / MANIFEST_NAME
     before = manifest_text(path)
     parse_manifest(before, str(path))  # it may have changed since it was read
     document = tomlkit.parse(before if base is None else base)
+    write_light(document, light)
     tables = {str(table["name"]): table for table in document.get("objects", ())}
     edits = [edit for edit in edits if edit != ObjectEdit(edit.name)]
     outdate_truths(document, [e.name for e in edits if e.name in tables or not e.removed])

@@ -20,25 +20,14 @@ from iprt.footage.prepare.openings import holes_of
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
-from iprt.footage.real_material import Doubt, Evidence
-from iprt.footage.sky import Sky
-from iprt.footage.sun import Sun
 from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.tracks import depth_code
-from iprt.geometry.equirect import solid_angles
 from iprt.geometry.mesh import Instance, transformed
+from iprt.scene.light_report import LightReport, Share, Shares, describe_light
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import RealSurfaces
 from iprt.scene.scene import Scene
-
-
-@dataclass(frozen=True)
-class Share:
-    """Shares of the panorama's solid angle and flux, 0 to 1."""
-
-    area: float
-    flux: float
 
 
 @dataclass(frozen=True)
@@ -60,104 +49,9 @@ class ObjectReport:
 
 
 @dataclass(frozen=True)
-class RealMaterialReport:
-    """Statistics of a glossy real surface.
-
-    They are its share of the first frame, and the evidence for a surface that is not declared.
-    """
-
-    name: str
-    kind: str
-    alpha: float
-    share: Share
-    evidence: Evidence | None
-
-    def warnings(self) -> list[str]:
-        """Return the faults of its region."""
-        if self.share.area > 0.0:
-            return []
-        return ["no texel belongs to it; check its mask, color and plane, and later entries"]
-
-
-@dataclass(frozen=True)
-class SkyReport:
-    """A sky estimated behind windows.
-
-    Attributes
-    ----------
-    factor, deviation : three floats
-        `Sky.mean` and `Sky.deviation`.
-    """
-
-    factor: tuple[float, float, float]
-    deviation: tuple[float, float, float]
-
-    @classmethod
-    def of(cls, sky: Sky | None) -> SkyReport | None:
-        """Describe a scene's sky."""
-        if sky is None:
-            return None
-        (r, g, b), (dr, dg, db) = (part.round(2).tolist() for part in (sky.mean, sky.deviation))
-        return cls((r, g, b), (dr, dg, db))
-
-    def line(self) -> str:
-        """Return a sentence for reports."""
-        factors = ", ".join(
-            f"{factor:g} ± {factor * deviation:.1g}"
-            for factor, deviation in zip(self.factor, self.deviation, strict=True)
-        )
-        return (
-            f"light from above that windows do not show: {factors} times the extrapolated "
-            "(r, g, b), by the room's shading"
-        )
-
-
-@dataclass(frozen=True)
-class SunReport:
-    """A sun, declared or found.
-
-    Attributes
-    ----------
-    azimuth_deg, elevation_deg : float
-        Its direction; azimuth 0 is -Z, and 90 is +X.
-    irradiance : three floats
-        As `Sun.irradiance`.
-    correlation : float or None
-        Evidence of a found one; None if declared.
-    """
-
-    azimuth_deg: float
-    elevation_deg: float
-    irradiance: tuple[float, float, float]
-    correlation: float | None
-
-    @classmethod
-    def of(cls, sun: Sun | None) -> SunReport | None:
-        """Describe a scene's sun."""
-        if sun is None:
-            return None
-        x, y, z = sun.direction.tolist()
-        azimuth, elevation = np.rad2deg([np.arctan2(x, -z), np.arcsin(y)]).round(1).tolist()
-        return cls(azimuth, elevation, sun.irradiance, sun.correlation)
-
-    def line(self) -> str:
-        """Return a sentence for reports."""
-        red, green, blue = self.irradiance
-        known = "declared"
-        if self.correlation is not None:
-            known = f"found by its patches, with a correlation of {self.correlation:.2f}"
-        return (
-            f"{self.elevation_deg:.1f} degrees high, at azimuth {self.azimuth_deg:.1f}; "
-            f"irradiance {red:.3g} {green:.3g} {blue:.3g}; {known}"
-        )
-
-
-@dataclass(frozen=True)
-class SceneReport:
+class SceneReport(LightReport):
     """Statistics of a scene; depth percentiles in metres.
 
-    `no_sun` tells why a sun that was looked for was not found, and `diffuse` which
-    planes are not believed to be glossy.
     `depth_unit` describes the encoding of depth. `unlikely` lists doubtful facts about depth and
     normals, a phrase each.
     """
@@ -178,12 +72,7 @@ class SceneReport:
     open_sky: Share
     dropouts: Share
     clipped: Recovered | None
-    sun: SunReport | None
-    sky: SkyReport | None
-    no_sun: str
-    diffuse: tuple[Doubt, ...]
     normals: str
-    real_materials: tuple[RealMaterialReport, ...]
     objects: tuple[ObjectReport, ...]
     views: dict[str, dict[str, Any]]
 
@@ -206,19 +95,11 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
     measured = np.isfinite(raw.depth) & (raw.depth > 0.0)
     picture = frame.picture
     holes = holes_of(raw.depth, measured, picture)
-    weight = np.broadcast_to(solid_angles(frame.width, frame.height)[:, None], measured.shape)
-    flux = weight * frame.radiance.mean(axis=-1)
-
-    def share(mask: Any) -> Share:
-        total = float(flux.sum())
-        return Share(
-            float(weight[mask].sum() / weight.sum()),
-            float(flux[mask].sum()) / total if total > 0.0 else 0.0,
-        )
-
+    shares = Shares.of(frame)
     surfaces = RealSurfaces(frame)
     place = surroundings_of(scene, raw)
     return SceneReport(
+        **vars(describe_light(scene, frame, shares)),
         name=scene.name,
         width=frame.width,
         height=frame.height,
@@ -230,26 +111,12 @@ def describe_scene(scene: Scene, frame: Frame, raw: RawFrame) -> SceneReport:
         unlikely=tuple(unlikely(scene, raw, place)),
         depth_percentiles=_percentiles(raw.depth[measured], (1, 50, 99)),
         radiance_percentiles=_percentiles(picture, (1, 50, 99, 100)),
-        holes=share(~measured),
-        openings=share(holes.opening),
-        open_sky=share(holes.open_sky),
-        dropouts=share(holes.dropout),
+        holes=shares.within(~measured),
+        openings=shares.within(holes.opening),
+        open_sky=shares.within(holes.open_sky),
+        dropouts=shares.within(holes.dropout),
         clipped=Recovered.of(frame, scene.source.white),
-        sun=SunReport.of(scene.sun),
-        no_sun=scene.outside_light.doubt,
-        diffuse=scene.searched_gloss.doubts if scene.manifest.video.gloss == "auto" else (),
-        sky=SkyReport.of(scene.sky),
         normals="fitted to the depth" if raw.normal is None else "given",
-        real_materials=tuple(
-            RealMaterialReport(
-                table.name,
-                "mirror" if table.material.is_mirror else table.material.kind,
-                table.material.alpha,
-                share(frame.gloss == index + 1),
-                table.evidence,
-            )
-            for index, table in enumerate(scene.real_materials)
-        ),
         objects=tuple(
             _describe_object(instance, entry, surfaces)
             for instance, entry in zip(scene.instances, scene.objects, strict=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from iprt.errors import SceneError
 from iprt.files.safe_reading import anywhere, is_file, require_inside
 from iprt.files.toml_tables import problems_error
+from iprt.footage.daylight import Daylight
 from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.frame import Frame
 from iprt.footage.outside_light import OutsideLight, SunChoice
@@ -23,63 +23,14 @@ from iprt.footage.sky import Sky
 from iprt.footage.sun import Sun
 from iprt.footage.video.source import FrameSource
 from iprt.footage.video.stream import Ahead
-from iprt.geometry.camera import View
-from iprt.geometry.keyframes import ViewMotion
 from iprt.geometry.mesh import Instance
 from iprt.scene.found_light import found_light, sun_patches
-from iprt.scene.manifest import (
-    MANIFEST_NAME,
-    Manifest,
-    ViewTable,
-    read_manifest,
-)
+from iprt.scene.light_edits import LightEdit
+from iprt.scene.manifest import MANIFEST_NAME, Manifest, read_manifest
 from iprt.scene.objects import SceneObject, load_objects, objects_at
 from iprt.scene.real_materials import declared_materials, searched_gloss
 from iprt.scene.scene_files import input_files, missing_files
-
-
-@dataclass(frozen=True)
-class SceneView:
-    """A view of the scene with its ground truth.
-
-    Attributes
-    ----------
-    objects : tuple of str
-        Names of the shown objects.
-    truth, truth_background, truth_mask : Path or None
-        Path-traced pictures with and without the objects, and the objects' coverage. Absolute, with
-        an optional printf pattern for the frame's number (`frame_path`).
-    cuts : tuple of (x0, y0, x1, y1)
-        Crops in pixels.
-    motion : ViewMotion or None
-        The view over time; None if it is static. `view` is the view at time 0.
-    truth_outdated : bool
-        Objects in the view have been edited since the truth was made.
-    """
-
-    name: str
-    view: View
-    objects: tuple[str, ...]
-    truth: Path | None
-    truth_background: Path | None
-    truth_mask: Path | None
-    cuts: tuple[tuple[int, int, int, int], ...]
-    motion: ViewMotion | None = None
-    truth_outdated: bool = False
-
-    @property
-    def truth_warning(self) -> str | None:
-        """Reason not to trust comparisons with the truth, or None."""
-        if self.truth is None or not self.truth_outdated:
-            return None
-        return (
-            f"views.{self.name}.truth: objects have been edited since it was made; make it again, "
-            "then remove truth_outdated"
-        )
-
-    def at(self, time_s: float) -> View:
-        """Return the view at a time in seconds (`Scene.time_of`)."""
-        return self.view if self.motion is None else self.motion.at(time_s)
+from iprt.scene.scene_view import scene_view
 
 
 class Scene:
@@ -105,7 +56,7 @@ class Scene:
         self.source = FrameSource(root, manifest.video, self.within)
         self.raw_frames = RawFrames(self.source)
         names = tuple(table.name for table in manifest.objects)
-        self.views = {table.name: _scene_view(root, table, names) for table in manifest.views}
+        self.views = {table.name: scene_view(root, table, names) for table in manifest.views}
 
     @classmethod
     def open(cls, path: Path, *, allow_outside: bool = False, strict: bool = False) -> Scene:
@@ -173,7 +124,13 @@ class Scene:
         return self.raw_frames.read(chosen)
 
     def stream(
-        self, indices: Iterable[int], *, strict: bool = False, drift: bool = True, ahead: int = 2
+        self,
+        indices: Iterable[int],
+        *,
+        strict: bool = False,
+        drift: bool = True,
+        daylight: bool = True,
+        ahead: int = 2,
     ) -> Ahead[Frame]:
         """Stream frames of the video, decoded and sanitised ahead on a thread, in the given order.
 
@@ -189,6 +146,8 @@ class Scene:
             Treat an unreadable frame as an error.
         drift : bool
             Estimate the frames' `color_map` (`Drift`).
+        daylight : bool
+            Apply the scene's `daylight`.
         ahead : int
             Largest number of frames that are ready in advance.
 
@@ -207,18 +166,12 @@ class Scene:
             indices = list(indices)
             self._require_frames(indices)
         raws = steady_frames(self.raw_frames, indices, strict=strict)
-        return Ahead(self.preparation(drift=drift).frames(raws), ahead)
+        return Ahead(self.preparation(drift=drift, daylight=daylight).frames(raws), ahead)
 
-    def preparation(self, *, drift: bool = True) -> Preparation:
+    def preparation(self, *, drift: bool = True, daylight: bool = True) -> Preparation:
         """Return new stages from raw frames to frames, for one pass over the video."""
-        return Preparation(
-            self.source.white,
-            self.real_materials,
-            drift=drift,
-            sun=self.sun,
-            patches=self.sun_patches,
-            sky=self.sky,
-        )
+        light = self.daylight if daylight else None
+        return Preparation(self.source.white, self.real_materials, drift=drift, daylight=light)
 
     @property
     def clips(self) -> bool:
@@ -270,6 +223,20 @@ class Scene:
     def found_light(self) -> OutsideLight:
         """The light that is found whatever `sun` is."""
         return self._found_light("auto")
+
+    @property
+    def daylight(self) -> Daylight:
+        """The light from outside, with what follows it over the video."""
+        return Daylight(self.sun, self.sun_patches, self.sky)
+
+    def relit(self, edit: LightEdit) -> Scene:
+        """Return the scene with edited light; it shares results that the edit does not change."""
+        video = edit.applied(self.manifest.video)
+        manifest = self.manifest.model_copy(update={"video": video})
+        other = Scene(self.root, manifest, self.within)
+        shared = ("declared_materials", "searched_gloss")
+        vars(other).update((name, vars(self)[name]) for name in shared if name in vars(self))
+        return other
 
     @cached_property
     def sun_patches(self) -> SunPatches | None:
@@ -378,21 +345,3 @@ class Scene:
                 raise SceneError(
                     f"{path}: belongs to the scene and is not overwritten; name another"
                 )
-
-
-def _scene_view(root: Path, table: ViewTable, all_objects: tuple[str, ...]) -> SceneView:
-    def absolute(name: str | None) -> Path | None:
-        return None if name is None else root / name
-
-    motion = ViewMotion.of(table.view, table.keyframes) if table.keyframes else None
-    return SceneView(
-        name=table.name,
-        view=table.view if motion is None else motion.at(0.0),
-        objects=all_objects if table.objects is None else tuple(table.objects),
-        truth=absolute(table.truth),
-        truth_background=absolute(table.truth_background),
-        truth_mask=absolute(table.truth_mask),
-        truth_outdated=table.truth_outdated,
-        cuts=tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in table.cuts),
-        motion=motion,
-    )

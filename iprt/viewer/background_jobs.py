@@ -48,7 +48,7 @@ class BackgroundJobs:
         Parameters
         ----------
         what : str
-            Name of the loaded thing, for messages.
+            What it does, as "loading room", for messages.
         job : callable
             Runs on the thread; its result is called by `collect`.
         failed : callable

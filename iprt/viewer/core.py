@@ -10,26 +10,24 @@ from dataclasses import replace
 from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
-from iprt.film import footage_of
-from iprt.footage.frame import Frame
-from iprt.footage.properties import Footage
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.mesh_pose import MeshPose
-from iprt.scene.object_edits import ObjectEdit, edited_objects, flat
-from iprt.scene.objects import SceneObject, objects_at
+from iprt.scene.object_edits import ObjectEdit, flat
+from iprt.scene.objects import SceneObject
 from iprt.scene.placement import RealSurfaces, set_down
 from iprt.scene.scene import Scene
-from iprt.settings.model import Settings
 from iprt.viewer.accumulating_renderer import Stage
 from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.compiling import Compiling
-from iprt.viewer.object_states import ObjectState, object_states
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.picture_job import PictureJob
 from iprt.viewer.plain_video import plain_video
-from iprt.viewer.scene_files import POLL_S, Loaded, SceneFiles
+from iprt.viewer.scene_files import POLL_S, SceneFiles
+from iprt.viewer.scene_light import SceneLight
 from iprt.viewer.session import AbandonedError, Session
-from iprt.viewer.shared_state import NumberedRequest, SharedState, Snapshot
-from iprt.viewer.state import Doing, Status, World
+from iprt.viewer.shared_state import NumberedRequest, SharedState
+from iprt.viewer.staging import Staging
+from iprt.viewer.state import Doing, Status
 from iprt.viewer.video_player import VideoPlayer
 from iprt.world.shared import Worlds
 
@@ -57,8 +55,10 @@ class Core:
 
     Attributes
     ----------
-    objects : tuple of ObjectState
-        Objects of the newest stage; readable from any thread.
+    jobs : BackgroundJobs
+    files : SceneFiles
+    video : VideoPlayer
+    light : SceneLight
     """
 
     def __init__(
@@ -90,11 +90,8 @@ class Core:
             allow_outside=allow_outside,
         )
         self.video = VideoPlayer(shared, self._problems, clock)
-        self._settled = 0  # number of the last change that is loaded completely
-        self._objects: tuple[Objects, tuple[ObjectEdit, ...], Objects] | None = None
-        self._footage: tuple[Loaded, Settings, Footage] | None = None
-        self._stage: Stage | None = None
-        self.objects: tuple[ObjectState, ...] = ()
+        self.light = SceneLight(self.jobs, self._problems, clock)
+        self._staging = Staging(self.files, self.light, self.video)
         self._sessions: dict[int, Session] = {}
         self._failed: dict[int, tuple[Stage, NumberedRequest]] = {}
         self._turns: dict[int, int] = {}
@@ -123,7 +120,7 @@ class Core:
             self._sessions.pop(client).close()
             self._problems.pop(f"client {client}", None)
             self._failed.pop(client, None)
-        stage = self._staged(wanted)
+        stage = self._staging.follow(wanted, shown=self._all_see_the_frame(wanted.requests))
         chosen = None if stage is None else self._most_urgent(stage, wanted.requests)
         if stage is None or chosen is None:
             missing = stage is None and not self._problems
@@ -262,6 +259,8 @@ class Core:
 
     def _report(self, doing: Doing) -> None:
         compiling, what = self._compiling, ""
+        if doing == "rendering" and self.jobs.running:
+            doing = "loading"  # pictures are seen to be rendered
         if doing == "compiling":
             what = compiling.file or ""
         elif doing == "loading":
@@ -272,67 +271,20 @@ class Core:
 
     # The world --------------------------------------------------------------------------------
 
-    def _staged(self, wanted: Snapshot) -> Stage | None:
-        """Return the stage to render, or None before the scene and its frame are loaded."""
-        loaded = self.files.loaded
-        if loaded is None:
-            return None
-        world = wanted.world
-        self.video.follow(loaded, world, shown=self._all_see_the_frame(wanted.requests))
-        frame = self.video.frame
-        if frame is None:
-            return None
-        objects = self._edited(loaded, world)
-        footage = self._footage_of(loaded, frame, world.settings)
-        if self.video.arrived(world.playback):
-            self._settled = wanted.number
-        known = self._stage
-        if known is not None and known.number == self._settled:
-            parts = (known.frame, known.objects, known.footage, known.settings)
-            if all(
-                a is b
-                for a, b in zip(parts, (frame, objects, footage, world.settings), strict=True)
-            ):
-                return known
-        time_s = loaded.scene.time_of(frame.index)
-        instances = objects_at(objects, time_s)
-        self.objects = object_states(objects, instances, time_s, self.objects)
-        self._stage = Stage(
-            self._settled,
-            frame,
-            objects,
-            instances,
-            footage,
-            world.settings,
-            loaded.scene.exposure,
-        )
-        return self._stage
-
     def _all_see_the_frame(self, clients: Iterable[int]) -> bool:
         """Return True if every client, except failed ones, has seen the frame of the video."""
-        stage, failed = self._stage, self._failed
+        stage, failed = self._staging.stage, self._failed
         return stage is not None and all(
             client in failed or (client in self._sessions and self._sessions[client].shows(stage))
             for client in clients
         )
 
-    def _edited(self, loaded: Loaded, world: World) -> Objects:
-        known = self._objects
-        if known is None or known[0] is not loaded.objects or known[1] != world.edits:
-            edited = edited_objects(loaded.objects, world.edits)
-            self._objects = known = (loaded.objects, world.edits, edited)
-        return known[2]
-
-    def _footage_of(self, loaded: Loaded, frame: Frame, settings: Settings) -> Footage:
-        """Return the video's footage, based on the first frame that was shown."""
-        known = self._footage
-        if known is None or known[0] is not loaded or known[1] != settings:
-            several = len(loaded.scene.frame_indices) > 1
-            footage = footage_of(loaded.scene, frame, settings) if several else Footage.of(frame)
-            self._footage = known = (loaded, settings, footage)
-        return known[2]
-
     # What else is read and written beside -----------------------------------------------------
+
+    @property
+    def objects(self) -> tuple[ObjectState, ...]:
+        """Objects of the newest stage; readable from any thread."""
+        return self._staging.objects
 
     @property
     def scene(self) -> Scene | None:
@@ -372,7 +324,7 @@ class Core:
 
             return finish
 
-        self.jobs.start(str(path), job, self._report_mesh)
+        self.jobs.start(f"loading {path}", job, self._report_mesh)
 
     def _report_mesh(self, problem: str) -> None:
         self._problems["mesh"], self._noted_s = problem, self._clock()

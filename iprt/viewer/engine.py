@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
+from iprt.footage.sun import Sun
+from iprt.footage.video.video_table import VideoTable
 from iprt.geometry.material import Material
 from iprt.measure.tradeoff import Tradeoff, shipped
+from iprt.scene.light_edits import LightEdit
 from iprt.scene.manifest_writing import free_name
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import Look, ObjectEdit, flat, require_place
@@ -246,6 +249,37 @@ class Engine:
         """Remove an object."""
         return self._shared.edit(name, lambda edit: replace(edit, removed=True))
 
+    # Its light --------------------------------------------------------------------------------
+
+    @property
+    def video(self) -> VideoTable:
+        """The table `[video]` of scene.toml with the edits of light."""
+        return self.world.light.applied(self._own_video)
+
+    @property
+    def _own_video(self) -> VideoTable:
+        loaded = self._core.files.loaded
+        return (self._scene if loaded is None else loaded.origin).manifest.video
+
+    @property
+    def sun(self) -> Sun | None:
+        """The sun with all edits; until one that is looked for is found, the one before it."""
+        lit = self._core.light.lit
+        return None if lit is None else lit.daylight(self.video).sun
+
+    @property
+    def light_lines(self) -> list[tuple[str, str]]:
+        """Labels and sentences about light and reflections, as in `iprt scene info`."""
+        return self._core.light.lines(self.video)
+
+    def set_light(self, edit: LightEdit) -> int:
+        """Change the given keys of `[video]`."""
+        own = self._own_video
+        parts = {k: None if v == getattr(own, k) else v for k, v in edit.parts.items()}
+        return self._shared.relight(lambda light: replace(light, **parts))
+
+    # All edits --------------------------------------------------------------------------------
+
     def undo(self) -> int:
         """Undo the last edit, or the last whole gesture.
 
@@ -269,7 +303,7 @@ class Engine:
 
     @property
     def unsaved(self) -> tuple[str, ...]:
-        """Names of the objects that differ from the scene's file."""
+        """Names of the objects, and keys of `[video]`, that differ from the scene's file."""
         return self.world.unsaved
 
     def add(

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from iprt.scene.light_edits import LightEdit
 from iprt.scene.object_edits import ObjectEdit
 
-Edits = tuple[ObjectEdit, ...]
 Changed = frozenset[tuple[str, str]]
 
 GESTURE_S = 0.5
 """Longest interval in seconds between changes of one gesture, which are undone together."""
 MOST_STEPS = 256
+
+
+@dataclass(frozen=True)
+class Edits:
+    """All edits at one time."""
+
+    objects: tuple[ObjectEdit, ...]
+    light: LightEdit
 
 
 class History:
@@ -59,12 +69,13 @@ class History:
 
 
 def _changed(before: Edits, after: Edits) -> Changed:
-    """Return the names of the objects with the changed parts of their edits."""
-    old, new = ({edit.name: edit for edit in edits} for edits in (before, after))
-    return frozenset(
+    """Return the names of the objects with the changed parts of their edits, and those of light."""
+    old, new = ({edit.name: edit for edit in edits.objects} for edits in (before, after))
+    objects = [
         (name, part)
         for name in old.keys() | new.keys()
         for part in ("to_world", "material", "path", "removed")
         if getattr(old.get(name, ObjectEdit(name)), part)
         != getattr(new.get(name, ObjectEdit(name)), part)
-    )
+    ]
+    return frozenset([*objects, *(("", part) for part in before.light.differing(after.light))])

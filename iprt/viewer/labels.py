@@ -65,6 +65,14 @@ PLAYBACK: Mapping[PlaybackMode, Label] = {
     ),
 }
 
+BY_HAND = "by hand"
+"""Name in place of a word of scene.toml for a sun with numbers of its own."""
+SUNS: Mapping[str, Label] = {
+    "auto": Label("As found", "The sun whose patches of light are found in the first frame."),
+    "none": Label("None", "No sun but what the panorama shows."),
+    BY_HAND: Label("Set by hand", "The sun of the numbers below, or of the arrow."),
+}
+
 PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
     "selected": Label("Selected", "Or click one in the picture. Shift+click puts it there."),
@@ -95,11 +103,34 @@ PARTS: Mapping[str, Label] = {
     "align": Label(
         "Align to surface", "The object tilts with the surface. Otherwise it is upright."
     ),
+    "gloss": Label(
+        "Find reflections",
+        "Glossy real surfaces are looked for in the video. Otherwise only those that scene.toml "
+        "declares reflect objects.",
+    ),
+    "sky": Label(
+        "Estimate the sky",
+        "The sky that windows do not show is estimated from the shading of the room. Otherwise it "
+        "is extrapolated.",
+    ),
+    "sun": Label("Sun", "The sun that lights objects and casts their shadows."),
+    "arrow": Label(
+        "Show arrow", "It points along the sun's light. Drag the rings about it to turn the sun."
+    ),
+    "sun_yaw": Label("Yaw", "Direction of the sun, to the right; 0 is -Z, and 90 is +X."),
+    "sun_pitch": Label("Pitch", "Height of the sun above the horizon."),
+    "irradiance": Label(
+        "Irradiance",
+        "Of a surface that faces the sun, in the panorama's unit of radiance times sr; of the "
+        "strongest of red, green and blue.",
+    ),
+    "sun_color": Label("Color", ""),
+    "angle_deg": Label("Diameter", "Apparent diameter of the sun. A large one has soft shadows."),
     "add": Label("Add mesh", "A .glb, .gltf, .obj, .ply or .stl file, set down on a surface."),
     "remove": Label("Remove", "Removes the selected object. Undo brings it back."),
-    "undo": Label("Undo", "Undoes the last change to an object."),
-    "redo": Label("Redo", "Redoes the last undone change."),
-    "save": Label("Save", "Writes the objects to scene.toml. Comments stay."),
+    "undo": Label("Undo", "Undoes the last edit of an object or of the light."),
+    "redo": Label("Redo", "Redoes the last undone edit."),
+    "save": Label("Save", "Writes the edits to scene.toml. Comments stay."),
     "play": Label("Play", "Plays the video, or pauses it."),
     "frame": Label("Frame", "Frame number, as in scene.toml."),
     "loop": Label("Loop", "Starts again at the end."),

@@ -68,4 +68,5 @@ def _needs(world: World, request: Request) -> tuple[object, ...]:
         request.settings or world.settings,
         request.objects,
         [(e.name, how) for e, how in zip(world.edits, made, strict=True) if any(how)],
+        (world.light.gloss, world.light.sun == "none"),
     )

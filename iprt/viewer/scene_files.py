@@ -31,7 +31,7 @@ class Loaded:
     objects : tuple of SceneObject
         Objects without any edits, saved or not.
     origin : Scene
-        The scene from which these objects were read.
+        The scene from which these objects were read, with the light without any edits.
     text : str
         Text of scene.toml at that time.
     problem : str or None
@@ -44,15 +44,6 @@ class Loaded:
     origin: Scene
     text: str
     problem: str | None = None
-
-    def same_video(self, other: Loaded) -> bool:
-        """Return True if both have the same frames."""
-        one, two = self.scene.manifest, other.scene.manifest
-        return self is other or (
-            self.stamp == other.stamp
-            and one.video == two.video
-            and one.real_materials == two.real_materials
-        )
 
 
 class SceneFiles:
@@ -100,7 +91,7 @@ class SceneFiles:
             self._text = loaded.text
             return loaded
 
-        self._read(scene.name, "scene", first)
+        self._read(f"loading {scene.name}", "scene", first)
 
     def poll(self) -> None:
         """Reload if it is time to look and files have changed."""
@@ -134,8 +125,9 @@ class SceneFiles:
             # A file written by others includes earlier saved edits, perhaps changed.
             edits = tuple(e for e in world.edits if ours or e not in world.saved)
             known = [replace(e, path=self._meshes.get(e.name, e.path)) for e in edits]
+            light = world.light if ours else world.light.besides(world.saved_light)
             base = loaded.text if ours else None
-            self._meshes |= save_edits(loaded.origin, known, base=base, look=look)
+            self._meshes |= save_edits(loaded.origin, known, light=light, base=base, look=look)
             now = self._reloaded()
             self._text = now.text
             if not ours:
@@ -143,7 +135,7 @@ class SceneFiles:
             return replace(now, objects=loaded.objects, origin=loaded.origin, text=loaded.text)
 
         def saved() -> None:
-            shared.saved(world.edits)
+            shared.saved(world)
             if not ours:
                 shared.reread()
             done(None)
@@ -159,7 +151,7 @@ class SceneFiles:
             assert self.loaded is not None
             self._text = self.loaded.text
 
-        self._read(str(self._first.root), "scene", self._reloaded, then)
+        self._read(f"loading {self._first.root}", "scene", self._reloaded, then)
 
     def _reloaded(self) -> Loaded:
         stamp = self._watch.look()
@@ -208,7 +200,7 @@ def load(scene: Scene, stamp: Stamp, *, partly: bool = False) -> Loaded:
     assert scene.source.white > 0.0
     try:
         objects = scene.objects
-        assert scene.real_materials is not None
+        assert scene.declared_materials is not None
     except IprtError as error:
         if not partly:
             raise

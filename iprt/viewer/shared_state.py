@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from iprt.scene.light_edits import UNEDITED, LightEdit
 from iprt.scene.object_edits import ObjectEdit
-from iprt.viewer.history import History
+from iprt.viewer.history import Edits, History
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, Status, World
 
@@ -118,26 +119,41 @@ class SharedState:
 
     def edit(self, name: str, edit: Callable[[ObjectEdit], ObjectEdit]) -> int:
         """Change the edit of an object, with undo; return the number of the change."""
+        return self._edit(lambda world: world.edited(edit(world.edit_of(name))))
 
+    def relight(self, edit: Callable[[LightEdit], LightEdit]) -> int:
+        """Change the edit of the light, with undo; return the number of the change."""
+        return self._edit(lambda world: replace(world, light=edit(world.light)))
+
+    def _edit(self, edited: Callable[[World], World]) -> int:
         def change(world: World) -> World:
-            after = world.edited(edit(world.edit_of(name)))
+            after = edited(world)
             if after != world:
-                self.history.add(world.edits, after.edits, self._clock())
+                self.history.add(_edits(world), _edits(after), self._clock())
             return after
 
         return self.change(change)
 
     def undo(self) -> int:
         """Undo the last change of the edits; return the number of the change."""
-        return self.change(lambda world: replace(world, edits=self.history.undo(world.edits)))
+        return self._go(self.history.undo)
 
     def redo(self) -> int:
         """Redo the last undone change; return the number of the change."""
-        return self.change(lambda world: replace(world, edits=self.history.redo(world.edits)))
+        return self._go(self.history.redo)
 
-    def saved(self, edits: tuple[ObjectEdit, ...]) -> int:
-        """Record that the scene's files contain these edits; return the number of the change."""
-        return self.change(lambda world: replace(world, saved=edits))
+    def _go(self, step: Callable[[Edits], Edits]) -> int:
+        def change(world: World) -> World:
+            edits = step(_edits(world))
+            return replace(world, edits=edits.objects, light=edits.light)
+
+        return self.change(change)
+
+    def saved(self, written: World) -> int:
+        """Record that the files contain the edits of a world; return the number of the change."""
+        return self.change(
+            lambda world: replace(world, saved=written.edits, saved_light=written.light)
+        )
 
     def reread(self) -> int:
         """Make the scene's current files the base of the edits; return the number of the change.
@@ -146,11 +162,12 @@ class SharedState:
         """
 
         def change(world: World) -> World:
-            if not world.saved:
+            if not world.saved and not world.saved_light.parts:
                 return world
             self.history.clear()
             edits = tuple(edit for edit in world.edits if edit not in world.saved)
-            return replace(world, edits=edits, saved=())
+            light = world.light.besides(world.saved_light)
+            return replace(world, edits=edits, light=light, saved=(), saved_light=UNEDITED)
 
         return self.change(change)
 
@@ -217,3 +234,7 @@ class SharedState:
     def _stir(self) -> None:
         self._stirred = True
         self._condition.notify_all()
+
+
+def _edits(world: World) -> Edits:
+    return Edits(world.edits, world.light)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from iprt.geometry.camera import View
+from iprt.scene.light_edits import UNEDITED, LightEdit
 from iprt.scene.object_edits import ObjectEdit
 from iprt.settings.model import Settings
 
@@ -90,20 +91,27 @@ class World:
     playback : Playback
     edits : tuple of ObjectEdit
         Differences from the scene's files as first read; at most one per object.
+    light : LightEdit
+        Differences of light and reflections.
     saved : tuple of ObjectEdit
         Edits that the files already contain.
+    saved_light : LightEdit
+        The same of light and reflections.
     """
 
     settings: Settings
     playback: Playback
     edits: tuple[ObjectEdit, ...] = ()
+    light: LightEdit = UNEDITED
     saved: tuple[ObjectEdit, ...] = ()
+    saved_light: LightEdit = UNEDITED
 
     @property
     def unsaved(self) -> tuple[str, ...]:
-        """Names of the objects that differ from the files."""
+        """Names of the objects, and keys of `[video]`, that differ from the files."""
         changed = set(self.edits) ^ set(self.saved)
-        return tuple(dict.fromkeys(e.name for e in (*self.edits, *self.saved) if e in changed))
+        names = dict.fromkeys(e.name for e in (*self.edits, *self.saved) if e in changed)
+        return (*names, *self.light.differing(self.saved_light))
 
     def edit_of(self, name: str) -> ObjectEdit:
         """Return the edit of an object; an empty one by default."""
@@ -129,7 +137,7 @@ class Status:
     ----------
     doing : {"loading", "compiling", "rendering", "waiting", "closed"}
     what : str
-        Kernel in compilation, or thing being loaded; else empty.
+        Kernel in compilation, or what is done in the background; else empty.
     problems : tuple of str
         A line each, until solved.
     notes : tuple of str
@@ -151,5 +159,5 @@ class Status:
         if self.doing == "compiling":
             return f"compiling {self.built} of {self.to_build}"
         if self.doing == "loading":
-            return f"loading {self.what}".rstrip()
+            return self.what or "loading"
         return {"waiting": "ready", "closed": "closed"}.get(self.doing, self.doing)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,20 @@ from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.files.message_text import printable
+from iprt.footage.sun import Sun
+from iprt.geometry.camera import View
 from iprt.geometry.mesh_files import MESH_SUFFIXES
+from iprt.scene.light_edits import LightEdit, sun_table, towards
 from iprt.settings.model import Settings
 from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
+from iprt.viewer.labels import BY_HAND
 from iprt.viewer.object_states import ObjectState
+from iprt.viewer.sun_arrow import ArrowPlace, SunArrow
 from iprt.viewer.viewport import Viewport
+
+FIRST_SUN_DEG = 45.0
+"""Pitch of a sun that is set by hand where there was none."""
 
 
 class UiState(ABC):
@@ -30,8 +38,6 @@ class UiState(ABC):
     ----------
     engine : Engine
     viewport : Viewport
-    selected : str or None
-        Name of the selected object, which may still be loading.
     align : bool
         Align the +Y axis of placed objects with the surface normal.
     displayed : DisplayedFrame or None
@@ -42,7 +48,9 @@ class UiState(ABC):
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self.selected: str | None = None
+        self._selected: str | None = None
+        self._sun_selected = False
+        self._arrow_place = ArrowPlace()
         self.align = False
         self.displayed: DisplayedFrame | None = None
         self._posted: dict[object, Callable[[], object]] = {}
@@ -72,6 +80,75 @@ class UiState(ABC):
     @settings.setter
     def settings(self, settings: Settings) -> None:
         self.engine.set_settings(settings)
+
+    # The selection ----------------------------------------------------------------------------
+
+    @property
+    def selected(self) -> str | None:
+        """Name of the selected object, which may still be loading; setting it deselects the sun."""
+        return self._selected
+
+    @selected.setter
+    def selected(self, name: str | None) -> None:
+        self._selected, self._sun_selected = name, False
+
+    @property
+    def sun_selected(self) -> bool:
+        """True if the sun is selected in place of an object."""
+        return self._sun_selected
+
+    def select_sun(self, on: bool) -> None:
+        """Select the sun, or deselect all."""
+        self._selected, self._sun_selected = None, on
+
+    # The sun ----------------------------------------------------------------------------------
+
+    @property
+    def sun(self) -> Sun:
+        """The sun with all edits; without one, a first sun to set by hand."""
+        sun = self.engine.sun
+        if sun is not None:
+            return sun
+        # A white surface that faces it is displayed as white.
+        bright = float(np.pi / self.engine.scene.exposure)
+        direction = towards(self.viewport.view.yaw_deg, FIRST_SUN_DEG)
+        return Sun(np.array(direction), (bright, bright, bright))
+
+    def choose_sun(self, choice: str) -> None:
+        """Choose one of `iprt.viewer.labels.SUNS`."""
+        if choice == BY_HAND:
+            self.shine()
+        else:
+            self.engine.set_light(LightEdit(sun="auto" if choice == "auto" else "none"))
+
+    def shine(
+        self,
+        *,
+        direction: Sequence[float] | None = None,
+        irradiance: Sequence[float] | None = None,
+        angle_deg: float | None = None,
+    ) -> None:
+        """Set the sun by hand; what is not given stays.
+
+        Raises
+        ------
+        SceneError
+            No scene may have such a sun.
+        """
+        sun = self.sun
+        table = sun_table(
+            sun.direction.tolist() if direction is None else direction,
+            sun.irradiance if irradiance is None else irradiance,
+            sun.angle_deg if angle_deg is None else angle_deg,
+        )
+        self.engine.set_light(LightEdit(sun=table))
+
+    def arrow(self, view: View) -> SunArrow | None:
+        """Return the arrow of the selected sun in a view; None without one."""
+        sun = self.engine.sun
+        if sun is None or not self._sun_selected or view.projection != "perspective":
+            return None
+        return self._arrow_place.arrow(self.viewport.picking, view, self.centre, sun.direction)
 
     # Objects ----------------------------------------------------------------------------------
 

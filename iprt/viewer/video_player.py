@@ -14,7 +14,7 @@ from iprt.errors import IprtError
 from iprt.footage.frame import Frame
 from iprt.footage.video.stream import Ahead
 from iprt.scene.scene import Scene
-from iprt.viewer.scene_files import Loaded
+from iprt.viewer.scene_light import LitScene
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, World
 
@@ -155,7 +155,7 @@ class FrameFeed:
 
     def _opened(self) -> Ahead[Frame]:
         if self._stream is None:
-            self._stream = self.scene.stream(self._indices(), drift=self.drift)
+            self._stream = self.scene.stream(self._indices(), drift=self.drift, daylight=False)
             self._stream.__enter__()
         return self._stream
 
@@ -217,7 +217,9 @@ class VideoPlayer:
     Attributes
     ----------
     frame : Frame or None
-        Frame to show, or None before the first.
+        Frame to show, without light from outside; None before the first.
+    fed : LitScene or None
+        The scene whose frames are read.
     """
 
     def __init__(
@@ -225,7 +227,8 @@ class VideoPlayer:
     ) -> None:
         self._shared, self._problems, self._clock = shared, problems, clock
         self._feed: FrameFeed | None = None
-        self._fed: Loaded | None = None  # the scene of the feed
+        self.fed: LitScene | None = None
+        self._source: LitScene | None = None  # the scene of the frame
         self._unreadable: Playback | None = None  # playback with an unreadable frame
         self._given: Playback | None = None  # playback of the frame
         self.frame: Frame | None = None
@@ -250,18 +253,22 @@ class VideoPlayer:
         """Time at which the ready frame is due, by the clock; None without one."""
         return None if self._feed is None else self._feed.next_due_s
 
-    def follow(self, loaded: Loaded, world: World, *, shown: bool) -> None:
+    def is_of(self, lit: LitScene) -> bool:
+        """Return True if the frame is as in this scene but for the light from outside."""
+        return self._source is not None and self._source.same_frames(lit)
+
+    def follow(self, lit: LitScene, world: World, *, shown: bool) -> None:
         """Advance to the frame that is due.
 
         Parameters
         ----------
-        loaded : Loaded
+        lit : LitScene
         world : World
         shown : bool
             All clients see the current frame.
         """
-        scene, playback = loaded.scene, world.playback
-        feed = self._feed_of(loaded, world)
+        scene, playback = lit.scene, world.playback
+        feed = self._feed_of(lit, world)
         feed.follow(playback, None if self.frame is None else self.frame.index)
         if self._unreadable == playback:
             return
@@ -272,22 +279,21 @@ class VideoPlayer:
             self._unreadable = playback
             return
         if frame is not None:
-            self.frame = frame
+            self.frame, self._source = frame, self.fed
             self._problems.pop("video", None)
         if feed.arrived:
             self._given = playback
         self._stop_at_the_end(scene, playback, shown=shown and frame is None)
 
-    def _feed_of(self, loaded: Loaded, world: World) -> FrameFeed:
-        scene = loaded.scene
-        drift = world.settings.drift and len(scene.frame_indices) > 1
-        feed, fed = self._feed, self._fed
-        if feed is None or fed is None or feed.drift != drift or not fed.same_video(loaded):
+    def _feed_of(self, lit: LitScene, world: World) -> FrameFeed:
+        drift = world.settings.drift and len(lit.scene.frame_indices) > 1
+        feed, fed = self._feed, self.fed
+        if feed is None or fed is None or feed.drift != drift or not fed.same_frames(lit):
             if feed is not None:
                 feed.close()
             wake = self._shared.stir
-            feed = FrameFeed(scene, world.playback, drift=drift, clock=self._clock, wake=wake)
-            self._feed, self._fed, self._unreadable = feed, loaded, None
+            feed = FrameFeed(lit.scene, world.playback, drift=drift, clock=self._clock, wake=wake)
+            self._feed, self.fed, self._unreadable = feed, lit, None
         return feed
 
     def _stop_at_the_end(self, scene: Scene, playback: Playback, *, shown: bool) -> None:

@@ -80,7 +80,7 @@ class Viewport:
         self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
         self._objects, self._frames = objects, frames
         self._lens, self.motion = Lens(), MotionQuality(target_fps, engine.tradeoff, clock)
-        self._edits = engine.world.edits
+        self._edits = engine.world.edits, engine.world.light
         self._developer = PictureDeveloper()
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
@@ -188,8 +188,9 @@ class Viewport:
 
     def _follow(self) -> None:
         """Send a new request after changes by others, and between motion and rest."""
-        if self._engine.world.edits is not self._edits:
-            self._edits = self._engine.world.edits
+        world = self._engine.world
+        if (world.edits, world.light) != self._edits:
+            self._edits = world.edits, world.light
             self._show_added()
             self.motion.stir()
         if self._request() != self._wanted:

@@ -25,7 +25,7 @@ from iprt.measure.stability_report import stability_grid
 from iprt.measure.video_stability import Player, over_background, resized
 from iprt.output.display import display
 from iprt.output.picture import write_exr
-from iprt.scene.scene import SceneView
+from iprt.scene.scene_view import SceneView
 from iprt.settings.model import Settings
 from tests.frame.moving import write_moving
 

@@ -209,7 +209,7 @@ def test_edits_are_undone_and_made_again() -> None:
     assert shared.redo() == shared.redo(), "another edit was made since"
     shared.undo()
     assert shared.world.edits == states[-2]
-    shared.saved(shared.world.edits)
+    shared.saved(shared.world)
     for change, unsaved in ((shared.undo, True), (shared.redo, False)):
         change()
         assert bool(shared.world.unsaved) == unsaved

@@ -14,8 +14,8 @@ ones. `Preparation` runs the other stages, frame by frame:
 8. Exposure (`exposure`): estimate the map of colors to the video's reference frame.
 9. Gloss (`gloss`): mark the texels of glossy surfaces.
 10. Clipped lights (`clipped_lights`): recover the radiance that the camera clipped.
-11. Sun (`iprt.footage.found_sun`): dim a known sun behind clouds, and take its disc from the light.
-12. Sky (`iprt.footage.found_sky`): turn a known sky to the axes of the frame.
+11. Daylight (`iprt.footage.daylight`): dim a known sun behind clouds, and take its disc from the
+    light; turn a known sky to the axes of the frame.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from iprt.device.kept import WORTH_KEEPING, Arrays, kept
-from iprt.footage.found_sun.disc import without_disc
-from iprt.footage.found_sun.patches import SunPatches
+from iprt.footage.daylight import Daylight
 from iprt.footage.frame import OF_DEPTH, Frame
 from iprt.footage.prepare.clipped_lights import ClippedLights
 from iprt.footage.prepare.denoise import Noise, smoothed
@@ -37,13 +36,11 @@ from iprt.footage.prepare.gloss import Glossy
 from iprt.footage.prepare.measures import Measures
 from iprt.footage.prepare.reading import Picture, RawFrame
 from iprt.footage.real_material import RealMaterial
-from iprt.footage.sky import Sky
-from iprt.footage.sun import Sun
 from iprt.footage.video.depth_code import usable
 
 
 class Preparation:
-    """Stages 5 to 12 for the frames of one video, in the order in which they are given.
+    """Stages 5 to 11 for the frames of one video, in the order in which they are given.
 
     The stages keep state from frame to frame, so each pass over a video needs its own preparation.
     A single frame is the first one of its own preparation.
@@ -56,12 +53,8 @@ class Preparation:
         The glossy real surfaces.
     drift : bool
         Whether to estimate the `color_map` of frames.
-    sun : Sun or None
-        The sun of the first frame.
-    patches : SunPatches or None
-        Its patches, which tell its brightness in other frames; None: it is the same in all.
-    sky : Sky or None
-        The sky behind windows, where no camera saw it.
+    daylight : Daylight or None
+        Light from outside; None for none.
     """
 
     def __init__(
@@ -70,11 +63,9 @@ class Preparation:
         materials: tuple[RealMaterial, ...] = (),
         *,
         drift: bool = True,
-        sun: Sun | None = None,
-        patches: SunPatches | None = None,
-        sky: Sky | None = None,
+        daylight: Daylight | None = None,
     ) -> None:
-        self._sun, self._patches, self._sky = sun, patches, sky
+        self._daylight = daylight or Daylight()
         self._exposure = Drift(white) if drift else None
         self._gloss = Glossy(materials)
         self._lights = ClippedLights(white)
@@ -88,19 +79,7 @@ class Preparation:
             frame = self._exposure(frame)
         # Materials are recognised by their hue, in the colors of the reference frame.
         frame = self._gloss(frame)
-        frame = self._sunny(self._lights(frame))
-        if self._sky is None or not frame.opening.any():
-            return frame
-        return frame.recolored(sky=self._sky.seen_from(frame.pose))
-
-    def _sunny(self, frame: Frame) -> Frame:
-        """Return a frame with its sun, whose disc is no part of the other light."""
-        sun = self._sun
-        if sun is None:
-            return frame
-        if self._patches is not None:
-            sun = sun.dimmed(self._patches.share(frame.color))
-        return without_disc(frame.recolored(sun=sun), sun.seen_from(frame.pose))
+        return self._daylight.on(self._lights(frame))
 
     def frames(self, raws: Iterable[RawFrame]) -> Iterator[Frame]:
         """Prepare frames lazily, one by one."""

@@ -32,6 +32,7 @@ _PANEL = (
 )
 _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
     ("Scene", panels.scene),
+    ("Light", panels.light),
     ("Picture", panels.picture),
     ("Settings", panels.settings),
     ("Profile", profile_panel.draw),

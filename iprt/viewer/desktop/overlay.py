@@ -17,6 +17,7 @@ from iprt.viewer.desktop.widgets import toggle, tooltip
 from iprt.viewer.gizmo import box_edges
 from iprt.viewer.labels import PARTS
 from iprt.viewer.object_states import ObjectState
+from iprt.viewer.sun_arrow import COLOR, SunArrow
 
 Box = tuple[float, float, float, float]
 """A box on the screen: left, top, right and bottom."""
@@ -217,3 +218,22 @@ def outline(
         return None
     low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def sun_arrow(arrow: SunArrow, view: View, centre: Matrix, rectangle: Rectangle) -> None:
+    """Draw the arrow of the sun's light."""
+    drawn = arrow.drawn(view, centre)
+    if drawn is None:
+        return
+    left, top, width, height = rectangle
+    drawn = drawn * (width / view.width, height / view.height) + (left, top)
+    end, point, one, other = (imgui.ImVec2(*place) for place in drawn)
+    draw, em = imgui.get_window_draw_list(), imgui.get_font_size()
+    red, green, blue = (part / 255.0 for part in COLOR)
+    bright, dark = packed((red, green, blue, 1.0)), packed((0.0, 0.0, 0.0, 0.6))
+    # The dark one beneath keeps it visible before a bright picture.
+    for shade, wider in ((dark, 3.0), (bright, 0.0)):
+        draw.add_line(end, point, shade, 3.0 + wider)
+        draw.add_triangle(point, one, other, shade, 1.0 + wider)
+        draw.add_triangle_filled(point, one, other, shade)
+        draw.add_circle_filled(end, 0.5 * em + 0.5 * wider, shade)

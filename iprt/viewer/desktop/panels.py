@@ -32,6 +32,7 @@ from iprt.viewer.fields import (
     view_field,
 )
 from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
 RESET_SHARE = 0.6
@@ -49,6 +50,19 @@ def scene(ui: DesktopState) -> None:
     if ui.state is not None:
         heading(ui.state.name)
         _selected(ui)
+
+
+def light(ui: DesktopState) -> None:
+    """Draw the panel of light and reflections."""
+    heading("Found in the footage")
+    for field in light_fields(ui):
+        draw_field(ui, field)
+    heading(PARTS["sun"].name)
+    for field in sun_fields(ui):
+        draw_field(ui, field)
+    heading("In words")
+    for name, words in ui.engine.light_lines:
+        quiet(f"{name}: {words}")
 
 
 def picture(ui: DesktopState) -> None:

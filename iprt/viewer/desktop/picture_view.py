@@ -71,6 +71,7 @@ class PictureView:
         hovered = imgui.is_window_hovered()
         self._follow_mouse(hovered)
         object_box = self._gizmo()
+        self._sun_gizmo()
         overlay.split_bar(self._ui, self.rectangle, lit=self._over_split())
         imgui.end()
         overlay.caption(self._ui, self.rectangle)
@@ -140,7 +141,7 @@ class PictureView:
             self.gesture = "look"
         elif imgui.is_mouse_clicked(0) and self._over_split():
             self.gesture = "split"
-        elif imgui.is_mouse_clicked(0) and ui.selected is not None and GIZMO.is_over():
+        elif imgui.is_mouse_clicked(0) and self._gizmo_drawn() and GIZMO.is_over():
             self.gesture = "gizmo"
             self._take_hold()
         elif imgui.is_mouse_clicked(0):
@@ -195,6 +196,9 @@ class PictureView:
         if place is not None:
             self._ui.drop(*place)
 
+    def _gizmo_drawn(self) -> bool:
+        return self._ui.selected is not None or self._ui.sun_selected
+
     def _gizmo(self) -> overlay.Box | None:
         """Let the gizmo move the selected object; return the box of its outline."""
         ui, state, view = self._ui, self._ui.state, self._view()
@@ -215,3 +219,18 @@ class PictureView:
                 pivot[:3, 3] *= -1.0
                 ui.place(state, moved @ pivot)
         return box
+
+    def _sun_gizmo(self) -> None:
+        """Draw the arrow of the selected sun, and let the gizmo turn it."""
+        ui, view = self._ui, self._view()
+        arrow = None if view is None else ui.arrow(view)
+        if view is None or arrow is None:
+            return
+        overlay.sun_arrow(arrow, view, ui.centre, self.rectangle)
+        if self.gesture == "look":
+            return
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = arrow.turn, arrow.point
+        turned = gizmo.manipulate(self.rectangle, view, ui.centre, pose, "turn")
+        if turned is not None and self.gesture == "gizmo":
+            ui.shine(direction=turned[:3, 1].tolist())

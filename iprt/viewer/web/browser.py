@@ -18,7 +18,7 @@ from iprt.viewer.viewport import Viewport
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.camera import look_of, position_of
 from iprt.viewer.web.divider import Divider
-from iprt.viewer.web.gizmo import Gizmo
+from iprt.viewer.web.gizmo import ObjectGizmo, SunGizmo
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
 
@@ -178,8 +178,8 @@ class Browser(BrowserState):
             return
         self._direct(self.viewport.view)
         divider = Divider(self.client, self._divide)
-        self._sender, self.gizmo = PictureSender(self.client, divider), Gizmo(self)
-        panels = Panels(self)
+        self._sender, panels = PictureSender(self.client, divider), Panels(self)
+        self.gizmos = ObjectGizmo(self), SunGizmo(self)
         self._listen()
         due_s = 0.0
         while not self._closed:
@@ -189,7 +189,8 @@ class Browser(BrowserState):
                 busy = self._show()
                 if time.monotonic() >= due_s:
                     panels.sync()
-                    self.gizmo.sync()
+                    for gizmo in self.gizmos:
+                        gizmo.sync()
                     due_s = time.monotonic() + PANELS_S
             except IprtError as error:
                 self.say(str(error), bad=True)

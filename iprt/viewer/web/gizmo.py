@@ -1,26 +1,29 @@
-"""The gizmo of the selected object, drawn by the browser over the picture."""
+"""The gizmos of the selection, drawn by the browser over the picture."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.viewer.gizmo import turn_and_middle, with_turn_and_middle
+from iprt.viewer.object_states import ObjectState
+from iprt.viewer.sun_arrow import COLOR, HEAD, WIDTH
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.camera import quaternion, rotation
 
 Float = NDArray[np.float64]
 
-NAME = "/gizmo"
+NAME, SUN_NAME = "/gizmo", "/sun"
 SIZE_PX = 90.0
 MIN_MOVE = 1e-9
 """Least motion, in metres and in matrix elements."""
 
 
-class Gizmo:
-    """The gizmo that moves and rotates the selected object, for use by the window's thread."""
+class Gizmo(ABC):
+    """A gizmo that moves or turns something, for use by the window's thread."""
 
     def __init__(self, ui: BrowserState) -> None:
         self._ui = ui
@@ -29,16 +32,30 @@ class Gizmo:
         self._shown: tuple[Float, Float] | None = None  # the rotation and position of its handle
         self._dragged = False
 
+    @property
+    @abstractmethod
+    def _place(self) -> tuple[str, Float, Float] | None:
+        """Name, rotation (3, 3) and place in the world (3,) of what is selected."""
+
+    @abstractmethod
+    def _add(self) -> Any:
+        """Add viser's handle."""
+
+    @abstractmethod
+    def _move(self, turn: Float, position: Float) -> None:
+        """Move what is selected; the position is from the capture centre."""
+
     def sync(self) -> None:
-        """Move the gizmo to the selected object, except while the gizmo is dragged."""
-        state = self._ui.state
-        if state is None or state.name != self._name:
+        """Move the gizmo to the selection, except while the gizmo is dragged."""
+        place = self._place
+        if place is None or place[0] != self._name:
             self._remove()
-        if state is None or self._dragged:
+        if place is None or self._dragged:
             return
+        name, turn, middle = place
         if self._handle is None:
-            self._add(state.name)
-        turn, middle = turn_and_middle(state)
+            self._name, self._handle = name, self._add()
+            self._listen()
         middle = middle - self._ui.centre
         if self._shown is None or not all(map(np.array_equal, self._shown, (turn, middle))):
             self._shown = turn, middle
@@ -50,30 +67,85 @@ class Gizmo:
         self._handle = self._shown = self._name = None
         self._dragged = False
 
-    def _add(self, name: str) -> None:
-        self._name = name
-        self._handle = self._ui.client.scene.add_transform_controls(
-            NAME, SIZE_PX, fixed=True, line_width=3.0, depth_test=False
-        )
-
+    def _listen(self) -> None:
         async def updated(event: Any) -> None:
             ended = event.phase == "end"
             self._dragged = not ended
             turn, position = rotation(np.array(event.target.wxyz)), np.array(event.target.position)
-            self._ui.post("gizmo", lambda: self._moved(turn, position, ended=ended))
+            self._ui.post(self, lambda: self._moved(turn, position, ended=ended))
 
         self._handle.on_update(updated)
 
     def _moved(self, turn: Float, position: Float, *, ended: bool) -> None:
-        """Move the object to the dragged gizmo."""
-        ui, state = self._ui, self._ui.state
-        if state is None or state.name != self._name:
+        """Move the selection to the dragged gizmo."""
+        place = self._place
+        if place is None or place[0] != self._name:
             return
         if ended:
-            self._shown = None  # so that `sync` moves the gizmo to the object
-        before = turn_and_middle(state)
-        middle = position + ui.centre
-        if max(np.abs(turn - before[0]).max(), np.abs(middle - before[1]).max()) < MIN_MOVE:
-            return
+            self._shown = None  # so that `sync` moves the gizmo to the selection
+        _, before, middle = place
+        moved = np.abs(position + self._ui.centre - middle).max()
+        if max(np.abs(turn - before).max(), moved) >= MIN_MOVE:
+            self._move(turn, position)
+
+
+class ObjectGizmo(Gizmo):
+    """The gizmo that moves and rotates the selected object."""
+
+    @property
+    def _place(self) -> tuple[str, Float, Float] | None:
+        state = self._ui.state
+        return None if state is None else (state.name, *turn_and_middle(state))
+
+    def _add(self) -> Any:
+        return self._ui.client.scene.add_transform_controls(
+            NAME, SIZE_PX, fixed=True, line_width=3.0, depth_test=False
+        )
+
+    def _move(self, turn: Float, position: Float) -> None:
+        ui, state = self._ui, self._ui.state
+        assert isinstance(state, ObjectState)
         if not (ui.snapping and ui.drop_at(position)):
-            ui.place(state, with_turn_and_middle(state, turn, middle))
+            ui.place(state, with_turn_and_middle(state, turn, position + ui.centre))
+
+
+class SunGizmo(Gizmo):
+    """The arrow of the selected sun, with rings that turn it."""
+
+    _length: float | None = None  # of the arrow that is drawn
+
+    @property
+    def _place(self) -> tuple[str, Float, Float] | None:
+        arrow = self._ui.arrow(self._ui.viewport.view)
+        return None if arrow is None else (SUN_NAME, arrow.turn, arrow.point)
+
+    def _add(self) -> Any:
+        self._length = None
+        return self._ui.client.scene.add_transform_controls(
+            SUN_NAME,
+            SIZE_PX,
+            fixed=True,
+            line_width=3.0,
+            depth_test=False,
+            disable_axes=True,
+            disable_sliders=True,
+        )
+
+    def _move(self, turn: Float, position: Float) -> None:
+        self._ui.shine(direction=turn[:, 1].tolist())
+
+    def sync(self) -> None:
+        """Move the arrow; its part of the handle follows a drag at once."""
+        super().sync()
+        arrow = self._ui.arrow(self._ui.viewport.view)
+        if self._handle is None or arrow is None or arrow.length == self._length:
+            return
+        self._length = length = arrow.length
+        self._ui.client.scene.add_arrows(
+            f"{SUN_NAME}/arrow",
+            np.array([[[0.0, length, 0.0], [0.0, 0.0, 0.0]]], np.float32),
+            COLOR,
+            shaft_radius=0.2 * WIDTH * length,
+            head_radius=WIDTH * length,
+            head_length=HEAD * length,
+        )

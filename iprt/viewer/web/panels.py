@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from iprt.viewer.fields import (
     visibility_field,
 )
 from iprt.viewer.labels import PARTS, PICTURE
+from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.ui_state import require_mesh
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.handles import do_on, show
@@ -56,6 +57,11 @@ class Panels:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Scene"):
             self._add_scene()
+        with tabs.add_tab("Light"):
+            self._add(*light_fields(ui))
+            with gui.add_folder(PARTS["sun"].name):
+                self._add(*sun_fields(ui))
+            self._add_html(lambda: _told(ui.engine.light_lines))
         with tabs.add_tab(PICTURE.name):
             self._add(*lens_fields(ui))
             gui.add_markdown("Click into the picture to read out a pixel, in linear units.")
@@ -208,3 +214,12 @@ def _differing(text: str) -> str:
         "overflow-wrap:anywhere"
     )
     return f"<div class='preset' style='{style}' title='{escape(text)}'>{escape(text)}</div>"
+
+
+def _told(lines: Sequence[tuple[str, str]]) -> str:
+    """Return labels and sentences as paragraphs."""
+    style = "font-size:.8em;margin:.4em .8em;overflow-wrap:anywhere"
+    return "".join(
+        f"<p class='told' style='{style}'><b>{escape(name)}</b> {escape(words)}</p>"
+        for name, words in lines
+    )

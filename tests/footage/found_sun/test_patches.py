@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.footage.daylight import Daylight
 from iprt.footage.found_sun.patches import SunPatches
 from iprt.footage.prepare.reading import RawFrame
 from iprt.footage.prepare.stages import Preparation
@@ -76,7 +77,7 @@ def test_frames_have_the_sun_of_their_moment(patches: SunPatches) -> None:
     depth = np.where(FRAME.opening, 0.0, FRAME.depth).astype(np.float32)
     raws = [RawFrame(under_cloud(share), depth, None) for share in shares]
     sun = Sun(ROOM.sun, ROOM.irradiance)
-    preparation = Preparation(sun=sun, patches=patches, drift=False)
+    preparation = Preparation(daylight=Daylight(sun, patches), drift=False)
     for frame, share in zip(preparation.frames(raws), shares, strict=True):
         assert frame.sun is not None
         np.testing.assert_allclose(

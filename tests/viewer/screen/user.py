@@ -181,7 +181,7 @@ class User:
         ui, engine = self.ui, self.engine
         ui.selected, ui.help, ui.readout = None, False, True
         ui.mode, ui.align, ui._notice = "move", False, None
-        while engine.world.edits and engine.can_undo:
+        while (engine.world.edits or engine.world.light.parts) and engine.can_undo:
             engine.undo()
         engine.pause()
         engine.seek(0)
