@@ -2,7 +2,8 @@
 //   L = (1 - M) (k_V E_diffuse + L_specular) + M L_cam E_RV / E_R,  M = 1 - coverage.
 //
 // With gloss the real layer is L_cam + L_diffuse (E_RV / E_R - 1) + change: only diffuse radiance scales
-// with the irradiance, and specular radiance towards the camera changes separately.
+// with the irradiance, and specular radiance towards the camera changes separately, by -(L_cam - L_diffuse)
+// at the least.
 //
 // With a color map, objects and their changes are in the colors of a reference frame, which the map
 // converts to the frame's: L_cam + map(L_diffuse (E_RV / E_R - 1) + change).
@@ -28,6 +29,56 @@
 #include "gbuffer/planes.h"
 #include "world/real/color_map.h"
 #include "world/real/uneven.h"
+
+typedef struct {
+    __global const float *restrict color;
+    __global const float *restrict base;
+    __global const float *restrict change;
+    __global const float4 *restrict maps;
+    int width;
+    int size;
+} Highlights;
+
+static inline float3 seen_at(const Highlights lights, int p)
+{
+    const float3 seen = load_planes(lights.color, lights.size, p);
+    return lights.maps ? map_color(lights.maps, TO_REFERENCE, seen) : seen;
+}
+
+// Return the change of a pixel's highlight. Objects hide no more of it than there is.
+static inline float3 change_at(const Highlights lights, int p, float3 seen)
+{
+    const float3 least = fmin(load_planes(lights.base, lights.size, p) - seen, 0.0f);
+    return fmax(load_planes(lights.change, lights.size, p), least);
+}
+
+// The same relative to the pixel's radiance.
+static inline float3 relative_change(const Highlights lights, int pixel)
+{
+    const int p = plane_index(pixel % lights.width, pixel / lights.width, lights.width);
+    const float3 seen = seen_at(lights, p);
+    return change_at(lights, p, seen) / fmax(seen, FLT_MIN);
+}
+
+// Return the change that a pixel shows, of each of its surfaces by its share in the radiance.
+static inline float3 shown_change(
+    const Highlights lights, int pixel, int second, float4 share, __global const int4 *restrict corner)
+{
+    const int p = plane_index(pixel % lights.width, pixel / lights.width, lights.width);
+    const float3 seen = seen_at(lights, p);
+    if (second != UNEVEN && (second < 0 || second == pixel))
+        return change_at(lights, p, seen);
+    const float3 own = relative_change(lights, pixel);
+    float3 others;
+    if (second == UNEVEN) {
+        const int4 at = corner[pixel];
+        others = share.x * (relative_change(lights, at.x) - own) + share.y * (relative_change(lights, at.y) - own)
+            + share.z * (relative_change(lights, at.z) - own) + share.w * (relative_change(lights, at.w) - own);
+    } else {
+        others = share.xyz * (relative_change(lights, second) - own);
+    }
+    return seen * (own + others);
+}
 
 __kernel void composite(
     __global const float *restrict color,   // 3 planes
@@ -77,8 +128,10 @@ __kernel void composite(
     }
     if (base) {
         float3 changed = load_planes(base, size, p) * (relit.xyz - 1.0f);
-        if (change)
-            changed += load_planes(change, size, p);
+        if (change) {
+            const Highlights lights = {color, base, change, maps, width, size};
+            changed += shown_change(lights, i, second, other[i], corner);
+        }
         if (maps)
             changed = map_color(maps, TO_FRAME, changed);
         background.xyz = fmax(background.xyz + changed, 0.0f);

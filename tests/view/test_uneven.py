@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
@@ -12,6 +13,7 @@ from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.view.composite import Composite
 from iprt.view.real_layer import UNEVEN, RealLayer
+from tests.filter.gbuffer import upload
 from tests.oracles.worlds import World
 from tests.view.layers import loaded
 from tests.worlds import Float, bright_walls, panorama_at, room_frame, sphere_frame
@@ -20,12 +22,24 @@ VIEW = View(160, 120, pitch_deg=-10.0, fov_y_deg=50.0)
 COLUMNS, ROWS = 64, 32
 
 
-def applied(device: ComputeDevice, frame: Frame, ratio: Float) -> tuple[Float, Float]:
-    """Return the real layer's factors (H, W, 3) in VIEW, and `RealLayer.other_pixel` (H, W)."""
+def applied(
+    device: ComputeDevice, frame: Frame, ratio: Float, *, gloss: bool = False
+) -> tuple[Float, Float]:
+    """Return the real layer's factors (H, W, 3) in VIEW, and `RealLayer.other_pixel` (H, W).
+
+    With gloss, all radiance is a highlight that changes by the ratio.
+    """
     layout = PlaneLayout.of(VIEW)
     layer = RealLayer(device, layout, name="real", edges=True)
     view = device.upload("view", VIEW.kernel_constants())
     layer.run(loaded(device, frame), view, view)
+    color = layout.interior(device.read(layer.color))
+    highlight = {}
+    if gloss:
+        change = color * (np.moveaxis(ratio, -1, 0) - 1.0)
+        highlight["base"] = upload(device, layout, np.zeros_like(color))
+        highlight["change"] = upload(device, layout, change)
+        ratio = np.ones_like(ratio)
     four = np.concatenate([ratio, np.ones((*ratio.shape[:2], 1))], axis=-1).astype(np.float32)
     composite = Composite(device, layout)
     composite.run(
@@ -34,10 +48,12 @@ def applied(device: ComputeDevice, frame: Frame, ratio: Float) -> tuple[Float, F
         other_pixel=layer.other_pixel,
         corner=layer.corner,
         ratio=device.upload("ratio", four.reshape(-1, 4)),
+        **highlight,
     )
     relit = device.read(composite.picture)[..., :3].astype(np.float64)
-    color = np.moveaxis(layout.interior(device.read(layer.color)), 0, -1)
-    return relit / color, device.read(layer.other_pixel).reshape(VIEW.height, VIEW.width)
+    return relit / np.moveaxis(color, 0, -1), device.read(layer.other_pixel).reshape(
+        VIEW.height, VIEW.width
+    )
 
 
 def of_nearest(texels: Float) -> Float:
@@ -48,7 +64,10 @@ def of_nearest(texels: Float) -> Float:
     return np.asarray(texels[row.astype(int), column.astype(int)])
 
 
-def test_rough_surfaces_are_relit_as_the_relit_panorama_looks(device: ComputeDevice) -> None:
+@pytest.mark.parametrize("gloss", [False, True])
+def test_rough_surfaces_are_relit_as_the_relit_panorama_looks(
+    device: ComputeDevice, gloss: bool
+) -> None:
     """Facets in all directions, each with a ratio: as if texels had been relit, then blended."""
     rng = np.random.default_rng(3)
     frame = sphere_frame(2.0, COLUMNS, ROWS, 1.0)
@@ -61,7 +80,7 @@ def test_rough_surfaces_are_relit_as_the_relit_panorama_looks(device: ComputeDev
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     frame = replace(frame, color=color, normal=normal.astype(np.float32))
     of_texels = rng.uniform(0.3, 1.0, (ROWS, COLUMNS, 3))
-    ratio, marks = applied(device, frame, of_nearest(of_texels))
+    ratio, marks = applied(device, frame, of_nearest(of_texels), gloss=gloss)
     d = VIEW.directions()
     expected = panorama_at(color * of_texels, d) / panorama_at(color, d)
     inside = np.s_[20:-20, 20:-20]  # where the view shows all four texels
