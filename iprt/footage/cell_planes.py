@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from iprt.footage.albedo_segments import well_seen
 from iprt.footage.cells import Cells, Float
 
-MAX_PLANES = 12
-MIN_SHARE = 0.008
-"""Least share of the sphere that a plane covers; a coffee table at two metres covers 0.012."""
+MAX_PLANES = 24
+MIN_SHARE = 0.003
+"""Least share of the sphere that a plane covers. A coffee table at two metres covers 0.012, what
+is seen of a laid dinner table 0.008."""
 PARALLEL = 0.95
 """Least cosine between a cell's normal and its plane's."""
 GRAZING = 0.15
@@ -32,12 +33,15 @@ class CellPlane:
         Unit normal, world space, towards the capture centre.
     offset : float
         normal · point, in metres.
+    tolerance : float
+        Largest distance of a cell from the plane, relative to its depth.
     cells : (n,) int
         Indices of cells, ascending.
     """
 
     normal: Float
     offset: float
+    tolerance: float
     cells: NDArray[np.intp]
 
 
@@ -55,8 +59,7 @@ def find_planes(cells: Cells, tolerance: float, usable: NDArray[np.bool_]) -> li
     usable : (N,) bool
         Cells that may belong to a plane.
     """
-    facing = np.abs((cells.normal * cells.direction).sum(-1))
-    left = usable & well_seen(cells) & (facing > GRAZING)
+    left = usable & _facing(cells)
     least = MIN_SHARE * 4.0 * np.pi
     reach = tolerance * np.maximum(cells.depth, NEAREST)
     rng = np.random.default_rng(0)
@@ -78,8 +81,21 @@ def find_planes(cells: Cells, tolerance: float, usable: NDArray[np.bool_]) -> li
         if cells.solid_angle[on].sum() < least:
             break
         left[on] = False
-        found.append(CellPlane(normal, offset, on))
+        found.append(CellPlane(normal, offset, tolerance, on))
     return found
+
+
+def on_finer_cells(plane: CellPlane, cells: Cells, usable: NDArray[np.bool_]) -> CellPlane:
+    """Return a plane with its usable (N,) cells in another grid."""
+    among = np.flatnonzero(usable & _facing(cells))
+    reach = plane.tolerance * np.maximum(cells.depth, NEAREST)
+    on = _lying_on(cells, among, plane.normal, plane.offset, reach)
+    return replace(plane, cells=on)
+
+
+def _facing(cells: Cells) -> NDArray[np.bool_]:
+    facing = np.abs((cells.normal * cells.direction).sum(-1))
+    return np.asarray(well_seen(cells) & (facing > GRAZING))
 
 
 def _lying_on(

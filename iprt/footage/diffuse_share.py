@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iprt.footage.cells import Cells, Float, Geometry, cell_means
-from iprt.footage.found_gloss.coat_reflection import LIFT, Patch, RoomCells, reflected
+from iprt.footage.coat_reflection import LIFT, Patch, RoomCells, reflected
 from iprt.footage.frame import Frame
 
 ROWS, ROOM_ROWS = 64, 128

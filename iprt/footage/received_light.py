@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import scipy
@@ -91,22 +93,24 @@ class RoomLight:
 
     def received(self, point: Float, normal: Float) -> ReceivedLight:
         """Return the light at points (n, 3) of surfaces, in metres, with unit normals (n, 3)."""
-        start = point + LIFT * np.linalg.norm(point, axis=-1, keepdims=True) * normal
-        # Points of one batch, which share the ends of rays, are far apart.
-        count = -(-len(start) // AT_ONCE)
-        batches = [np.arange(first, len(start), count) for first in range(count)]
+        return ReceivedLight(self.from_surfaces(point, normal), self.through_windows(point, normal))
 
-        def batch(one: NDArray[np.intp]) -> tuple[Float, scipy.sparse.csr_array]:
-            rng = np.random.default_rng(one[0])
-            seen = [self._through_windows(start[one], normal[one], rng) for _ in range(WINDOW_RAYS)]
-            rest = self._by_surfaces(start[one], normal[one], rng)
-            return rest, sum(seen[1:], start=seen[0]) / WINDOW_RAYS
+    def from_surfaces(self, point: Float, normal: Float) -> Float:
+        """Return `ReceivedLight.rest` alone."""
+        found = _in_batches(self._by_surfaces, point, normal)
+        return np.concatenate([rest for _, rest in found])[_order(found)]
 
-        rest, windows = zip(*on_all_cores(batch, batches), strict=True)
-        order = np.argsort(np.concatenate(batches))
-        return ReceivedLight(
-            np.concatenate(rest)[order], scipy.sparse.vstack(windows).tocsr()[order]
-        )
+    def through_windows(
+        self, point: Float, normal: Float, rays: int = WINDOW_RAYS
+    ) -> scipy.sparse.csr_array:
+        """Return `ReceivedLight.windows` alone, by a number of rays to each cell of a window."""
+
+        def mean(start: Float, normal: Float, rng: np.random.Generator) -> scipy.sparse.csr_array:
+            seen = [self._by_windows(start, normal, rng) for _ in range(rays)]
+            return sum(seen[1:], start=seen[0]) / rays
+
+        found = _in_batches(mean, point, normal)
+        return scipy.sparse.vstack([part for _, part in found]).tocsr()[_order(found)]
 
     def _by_surfaces(self, start: Float, normal: Float, rng: np.random.Generator) -> Float:
         """Return irradiance (n, 3) by all but windows: Monte Carlo over the hemisphere."""
@@ -116,7 +120,7 @@ class RoomLight:
         found = np.where(window[:, None], 0.0, self.radiance[cell])
         return np.asarray(np.pi * found.reshape(len(start), RAYS, 3).mean(axis=1))
 
-    def _through_windows(
+    def _by_windows(
         self, start: Float, normal: Float, rng: np.random.Generator
     ) -> scipy.sparse.csr_array:
         """Return `ReceivedLight.windows` by one ray to each cell with a window, anywhere in it."""
@@ -139,11 +143,36 @@ class RoomLight:
         return scipy.sparse.coo_array((factor[point, cell], (point, texel)), shape=shape).tocsr()
 
 
-def finer(values: Float, rows: int) -> Float:
+Batch = NDArray[np.intp]
+Made = TypeVar("Made")
+Kind = TypeVar("Kind", bound=np.generic)
+
+
+def _in_batches(
+    estimate: Callable[[Float, Float, np.random.Generator], Made], point: Float, normal: Float
+) -> list[tuple[Batch, Made]]:
+    """Return the estimates for batches of points, with the indices of these points."""
+    start = point + LIFT * np.linalg.norm(point, axis=-1, keepdims=True) * normal
+    # Points of one batch, which share the ends of rays, are far apart.
+    count = -(-len(start) // AT_ONCE)
+    batches = [np.arange(first, len(start), count) for first in range(count)]
+
+    def batch(one: Batch) -> tuple[Batch, Made]:
+        return one, estimate(start[one], normal[one], np.random.default_rng(one[0]))
+
+    return on_all_cores(batch, batches)
+
+
+def _order(found: Sequence[tuple[Batch, object]]) -> Batch:
+    return np.argsort(np.concatenate([one for one, _ in found]))
+
+
+def finer(values: NDArray[Kind], rows: int) -> NDArray[Kind]:
     """Return values (r, 2 r, ...) of cells for cells of another size, (rows, 2 rows, ...)."""
     at = np.arange(rows) * len(values) // rows
     across = np.arange(2 * rows) * values.shape[1] // (2 * rows)
-    return np.asarray(values[at[:, None], across])
+    found: NDArray[Kind] = values[at[:, None], across]
+    return found
 
 
 def cosine_directions(normal: Float, count: int, rng: np.random.Generator) -> Float:

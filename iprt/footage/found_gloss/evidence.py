@@ -31,11 +31,13 @@ import scipy
 from numpy.typing import NDArray
 
 from iprt.footage.cells import Cells, Float
+from iprt.footage.coat_reflection import RECOVERED
 from iprt.footage.found_gloss.cell_means import MeansAround
-from iprt.footage.found_gloss.coat_reflection import RECOVERED
 
-ALPHAS = (0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
-"""Values of GGX roughness to test. Rougher reflections are as smooth as shading."""
+ALPHAS = (0.02, 0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
+"""Values of GGX roughness to test; see `resolved`. Rougher reflections are as smooth as shading."""
+RESOLVED = 0.7
+"""Least roughness that cells resolve, relative to their height in rad."""
 AROUND = np.deg2rad(5.6)
 """Standard deviation of the Gaussian for local means, in rad."""
 LOBE = 0.3
@@ -47,10 +49,12 @@ SMOOTH = np.deg2rad(2.25)
 SHARPER = 1.2
 """Correction of the best-fitting α, which is biased low: shading and local means absorb a part of a
 wide reflection. Measured in rooms with known gloss; 1.0 to 1.7 in single ones."""
-BLOCK = np.deg2rad(11.25)
-"""Side of a block of cells, in rad."""
+BLOCK, BLOCKS = np.deg2rad(11.25), 25
+"""Largest side of a block of cells, in rad, and least number of blocks in a plane."""
 HUBER, ODD = 1.5, 4.0
 """Residuals, in standard deviations, beyond which cells count linearly, and not at all."""
+MAX_BEYOND = 0.3
+"""Share of the cells that may be darker than the reflection: mats and plates on a table."""
 MODEL = 0.02
 """Standard deviation of the model error, relative to the local mean radiance."""
 STEPS, ROUNDS = 8, 3
@@ -68,10 +72,8 @@ class Fit:
         Standard error of k.
     explained : float
         Share of the squared residuals after E that S explains.
-    beyond : float
-        Share of the cells where k S exceeds the radiance.
-    blocks : int
-        Number of blocks of cells.
+    blocks : float
+        Effective number of blocks of cells, see `_effective_blocks`.
     recovered : bool
         Whether k belongs to light recovered from clipped texels.
     """
@@ -79,8 +81,7 @@ class Fit:
     strength: float
     error: float
     explained: float
-    beyond: float
-    blocks: int
+    blocks: float
     recovered: bool = False
 
     @property
@@ -90,7 +91,7 @@ class Fit:
 
     def chance(self, tries: int) -> float:
         """Return the probability of such a t, as the best of `tries`, without any reflection."""
-        return min(1.0, tries * float(scipy.special.stdtr(max(self.blocks - 1, 1), -self.t)))
+        return min(1.0, tries * float(scipy.special.stdtr(max(self.blocks - 1.0, 1.0), -self.t)))
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,11 @@ class _Rows:
     block: NDArray[np.intp]
 
 
+def resolved(rows: int) -> tuple[float, ...]:
+    """Return the values of `ALPHAS` whose lobes cells of `rows` rows resolve."""
+    return tuple(alpha for alpha in ALPHAS if alpha >= RESOLVED * np.pi / rows)
+
+
 class PlanePicture:
     """Radiance and irradiance of a plane's cells, for regression on its reflection.
 
@@ -186,7 +192,8 @@ class PlanePicture:
         self._rows, self._means = cells.rows, MeansAround(cells.rows, on)
         self._color, self._later = color[on], later
         self._weight = cells.solid_angle[on] / cells.solid_angle[on].mean()
-        side = max(1, round(BLOCK * cells.rows / np.pi))
+        block_side = min(BLOCK, np.sqrt(cells.solid_angle[on].sum() / BLOCKS))
+        side = max(1, round(block_side * cells.rows / np.pi))
         row, column = np.divmod(on, 2 * cells.rows)
         _, block = np.unique(row // side * 2 * cells.rows + column // side, return_inverse=True)
         self._block = block.astype(np.intp)
@@ -212,16 +219,17 @@ class PlanePicture:
         Parameters
         ----------
         reflected : sequence of (1 + frames, KINDS, n, 3) float64
-            Reflected radiance of coats of the roughnesses `ALPHAS`, at unit strength.
+            Reflected radiance of coats of the `resolved` roughnesses, at unit strength.
         """
-        smooth = [self._smooth(part, alpha) for alpha, part in zip(ALPHAS, reflected, strict=True)]
+        alphas = resolved(self._rows)
+        smooth = [self._smooth(part, alpha) for alpha, part in zip(alphas, reflected, strict=True)]
         for _ in range(ROUNDS):
             varied = self._varied()
             fits = [self._fit(varied, part) for part in smooth]
             _, left = fits[int(np.argmax([fit.explained for fit, _ in fits]))]
             for kept, rows, rest in zip(self._kept, varied, left, strict=True):
                 kept[rows.cells[np.abs(rest).max(axis=-1) > ODD * _deviation(rest)]] = False
-        return self._reflection(smooth)
+        return self._reflection(smooth, np.log(alphas))
 
     def _smooth(self, reflected: Float, alpha: float) -> list[Float]:
         deviation = max(LOBE * alpha * self._rows / np.pi, LEAST)
@@ -274,8 +282,13 @@ class PlanePicture:
             )
         return rows
 
-    def _fit(self, varied: Sequence[_Rows], reflected: Sequence[Float]) -> tuple[Fit, list[Float]]:
-        """Fit by iteratively reweighted least squares; return residuals (m, 3) by frame, too."""
+    def _fit(
+        self, varied: Sequence[_Rows], reflected: Sequence[Float], *, bounded: bool = False
+    ) -> tuple[Fit, list[Float]]:
+        """Fit by iteratively reweighted least squares; return residuals (m, 3) by frame, too.
+
+        A bounded fit is no stronger than the radiance of most cells allows.
+        """
         y, own, block = (
             np.concatenate([getattr(rows, name) for rows in varied])
             for name in ("y", "weight", "block")
@@ -299,27 +312,38 @@ class PlanePicture:
         strength = factors[:kinds]
         error = np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse)[:kinds])
         told = int(np.argmax(strength / np.maximum(error, 1e-30)))
+        most = self._most(reflected[0], strength, told) if bounded else np.inf
+        if strength[told] > most:
+            others = np.delete(x, told, axis=1)
+            factors = _least_squares(others, y - x[:, told] * most, weight)[0]
+            factors = np.insert(factors, told, most)
+            strength, left = factors[:kinds], y - x @ factors
         rest = y
         if x.shape[1] > kinds:
             rest = y - x[:, kinds:] @ _least_squares(x[:, kinds:], y, weight)[0]
-        shine = np.tensordot(strength, reflected[0], 1)
-        beyond = np.any(shine > self._color, axis=-1)[self._kept[0]]
         fit = Fit(
             strength=float(strength[told]),
             error=float(error[told]),
             explained=1.0 - float(weight @ left**2) / max(float(weight @ rest**2), 1e-30),
-            beyond=float(beyond.mean()),
-            blocks=len(np.unique(block)),
+            blocks=_effective_blocks(x, told, weight, block),
             recovered=told == RECOVERED,
         )
         return fit, [part.reshape(-1, 3) for part in np.split(left, ends)]
 
-    def _reflection(self, smooth: Sequence[Sequence[Float]]) -> Reflection:
+    def _most(self, reflected: Float, strength: Float, told: int) -> float:
+        """Return the largest strength of a kind that the radiance of most cells allows."""
+        others = np.maximum(strength, 0.0)
+        others[told] = 0.0
+        left = (self._color - np.tensordot(others, reflected, 1))[self._kept[0]]
+        ratio = left / np.maximum(reflected[told][self._kept[0]], 1e-12)
+        return max(float(np.quantile(ratio.min(axis=-1), MAX_BEYOND)), 0.0)
+
+    def _reflection(self, smooth: Sequence[Sequence[Float]], x: Float) -> Reflection:
         fits, costs = [], []
         scales: list[float] = []
         varied = self._varied()
         for part in smooth:
-            fit, left = self._fit(varied, part)
+            fit, left = self._fit(varied, part, bounded=True)
             # All roughnesses share one scale, so that their costs are comparable.
             scales = scales or [_deviation(rest) for rest in left]
             total = np.zeros(self._block.max() + 1)
@@ -333,11 +357,11 @@ class PlanePicture:
         cost = np.array(costs)
         total = cost.sum(axis=1)
         used = cost.any(axis=0)
-        without = np.array([_lowest(total - part) for part in cost.T[used]])
+        without = np.array([_lowest(x, total - part) for part in cost.T[used]])
         count = len(without)
         deviation = np.sqrt((count - 1) / count * np.square(without - without.mean()).sum())
         best = int(np.argmax([fit.explained for fit in fits]))
-        alpha = SHARPER * float(np.exp(_lowest(total)))
+        alpha = SHARPER * float(np.exp(_lowest(x, total)))
         return Reflection(alpha, float(np.exp(deviation)), fits[best])
 
 
@@ -352,6 +376,20 @@ def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
 def _deviation(left: Float) -> float:
     """Estimate a standard deviation by the median absolute residual; at least `MODEL`."""
     return max(1.4826 * float(np.median(np.abs(left))), MODEL)
+
+
+def _effective_blocks(x: Float, column: int, weight: Float, block: NDArray[np.intp]) -> float:
+    """Return (Σ h)² / Σ h², with h the information of a block about the factor of a column.
+
+    It is the variation of the column that the others do not explain. The robust error of a factor
+    has about so many degrees of freedom, plus 1 (Carter, Schnepel and Steigerwald 2017).
+    """
+    others = np.delete(x, column, axis=1)
+    own = x[:, column]
+    if others.shape[1]:
+        own = own - others @ _least_squares(others, own, weight)[0]
+    told = np.bincount(block, weight * own**2)
+    return float(told.sum() ** 2 / max(np.square(told).sum(), 1e-30))
 
 
 def _robust(left: Sequence[Float]) -> Float:
@@ -370,9 +408,8 @@ def _huber(left: Float, deviation: float) -> Float:
     return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
 
 
-def _lowest(cost: Float) -> float:
+def _lowest(x: Float, cost: Float) -> float:
     """Return log α at the bottom of a parabola through the lowest cost and its neighbours."""
-    x = np.log(ALPHAS)
     best = int(np.clip(np.argmin(cost), 1, len(x) - 2))
     near = slice(best - 1, best + 2)
     bent, slope, _ = np.polyfit(x[near] - x[best], cost[near], 2)

@@ -8,28 +8,28 @@ indexed by the cells of the first frame, so that a cell is the same piece of sur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.footage.albedo_segments import lifted
 from iprt.footage.cell_planes import NEAREST, CellPlane
 from iprt.footage.cells import Cells, Float, Geometry, cell_means
-from iprt.footage.form_factors import irradiance_of_lights, irradiance_of_rest
-from iprt.footage.found_gloss.coat_reflection import RAYS, Patch, RoomCells, reflected
+from iprt.footage.coat_reflection import RAYS, Patch, RoomCells, reflected
 from iprt.footage.found_gloss.evidence import Later, PlanePicture
 from iprt.footage.frame import Frame
+from iprt.footage.received_light import OCCLUDER_ROWS, RoomLight
+from iprt.footage.window_environment import outside_radiance
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel, equirect_texel
 from iprt.geometry.pose import camera_motion
 
-LIGHT_ROWS, REST_ROWS = 64, 16
-"""Rows of cells: for lights and the receivers of their light; and for all other light."""
-LIGHT_STEPS, REST_STEPS = 12, 6
-"""Numbers of points at which visibility is tested along a line of sight."""
-BRIGHT = 3.0
-"""Least radiance of a light's cells, relative to the mean."""
+WINDOW_ROWS, REST_ROWS = 64, 32
+"""Least rows of cells in which light from windows and all other light are computed."""
+MIN_POINTS = 100
+"""Least number of points at which a plane's light is computed."""
+WINDOW_RAYS = 1
+"""Rays from such a point to each part of a window."""
 SAMPLES = 4
 """Number of samples per side of a cell, as seen by a moved camera."""
 MIN_SEEN = 0.25
@@ -41,33 +41,35 @@ Shown = tuple[Float, NDArray[np.bool_], float]
 (n,) it is seen; median brightness relative to the first frame, mostly due to exposure."""
 
 
-@dataclass(frozen=True)
 class Moment:
     """A frame in cells of its own panorama.
 
-    Attributes
+    Parameters
     ----------
-    around : RoomCells
-        The surroundings.
-    bright : (R, 2 R, 3) float64
-        Mean radiance in cells of `LIGHT_ROWS` rows, or of fewer if the frame has fewer.
-    motion : (3, 4) float64 or None
-        Transform of points from the first frame's axes to this frame's; None: identity.
+    frame, first : Frame
+        This frame, and the one whose axes planes are given in.
     """
 
-    around: RoomCells
-    bright: Float
-    motion: Float | None = None
-
-    @classmethod
-    def of(cls, frame: Frame, rows: int, first: Frame) -> Moment:
-        """Build the cells of a frame, with `rows` rows; at most the frame's."""
+    def __init__(self, frame: Frame, first: Frame) -> None:
+        self.motion: Float | None = None
+        """(3, 4) transform of points from the first frame's axes to this frame's; None: identity.
+        """
         motion = camera_motion(frame.pose, first.pose)
-        return cls(
-            around=RoomCells.of(frame, Geometry.of(frame, rows), rows),
-            bright=cell_means(frame.radiance, min(LIGHT_ROWS, rows)),
-            motion=None if np.array_equal(motion, np.eye(4)[:3]) else motion,
-        )
+        if not np.array_equal(motion, np.eye(4)[:3]):
+            self.motion = motion
+        self._frame = frame
+        self._rooms: dict[int, RoomCells] = {}
+
+    def around(self, rows: int) -> RoomCells:
+        """Return the surroundings in cells of `rows` rows; at most the frame's."""
+        if rows not in self._rooms:
+            self._rooms[rows] = RoomCells.of(self._frame, Geometry.of(self._frame, rows), rows)
+        return self._rooms[rows]
+
+    @cached_property
+    def _light(self) -> RoomLight:
+        rows = min(OCCLUDER_ROWS, self._frame.height)
+        return RoomLight.of(self._frame, Geometry.of(self._frame, rows))
 
     def patch(self, cells: Cells, plane: CellPlane) -> Patch:
         """Return a plane of the first frame in this frame's axes; `cells` are the first frame's."""
@@ -82,35 +84,30 @@ class Moment:
         )
 
     def shading(self, cells: Cells, plane: CellPlane) -> Float:
-        """Return irradiance over π (2, n, 3) of a plane's cells: from lights, and from the rest."""
-        rows = self.bright.shape[0]
-        middle = Cells.of(self.around.shown, rows)
-        coarse = Cells.of(self.around.shown, min(REST_ROWS, rows))
-        color = self.bright
-        mean = np.average(color.mean(axis=-1).ravel(), weights=middle.solid_angle)
-        light = middle.opening.reshape(rows, -1) > 0.5
-        light |= color.mean(axis=-1) > BRIGHT * mean
-        share = cell_means(~light, coarse.rows).ravel()
-        dim = cell_means(color * ~light[..., None], coarse.rows).reshape(-1, 3)
-        lights = (color * light[..., None]).reshape(-1, 3, 1)
-        at, nearest = _sparse(plane.cells, cells.rows, cells.rows // rows)
-        receivers = self._moved(lifted(cells, at)), self._turned(cells.normal[at])
-        direct, taken = irradiance_of_lights(
-            *receivers, middle, self.around.cells, lights, LIGHT_STEPS
-        )
-        rest = irradiance_of_rest(*receivers, coarse, dim, share, taken, REST_STEPS)
-        return np.stack([direct[..., 0], rest])[:, nearest] / np.pi
+        """Return irradiance over π (2, n, 3) of a plane's cells: by windows, and by the rest."""
+        at, nearest = _sparse(plane.cells, cells.rows, REST_ROWS)
+        rest = self._light.from_surfaces(*self._receivers(cells, at))[nearest]
+        opening = self._frame.opening
+        if not opening.any():
+            return rest[None] / np.pi
+        at, nearest = _sparse(plane.cells, cells.rows, WINDOW_ROWS)
+        windows = self._light.through_windows(*self._receivers(cells, at), WINDOW_RAYS)
+        outside = outside_radiance(self._frame.radiance[opening], opening)
+        lit = windows @ outside.reshape(-1, 3)
+        return np.stack([rest, lit[nearest]]) / np.pi
 
-    def shown(self, frame: Frame, first: RoomCells, plane: CellPlane, tolerance: float) -> Shown:
-        """Return this frame's view of a plane of the first one; `frame` holds its texels."""
-        color, seen = self._looked_up(frame, first.cells, plane, tolerance)
+    def _receivers(self, cells: Cells, at: NDArray[np.intp]) -> tuple[Float, Float]:
+        return self._moved(cells.point[at]), self._turned(cells.normal[at])
+
+    def shown(self, first: RoomCells, plane: CellPlane) -> Shown:
+        """Return this frame's view of a plane of the first one."""
+        color, seen = self._looked_up(first.cells, plane)
         before = first.color[plane.cells].mean(axis=-1)
         ratio = (color.mean(axis=-1) / np.maximum(before, 1e-12))[seen]
         return color, seen, max(float(np.median(ratio)), 1e-6) if seen.any() else 1.0
 
-    def _looked_up(
-        self, frame: Frame, cells: Cells, plane: CellPlane, tolerance: float
-    ) -> tuple[Float, NDArray[np.bool_]]:
+    def _looked_up(self, cells: Cells, plane: CellPlane) -> tuple[Float, NDArray[np.bool_]]:
+        frame = self._frame
         rows = cells.rows * min(SAMPLES, frame.height // cells.rows)
         picture = cell_means(frame.radiance, rows)
         row, column = np.divmod(plane.cells, 2 * cells.rows)
@@ -129,7 +126,7 @@ class Moment:
                 depth = np.where(np.isfinite(frame.depth[at]), frame.depth[at], 0.0)
                 there = point / np.linalg.norm(point, axis=-1, keepdims=True) * depth[:, None]
                 near = np.abs(there @ normal - offset)
-                seen &= ~frame.opening[at] & (near < tolerance * np.maximum(depth, NEAREST))
+                seen &= ~frame.opening[at] & (near < plane.tolerance * np.maximum(depth, NEAREST))
         return color / side**2, seen
 
     def _moved(self, point: Float) -> Float:
@@ -144,53 +141,56 @@ class Moment:
 class Followed:
     """A plane of the first frame, tracked through other frames."""
 
-    def __init__(self, first: Moment, plane: CellPlane) -> None:
+    def __init__(self, first: Moment, plane: CellPlane, rows: int) -> None:
         self.plane = plane
-        self._first = first
+        self.cells = first.around(rows).cells
+        self._first = first.around(rows)
         self._moments = [first]
         self._shown: list[Shown] = []
 
-    def follow(self, moment: Moment, frame: Frame, tolerance: float) -> None:
+    def follow(self, moment: Moment) -> None:
         """Add another frame, if it shows enough of the plane."""
-        shown = moment.shown(frame, self._first.around, self.plane, tolerance)
+        shown = moment.shown(self._first, self.plane)
         if shown[1].mean() >= MIN_SEEN:
             self._moments.append(moment)
             self._shown.append(shown)
 
     def picture(self, *, shaded: bool = True) -> PlanePicture:
         """Return the plane's picture in all frames, with or without its shading."""
-        cells = self._first.around.cells
         shading = [np.zeros((0, len(self.plane.cells), 3))] * len(self._moments)
         if shaded:
-            shading = [moment.shading(cells, self.plane) for moment in self._moments]
+            shading = [moment.shading(self.cells, self.plane) for moment in self._moments]
         later = [
             Later(color / gain, light / gain, seen)
             for (color, seen, gain), light in zip(self._shown, shading[1:], strict=True)
         ]
-        color = self._first.around.color
-        return PlanePicture(cells, self.plane.cells, color, shading[0], later)
+        return PlanePicture(self.cells, self.plane.cells, self._first.color, shading[0], later)
 
     def reflected(self, alpha: float, seed: int, rays: int = RAYS) -> Float:
         """Return (1 + frames, KINDS, n, 3) reflection; see `coat_reflection.reflected`."""
-        cells = self._first.around.cells
         gains = [1.0, *(gain for _, _, gain in self._shown)]
-        return np.stack(
-            [
-                reflected(moment.around, moment.patch(cells, self.plane), alpha, seed, rays) / gain
-                for moment, gain in zip(self._moments, gains, strict=True)
-            ]
-        )
+        parts = []
+        for moment, gain in zip(self._moments, gains, strict=True):
+            around, patch = moment.around(self.cells.rows), moment.patch(self.cells, self.plane)
+            parts.append(reflected(around, patch, alpha, seed, rays) / gain)
+        return np.stack(parts)
 
 
 def _sparse(
-    on: NDArray[np.intp], rows: int, step: int
+    on: NDArray[np.intp], rows: int, sparse_rows: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return one of `on` (n,) per block of step x step cells, and for each cell its index (n,)."""
+    """Return one of `on` (n,) per cell of a coarser grid, and for each cell its index (n,).
+
+    The grid has at least `sparse_rows` rows, and more until it has `MIN_POINTS` cells.
+    """
     row, column = np.divmod(on, 2 * rows)
-    _, first, nearest = np.unique(
-        row // step * 2 * rows + column // step, return_index=True, return_inverse=True
-    )
-    return on[first], nearest.astype(np.intp)
+    step = max(1, rows // sparse_rows)
+    while True:
+        coarse = row // step * 2 * rows + column // step
+        _, first, nearest = np.unique(coarse, return_index=True, return_inverse=True)
+        if step == 1 or len(first) >= MIN_POINTS:
+            return on[first], nearest.astype(np.intp)
+        step //= 2
 
 
 def _bilinear(picture: Float, point: Float) -> Float:

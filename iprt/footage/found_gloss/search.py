@@ -11,27 +11,34 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
-from iprt.footage.cell_planes import PARALLEL, CellPlane, find_planes
+from iprt.footage.cell_planes import PARALLEL, CellPlane, find_planes, on_finer_cells
 from iprt.footage.cells import Cells, cell_means
-from iprt.footage.found_gloss.coat_reflection import IOR, KINDS
-from iprt.footage.found_gloss.evidence import ALPHAS, Reflection
+from iprt.footage.coat_reflection import IOR, KINDS, RoomCells
+from iprt.footage.found_gloss.evidence import ALPHAS, Reflection, resolved
 from iprt.footage.found_gloss.followed_planes import Followed, Moment
 from iprt.footage.frame import Frame
 from iprt.footage.real_material import Doubt, Evidence, GlossSearch, Plane, RealMaterial
+from iprt.footage.received_light import finer
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 
-ROWS = 128
-"""Number of rows of cells."""
-MIN_TOLERANCE, NOISE = 0.002, 3.0
-"""Tolerance of the distance from a plane: least value relative to depth, and in units of
-`Frame.fit_tolerance`."""
-SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (1, 4), 4, 3.0
-"""Screening without shading: indices into `ALPHAS`, rays per cell, and least t to go on."""
-MIN_T, MAX_CHANCE = 8.0, 1e-3
-"""Least t of a reflection, and largest probability of a chance result on any plane. Shading that is
-not explained by the panorama reaches t = 6 in rooms of matte surfaces."""
+ROWS, FINEST, MIN_CELLS = 128, 512, 1500
+"""Number of rows of cells, and largest number in which planes of fewer cells are judged: the image
+of a window in a table top is a few degrees wide."""
+TOLERANCE, SMALL_TOLERANCE, NOISE = 0.002, 0.004, 3.0
+"""Tolerance of the distance from a plane: least values relative to depth, for large and for small
+planes, and in units of `Frame.fit_tolerance`. Objects stand on small planes; pictures hang flat on
+walls."""
+SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (0.05, 0.2), 4, 3.0
+"""Screening without shading: roughnesses, rays per cell, and least t to go on."""
+MIN_T, MAX_CHANCE = 7.0, 1e-3
+"""Least t of a reflection, and largest probability of a chance result on any plane."""
+SHARP = 0.2
+"""Roughness up to which `MIN_T` suffices: shading that the panorama does not explain looks like
+rougher reflections, with t of up to 10 in rooms of matte surfaces."""
 STRENGTH = (0.25, 2.0)
 """Plausible strengths relative to an index of 1.5. They cover indices from 1.2 to 1.8, and windows
 with a brighter or darker sky outside the camera's view."""
@@ -40,11 +47,11 @@ MAX_RECOVERED = 10.0
 dark."""
 MAX_ALPHA = 0.35
 """Largest roughness; unexplained shading looks like rougher reflections."""
-MAX_BEYOND = 0.3
-"""Largest share of cells whose predicted reflection exceeds their radiance."""
 FLAKE = 0.03
 """Distance from a larger plane, relative to depth, within which a plane is a fragment of it, caused
 by errors of depth. The cells of such a fragment are scattered among the larger plane's."""
+CONNECTED = 0.7
+"""Least share of a small plane that one piece of it has, across gaps of up to 2.8 degrees."""
 UPRIGHT = 0.9
 """Least absolute cosine between the vertical and the normals of floors, tops and ceilings."""
 
@@ -70,29 +77,25 @@ def find_gloss(
     GlossSearch
         Found are the planes with strong evidence.
     """
-    first = Moment.of(frame, min(ROWS, frame.height), frame)
-    cells = first.around.cells
-    tolerance = max(MIN_TOLERANCE, NOISE * frame.fit_tolerance)
-    usable = first.around.color.min(axis=-1) > 0.0
-    if frame.gloss is not None:
-        usable &= cell_means(frame.gloss > 0, cells.rows).ravel() == 0.0
-    planes = without_flakes(cells, find_planes(cells, tolerance, usable))
-    followed = [Followed(first, plane) for plane in planes]
+    first = Moment(frame, frame)
+    followed = _planes(frame, first)
+    planes = [view.plane for view in followed]
     for other in later if planes else ():
-        moment = Moment.of(other, cells.rows, frame)
+        moment = Moment(other, frame)
         if moment.motion is not None:
             for view in followed:
-                view.follow(moment, other, tolerance)
+                view.follow(moment)
     found: list[RealMaterial] = []
     doubts: list[Doubt] = []
     names = taken
-    for plane, seen in zip(planes, on_all_cores(_reflection, followed), strict=True):
+    for view, seen in zip(followed, map(_reflection, followed), strict=True):
+        plane, cells = view.plane, view.cells
         name = _free_name(_kind(plane, planes), names)
         names |= {name}
         if isinstance(seen, Reflection):
             reason = doubt_of(seen, len(planes) * len(ALPHAS) * KINDS)
             if reason is None:
-                found.append(_material(name, cells, plane, tolerance, seen))
+                found.append(_material(name, cells, plane, seen))
                 continue
         else:
             reason = f"no sign of a reflection (t = {seen:.1f})"
@@ -102,35 +105,89 @@ def find_gloss(
     return GlossSearch(tuple(found), tuple(doubts))
 
 
+def _planes(frame: Frame, first: Moment) -> list[Followed]:
+    """Return the planes of a frame, each in cells that are fine enough for it.
+
+    Small planes are found in cells of half the width, as objects cover much of a table top.
+    """
+    rows, noise = min(ROWS, frame.height), NOISE * frame.fit_tolerance
+    passes = [(rows, max(TOLERANCE, noise)), (2 * rows, max(SMALL_TOLERANCE, noise))]
+    taken = np.zeros((rows, 2 * rows), bool)
+    kept: list[CellPlane] = []
+    followed = []
+    for each, tolerance in passes[: 1 + (2 * rows <= frame.height)]:
+        around = first.around(each)
+        usable = _usable(frame, around) & ~finer(taken, each).ravel()
+        for plane in find_planes(around.cells, tolerance, usable):
+            if each == rows:
+                taken.ravel()[plane.cells] = True
+            if is_flake(around.cells, plane, kept):
+                continue
+            kept.append(plane)
+            view = _in_fine_cells(frame, first, plane, each)
+            if view.cells.rows == rows or not is_scattered(view.cells, view.plane):
+                followed.append(view)
+    return followed
+
+
+def _in_fine_cells(frame: Frame, first: Moment, plane: CellPlane, rows: int) -> Followed:
+    """Return a plane of `rows` rows of cells in cells of which it has enough."""
+    count, fine = len(plane.cells), rows
+    while count < MIN_CELLS and 2 * fine <= min(FINEST, frame.height):
+        count, fine = 4 * count, 2 * fine
+    if fine > rows:
+        there = first.around(fine)
+        plane = on_finer_cells(plane, there.cells, _usable(frame, there))
+    return Followed(first, plane, fine)
+
+
+def _usable(frame: Frame, around: RoomCells) -> NDArray[np.bool_]:
+    """Return (N,) bool: the cells that are lit, and of no known gloss."""
+    usable: NDArray[np.bool_] = around.color.min(axis=-1) > 0.0
+    if frame.gloss is not None:
+        usable &= cell_means(frame.gloss > 0, around.cells.rows).ravel() == 0.0
+    return usable
+
+
 def doubt_of(reflection: Reflection, tries: int) -> str | None:
     """Return why a reflection is not believed, the best of `tries`; None if it is."""
     fit = reflection.fit
     most = MAX_RECOVERED if fit.recovered else STRENGTH[1]
-    if fit.t < MIN_T or fit.chance(tries) > MAX_CHANCE:
-        return f"weak evidence of a reflection (t = {fit.t:.1f}, of {MIN_T:g} at least)"
+    least = MIN_T * max(1.0, reflection.alpha / SHARP) ** 2
+    if fit.t < least:
+        return f"weak evidence of a reflection (t = {fit.t:.1f}, of {least:.0f} at least)"
+    if fit.chance(tries) > MAX_CHANCE:
+        return f"a reflection on a small part of it (t = {fit.t:.1f}), which may be chance"
     if reflection.alpha > MAX_ALPHA:
         return f"a reflection of alpha {reflection.alpha:.2f}, which may be shading"
     if fit.strength < STRENGTH[0]:
         return f"a reflection of {fit.strength:.2g} of a coat's strength, which may be shading"
     if fit.strength > most:
         return f"a reflection of {fit.strength:.1f} times a coat's strength, which no coat has"
-    if fit.beyond > MAX_BEYOND:
-        return f"a reflection that would be brighter than {fit.beyond:.0%} of the surface is"
     return None
 
 
-def without_flakes(cells: Cells, planes: list[CellPlane]) -> list[CellPlane]:
-    """Return the planes that are no fragments of an earlier, larger one."""
-    kept: list[CellPlane] = []
-    for plane in planes:
-        point, depth = cells.point[plane.cells], cells.depth[plane.cells]
-        if not any(
-            plane.normal @ other.normal > PARALLEL
-            and np.median(np.abs(point @ other.normal - other.offset) / depth) < FLAKE
-            for other in kept
-        ):
-            kept.append(plane)
-    return kept
+def is_scattered(cells: Cells, plane: CellPlane) -> bool:
+    """Return whether no connected piece has most of a plane, as among folds of cloth."""
+    columns = 2 * cells.rows
+    on = np.zeros((cells.rows, columns), bool)
+    on.ravel()[plane.cells] = True
+    beside = np.ones((3, 3), bool)
+    gap = max(1, cells.rows // ROWS)
+    grown = scipy.ndimage.binary_dilation(np.tile(on, 2), beside, gap)
+    piece = scipy.ndimage.label(grown, beside)[0][:, :columns].ravel()[plane.cells]
+    area = np.bincount(piece, cells.solid_angle[plane.cells])
+    return bool(area.max() < CONNECTED * area.sum())
+
+
+def is_flake(cells: Cells, plane: CellPlane, larger: list[CellPlane]) -> bool:
+    """Return whether a plane is a fragment of a larger one."""
+    point, depth = cells.point[plane.cells], cells.depth[plane.cells]
+    return any(
+        plane.normal @ other.normal > PARALLEL
+        and np.median(np.abs(point @ other.normal - other.offset) / depth) < FLAKE
+        for other in larger
+    )
 
 
 def _reflection(plane: Followed) -> Reflection | float:
@@ -138,7 +195,8 @@ def _reflection(plane: Followed) -> Reflection | float:
     t = _screened(plane)
     if t < MIN_SCREEN_T:
         return t
-    parts = [plane.reflected(alpha, index) for index, alpha in enumerate(ALPHAS)]
+    numbered = list(enumerate(resolved(plane.cells.rows)))
+    parts = on_all_cores(lambda one: plane.reflected(one[1], one[0]), numbered)
     return plane.picture().reflection(parts)
 
 
@@ -148,21 +206,18 @@ def _screened(plane: Followed) -> float:
     Most walls have none.
     """
     picture, best = plane.picture(shaded=False), 0.0
-    for index in SCREEN:
-        alpha = ALPHAS[index]
-        fit = picture.fit(plane.reflected(alpha, index, SCREEN_RAYS), alpha)
+    for seed, alpha in enumerate(SCREEN):
+        fit = picture.fit(plane.reflected(alpha, seed, SCREEN_RAYS), alpha)
         if fit.strength >= STRENGTH[0]:
             best = max(best, fit.t)
     return best
 
 
-def _material(
-    name: str, cells: Cells, plane: CellPlane, tolerance: float, reflection: Reflection
-) -> RealMaterial:
+def _material(name: str, cells: Cells, plane: CellPlane, reflection: Reflection) -> RealMaterial:
     fit = reflection.fit
     x, y, z = (round(float(value), 5) for value in plane.normal)
     u, v, w = (round(float(value), 5) for value in plane.offset * plane.normal)
-    reach = tolerance * float(np.median(cells.depth[plane.cells]))
+    reach = plane.tolerance * float(np.median(cells.depth[plane.cells]))
     evidence = Evidence(
         t=fit.t,
         strength=fit.strength,
