@@ -92,13 +92,14 @@ def find_gloss(
         plane, cells = view.plane, view.cells
         name = _free_name(_kind(plane, planes), names)
         names |= {name}
+        reason: str | None
         if isinstance(seen, Reflection):
             reason = doubt_of(seen, len(planes) * len(ALPHAS) * KINDS)
             if reason is None:
                 found.append(_material(name, cells, plane, seen))
                 continue
         else:
-            reason = f"no sign of a reflection (t = {seen:.1f})"
+            reason = seen
         x, y, z = cells.direction[plane.cells].mean(axis=0)
         yaw, pitch = np.rad2deg([np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))])
         doubts.append(Doubt(name, round(float(yaw)), round(float(pitch)), reason))
@@ -124,9 +125,7 @@ def _planes(frame: Frame, first: Moment) -> list[Followed]:
             if is_flake(around.cells, plane, kept):
                 continue
             kept.append(plane)
-            view = _in_fine_cells(frame, first, plane, each)
-            if view.cells.rows == rows or not is_scattered(view.cells, view.plane):
-                followed.append(view)
+            followed.append(_in_fine_cells(frame, first, plane, each))
     return followed
 
 
@@ -190,11 +189,13 @@ def is_flake(cells: Cells, plane: CellPlane, larger: list[CellPlane]) -> bool:
     )
 
 
-def _reflection(plane: Followed) -> Reflection | float:
-    """Gather the evidence of a plane's reflection; t of the screening if that finds none."""
+def _reflection(plane: Followed) -> Reflection | str:
+    """Gather the evidence of a plane's reflection; the reason if it is not worth it."""
+    if plane.cells.rows > ROWS and is_scattered(plane.cells, plane.plane):
+        return "it lies in pieces, as errors of depth and folds of cloth do"
     t = _screened(plane)
     if t < MIN_SCREEN_T:
-        return t
+        return f"no sign of a reflection (t = {t:.1f})"
     numbered = list(enumerate(resolved(plane.cells.rows)))
     parts = on_all_cores(lambda one: plane.reflected(one[1], one[0]), numbered)
     return plane.picture().reflection(parts)

@@ -108,7 +108,10 @@ def test_few_frames_are_alive_however_long_the_video(tmp_path: Path) -> None:
     def alive() -> int:
         return sum(reference() is not None for reference in references)
 
-    scene.preparation = lambda *, drift=True: Counted(drift=drift)  # type: ignore[method-assign]
+    def counted(*, drift: bool = True, daylight: bool = True) -> Preparation:
+        return Counted(drift=drift)
+
+    scene.preparation = counted  # type: ignore[method-assign]
     ahead = 3
     with scene.stream([1, 2, 3, 4] * 75, ahead=ahead) as frames:
         for _ in frames:
