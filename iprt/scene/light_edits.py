@@ -43,7 +43,7 @@ class LightEdit:
         return {part: value for part, value in values.items() if value is not None}
 
     def differing(self, other: LightEdit) -> tuple[str, ...]:
-        """Return the keys whose values differ from those of another edit."""
+        """Return the keys of values that differ in another edit."""
         return tuple(part for part in PARTS if getattr(self, part) != getattr(other, part))
 
     def besides(self, other: LightEdit) -> LightEdit:

@@ -17,7 +17,7 @@ MOST_IRRADIANCE = 10000.0
 
 
 def light_fields(ui: UiState) -> tuple[Field, ...]:
-    """Build the choices of what is found in the footage."""
+    """Build the choices between found, declared and no light."""
     engine = ui.engine
 
     def switch(key: str, off: str) -> Field:

@@ -22,7 +22,7 @@ Objects = tuple[SceneObject, ...]
 
 
 class Staging:
-    """The stage, which is made anew when any of its parts changes; one thread calls `follow`.
+    """The stage, remade when a part of it changes; one thread calls `follow`.
 
     Parameters
     ----------

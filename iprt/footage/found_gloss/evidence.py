@@ -382,7 +382,7 @@ def _effective_blocks(x: Float, column: int, weight: Float, block: NDArray[np.in
     """Return (Σ h)² / Σ h², with h the information of a block about the factor of a column.
 
     It is the variation of the column that the others do not explain. The robust error of a factor
-    has about so many degrees of freedom, plus 1 (Carter, Schnepel and Steigerwald 2017).
+    has about this number of degrees of freedom, plus 1 (Carter, Schnepel and Steigerwald 2017).
     """
     others = np.delete(x, column, axis=1)
     own = x[:, column]
