@@ -33,6 +33,14 @@ from numpy.typing import NDArray
 from iprt.footage.cells import Cells, Float
 from iprt.footage.coat_reflection import RECOVERED
 from iprt.footage.found_gloss.cell_means import MeansAround
+from iprt.footage.found_gloss.regression import (
+    HUBER,
+    deviation_of,
+    effective_blocks,
+    least_squares,
+    lowest,
+    robust_weights,
+)
 
 ALPHAS = (0.02, 0.03, 0.05, 0.08, 0.13, 0.2, 0.3)
 """Values of GGX roughness to test; see `resolved`. Rougher reflections are as smooth as shading."""
@@ -51,12 +59,10 @@ SHARPER = 1.2
 wide reflection. Measured in rooms with known gloss; 1.0 to 1.7 in single ones."""
 BLOCK, BLOCKS = np.deg2rad(11.25), 25
 """Largest side of a block of cells, in rad, and least number of blocks in a plane."""
-HUBER, ODD = 1.5, 4.0
-"""Residuals, in standard deviations, beyond which cells count linearly, and not at all."""
+ODD = 4.0
+"""Residuals, in standard deviations, beyond which cells do not count."""
 MAX_BEYOND = 0.3
 """Share of the cells that may be darker than the reflection: mats and plates on a table."""
-MODEL = 0.02
-"""Standard deviation of the model error, relative to the local mean radiance."""
 STEPS, ROUNDS = 8, 3
 
 
@@ -73,7 +79,7 @@ class Fit:
     explained : float
         Share of the squared residuals after E that S explains.
     blocks : float
-        Effective number of blocks of cells, see `_effective_blocks`.
+        Effective number of blocks of cells, see `effective_blocks`.
     recovered : bool
         Whether k belongs to light recovered from clipped texels.
     """
@@ -228,7 +234,7 @@ class PlanePicture:
             fits = [self._fit(varied, part) for part in smooth]
             _, left = fits[int(np.argmax([fit.explained for fit, _ in fits]))]
             for kept, rows, rest in zip(self._kept, varied, left, strict=True):
-                kept[rows.cells[np.abs(rest).max(axis=-1) > ODD * _deviation(rest)]] = False
+                kept[rows.cells[np.abs(rest).max(axis=-1) > ODD * deviation_of(rest)]] = False
         return self._reflection(smooth, np.log(alphas))
 
     def _smooth(self, reflected: Float, alpha: float) -> list[Float]:
@@ -303,9 +309,9 @@ class PlanePicture:
         ends = np.cumsum([len(rows.y) for rows in varied])[:-1]
         weight, factors, left, normal = own, np.zeros(x.shape[1]), y, np.eye(x.shape[1])
         for _ in range(STEPS):
-            factors, normal = _least_squares(x, y, weight)
+            factors, normal = least_squares(x, y, weight)
             left = y - x @ factors
-            weight = own * _robust(np.split(left, ends))
+            weight = own * robust_weights(np.split(left, ends))
         score = x * (weight * left)[:, None]
         sums = np.stack([np.bincount(block, column) for column in score.T], axis=-1)
         inverse = np.linalg.inv(normal)
@@ -315,17 +321,17 @@ class PlanePicture:
         most = self._most(reflected[0], strength, told) if bounded else np.inf
         if strength[told] > most:
             others = np.delete(x, told, axis=1)
-            factors = _least_squares(others, y - x[:, told] * most, weight)[0]
+            factors = least_squares(others, y - x[:, told] * most, weight)[0]
             factors = np.insert(factors, told, most)
             strength, left = factors[:kinds], y - x @ factors
         rest = y
         if x.shape[1] > kinds:
-            rest = y - x[:, kinds:] @ _least_squares(x[:, kinds:], y, weight)[0]
+            rest = y - x[:, kinds:] @ least_squares(x[:, kinds:], y, weight)[0]
         fit = Fit(
             strength=float(strength[told]),
             error=float(error[told]),
             explained=1.0 - float(weight @ left**2) / max(float(weight @ rest**2), 1e-30),
-            blocks=_effective_blocks(x, told, weight, block),
+            blocks=effective_blocks(x, told, weight, block),
             recovered=told == RECOVERED,
         )
         return fit, [part.reshape(-1, 3) for part in np.split(left, ends)]
@@ -345,7 +351,7 @@ class PlanePicture:
         for part in smooth:
             fit, left = self._fit(varied, part, bounded=True)
             # All roughnesses share one scale, so that their costs are comparable.
-            scales = scales or [_deviation(rest) for rest in left]
+            scales = scales or [deviation_of(rest) for rest in left]
             total = np.zeros(self._block.max() + 1)
             for rows, rest, scale in zip(varied, left, scales, strict=True):
                 cost = scipy.special.huber(HUBER * scale, rest).sum(axis=-1)
@@ -357,62 +363,9 @@ class PlanePicture:
         cost = np.array(costs)
         total = cost.sum(axis=1)
         used = cost.any(axis=0)
-        without = np.array([_lowest(x, total - part) for part in cost.T[used]])
+        without = np.array([lowest(x, total - part) for part in cost.T[used]])
         count = len(without)
         deviation = np.sqrt((count - 1) / count * np.square(without - without.mean()).sum())
         best = int(np.argmax([fit.explained for fit in fits]))
-        alpha = SHARPER * float(np.exp(_lowest(x, total)))
+        alpha = SHARPER * float(np.exp(lowest(x, total)))
         return Reflection(alpha, float(np.exp(deviation)), fits[best])
-
-
-def _least_squares(x: Float, y: Float, weight: Float) -> tuple[Float, Float]:
-    """Solve weighted least squares; return factors, and the matrix of the normal equations."""
-    weighted = x * weight[:, None]
-    normal = x.T @ weighted
-    normal += 1e-9 * max(float(np.trace(normal)), 1e-30) * np.eye(len(normal))
-    return np.asarray(np.linalg.solve(normal, weighted.T @ y), np.float64), normal
-
-
-def _deviation(left: Float) -> float:
-    """Estimate a standard deviation by the median absolute residual; at least `MODEL`."""
-    return max(1.4826 * float(np.median(np.abs(left))), MODEL)
-
-
-def _effective_blocks(x: Float, column: int, weight: Float, block: NDArray[np.intp]) -> float:
-    """Return (Σ h)² / Σ h², with h the information of a block about the factor of a column.
-
-    It is the variation of the column that the others do not explain. The robust error of a factor
-    has about this number of degrees of freedom, plus 1 (Carter, Schnepel and Steigerwald 2017).
-    """
-    others = np.delete(x, column, axis=1)
-    own = x[:, column]
-    if others.shape[1]:
-        own = own - others @ _least_squares(others, own, weight)[0]
-    told = np.bincount(block, weight * own**2)
-    return float(told.sum() ** 2 / max(np.square(told).sum(), 1e-30))
-
-
-def _robust(left: Sequence[Float]) -> Float:
-    """Return the weights of residuals; each frame has its own standard deviation."""
-    deviation = [_deviation(rest) for rest in left]
-    return np.concatenate(
-        [
-            _huber(rest, scale) * (deviation[0] / scale) ** 2
-            for rest, scale in zip(left, deviation, strict=True)
-        ]
-    )
-
-
-def _huber(left: Float, deviation: float) -> Float:
-    bound = HUBER * deviation
-    return np.asarray(np.minimum(1.0, bound / np.maximum(np.abs(left), 1e-30)))
-
-
-def _lowest(x: Float, cost: Float) -> float:
-    """Return log α at the bottom of a parabola through the lowest cost and its neighbours."""
-    best = int(np.clip(np.argmin(cost), 1, len(x) - 2))
-    near = slice(best - 1, best + 2)
-    bent, slope, _ = np.polyfit(x[near] - x[best], cost[near], 2)
-    if not bent > 0.0:
-        return float(x[np.argmin(cost)])
-    return float(np.clip(x[best] - 0.5 * slope / bent, x[0], x[-1]))
