@@ -248,6 +248,24 @@ def test_what_is_clipped_has_a_strength_of_its_own() -> None:
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(("share", "bounded"), [(0.2, False), (0.5, True)])
+def test_a_reflection_is_no_brighter_than_most_of_the_surface(share: float, bounded: bool) -> None:
+    """Mats without a coat cover a share of the floor. They may be darker than the reflection."""
+    around, plane, parts = parts_of("whole")
+    shine, covered = parts[2][0].sum(0), np.random.default_rng(0).random(len(plane.cells)) < share
+    color = around.color.copy()
+    color[plane.cells] = np.where(covered[:, None], 0.3 * shine, 0.05 + shine)
+    even: Float = np.ones((1, len(plane.cells), 3))
+    picture = PlanePicture(around.cells, plane.cells, color, even)
+    varied, smooth = picture._varied(), picture._smooth(parts[2], resolved(128)[2])
+    free, limited = (picture._fit(varied, smooth, bounded=each)[0] for each in (False, True))
+    assert (limited.strength < free.strength) is bounded
+    if bounded:
+        assert limited.strength == pytest.approx(0.3, rel=0.1)
+        assert limited.t < free.t
+
+
+@pytest.mark.thorough
 def test_texture_alone_is_no_evidence() -> None:
     """t is a Student's t: of many floors without a reflection, few have a large one."""
     found = [pictured(0.0, 0.2, seed)[0] for seed in range(3)]
