@@ -33,7 +33,7 @@ TOLERANCE, SMALL_TOLERANCE, NOISE = 0.002, 0.004, 3.0
 planes, and in units of `Frame.fit_tolerance`. Objects stand on small planes; pictures hang flat on
 walls."""
 SCREEN, SCREEN_RAYS, MIN_SCREEN_T = (0.05, 0.2), 4, 3.0
-"""Screening without shading: roughnesses, rays per cell, and least t to go on."""
+"""Screening: roughnesses, rays per cell, and least t to go on."""
 MIN_T, MAX_CHANCE = 7.0, 1e-3
 """Least t of a reflection, and largest probability of a chance result on any plane."""
 SHARP = 0.2
@@ -193,25 +193,16 @@ def _reflection(plane: Followed) -> Reflection | str:
     """Gather the evidence of a plane's reflection; the reason if it is not worth it."""
     if plane.cells.rows > ROWS and is_scattered(plane.cells, plane.plane):
         return "it lies in pieces, as errors of depth and folds of cloth do"
-    t = _screened(plane)
-    if t < MIN_SCREEN_T:
-        return f"no sign of a reflection (t = {t:.1f})"
+    coats = [plane.reflected(alpha, seed, SCREEN_RAYS) for seed, alpha in enumerate(SCREEN)]
+    for shaded in (False, True):  # most walls show no sign of a reflection even without shading
+        picture = plane.picture(shaded=shaded)
+        fits = [picture.fit(coat, alpha) for coat, alpha in zip(coats, SCREEN, strict=True)]
+        t = max((fit.t for fit in fits if fit.strength >= STRENGTH[0]), default=0.0)
+        if t < MIN_SCREEN_T:
+            return f"no sign of a reflection (t = {t:.1f})"
     numbered = list(enumerate(resolved(plane.cells.rows)))
     parts = on_all_cores(lambda one: plane.reflected(one[1], one[0]), numbered)
-    return plane.picture().reflection(parts)
-
-
-def _screened(plane: Followed) -> float:
-    """Return t of the correlation of a plane's picture and its reflections; 0 if they are weak.
-
-    Most walls have none.
-    """
-    picture, best = plane.picture(shaded=False), 0.0
-    for seed, alpha in enumerate(SCREEN):
-        fit = picture.fit(plane.reflected(alpha, seed, SCREEN_RAYS), alpha)
-        if fit.strength >= STRENGTH[0]:
-            best = max(best, fit.t)
-    return best
+    return picture.reflection(parts)
 
 
 def _material(name: str, cells: Cells, plane: CellPlane, reflection: Reflection) -> RealMaterial:
