@@ -226,7 +226,7 @@ class Scene:
 
     @property
     def daylight(self) -> Daylight:
-        """The light from outside, with what follows it over the video."""
+        """The light from outside; its brightness is followed over the video."""
         return Daylight(self.sun, self.sun_patches, self.sky)
 
     def relit(self, edit: LightEdit) -> Scene:

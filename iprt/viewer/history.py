@@ -69,7 +69,7 @@ class History:
 
 
 def _changed(before: Edits, after: Edits) -> Changed:
-    """Return the names of the objects with the changed parts of their edits, and those of light."""
+    """Return the changed parts of the edits, with the names of objects; light has none."""
     old, new = ({edit.name: edit for edit in edits.objects} for edits in (before, after))
     objects = [
         (name, part)

@@ -69,7 +69,7 @@ BY_HAND = "by hand"
 """Name in place of a word of scene.toml for a sun with numbers of its own."""
 SUNS: Mapping[str, Label] = {
     "auto": Label("As found", "The sun whose patches of light are found in the first frame."),
-    "none": Label("None", "No sun but what the panorama shows."),
+    "none": Label("None", "No sun besides the light that the panorama shows."),
     BY_HAND: Label("Set by hand", "The sun of the numbers below, or of the arrow."),
 }
 

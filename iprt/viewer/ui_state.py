@@ -128,7 +128,7 @@ class UiState(ABC):
         irradiance: Sequence[float] | None = None,
         angle_deg: float | None = None,
     ) -> None:
-        """Set the sun by hand; what is not given stays.
+        """Set the sun by hand; parts that are not given stay.
 
         Raises
         ------

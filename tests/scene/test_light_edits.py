@@ -1,4 +1,4 @@
-"""Edits of light written to `[video]`: what is read again is what was edited, comments stay."""
+"""Edits of light written to `[video]`: they are read back unchanged, and comments stay."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, edit: LightEdit, text: st
     assert Scene.open(folder).manifest.video == edit.applied(scene.manifest.video)
     written = (folder / "scene.toml").read_text()
     assert written.startswith(MANIFEST)
-    # What is beside a table goes with it.
+    # A comment beside a table goes with it.
     gone = ("# seen", "# up") if isinstance(edit.sun, str) else ()
     comments = [line[line.index("#") :] for line in text.splitlines() if "#" in line]
     assert all(comment in written for comment in comments if comment not in gone)

@@ -137,7 +137,7 @@ def test_an_edited_sun_is_shown_without_reading_the_video_again(
 def test_a_search_does_not_stop_the_picture(
     yard: Scene, device: ComputeDevice, searches: Searches
 ) -> None:
-    """It is told, and what it finds is shown when it is found."""
+    """The status names the search, and the sun appears once it is found."""
     path = yard.root / "scene.toml"
     path.write_text(path.read_text().replace("fps", 'gloss = "declared"\nsun = "none"\nfps', 1))
     with turns(Scene.open(yard.root), device) as driver:
@@ -179,7 +179,7 @@ def test_the_sky_is_estimated_for_a_sun_that_stays(
         np.testing.assert_allclose(choice.direction, towards(40.0, 40.0), atol=1e-3)
         relit(driver)
         later(driver)
-        assert len(searches.looked) == 2, "what was found is kept"
+        assert len(searches.looked) == 2, "results are kept"
         assert shines(driver, FOUND)
 
 
@@ -210,7 +210,7 @@ def test_light_is_saved_undone_and_read_again(yard: Scene, device: ComputeDevice
         files.save()
         driver.settle()
         assert path.read_text() == saved
-        # What others write counts; what is not saved stays.
+        # Changes by others count, and unsaved ones stay.
         relit(driver, sun=HIGH, sky="none", gloss="declared")
         path.write_text(first.replace("fps", 'sun = "none"\nfps', 1) + "# mine\n")
         driver.look_again()

@@ -18,12 +18,14 @@ from iprt.footage.cells import Cells, Float, Geometry, cell_means
 from iprt.footage.coat_reflection import RAYS, Patch, RoomCells, reflected
 from iprt.footage.found_gloss.evidence import Later, PlanePicture
 from iprt.footage.frame import Frame
-from iprt.footage.received_light import OCCLUDER_ROWS, RoomLight
+from iprt.footage.received_light import RoomLight
 from iprt.footage.window_environment import outside_radiance
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel, equirect_texel
 from iprt.geometry.pose import camera_motion
 
+FINEST = 512
+"""Largest number of rows of cells."""
 WINDOW_ROWS, REST_ROWS = 64, 32
 """Least rows of cells in which light from windows and all other light are computed."""
 MIN_POINTS = 100
@@ -61,15 +63,24 @@ class Moment:
         self._rooms: dict[int, RoomCells] = {}
 
     def around(self, rows: int) -> RoomCells:
-        """Return the surroundings in cells of `rows` rows; at most the frame's."""
+        """Return the surroundings in cells of `rows` rows; at most `FINEST`, and the frame's."""
         if rows not in self._rooms:
-            self._rooms[rows] = RoomCells.of(self._frame, Geometry.of(self._frame, rows), rows)
+            self._rooms[rows] = RoomCells.of(self._frame, self._geometry, rows)
         return self._rooms[rows]
 
     @cached_property
+    def _geometry(self) -> Geometry:
+        return Geometry.of(self._frame, min(FINEST, self._frame.height))
+
+    @cached_property
     def _light(self) -> RoomLight:
-        rows = min(OCCLUDER_ROWS, self._frame.height)
-        return RoomLight.of(self._frame, Geometry.of(self._frame, rows))
+        return RoomLight.of(self._frame, self._geometry)
+
+    @cached_property
+    def _outside(self) -> Float:
+        opening = self._frame.opening
+        outside = outside_radiance(self._frame.radiance[opening], opening)
+        return outside.reshape(-1, 3).astype(np.float64)
 
     def patch(self, cells: Cells, plane: CellPlane) -> Patch:
         """Return a plane of the first frame in this frame's axes; `cells` are the first frame's."""
@@ -87,14 +98,11 @@ class Moment:
         """Return irradiance over π (2, n, 3) of a plane's cells: by windows, and by the rest."""
         at, nearest = _sparse(plane.cells, cells.rows, REST_ROWS)
         rest = self._light.from_surfaces(*self._receivers(cells, at))[nearest]
-        opening = self._frame.opening
-        if not opening.any():
+        if not self._frame.opening.any():
             return rest[None] / np.pi
         at, nearest = _sparse(plane.cells, cells.rows, WINDOW_ROWS)
         windows = self._light.through_windows(*self._receivers(cells, at), WINDOW_RAYS)
-        outside = outside_radiance(self._frame.radiance[opening], opening)
-        lit = windows @ outside.reshape(-1, 3)
-        return np.stack([rest, lit[nearest]]) / np.pi
+        return np.stack([rest, (windows @ self._outside)[nearest]]) / np.pi
 
     def _receivers(self, cells: Cells, at: NDArray[np.intp]) -> tuple[Float, Float]:
         return self._moved(cells.point[at]), self._turned(cells.normal[at])

@@ -18,16 +18,16 @@ from iprt.footage.cell_planes import PARALLEL, CellPlane, find_planes, on_finer_
 from iprt.footage.cells import Cells, cell_means
 from iprt.footage.coat_reflection import IOR, KINDS, RoomCells
 from iprt.footage.found_gloss.evidence import ALPHAS, Reflection, resolved
-from iprt.footage.found_gloss.followed_planes import Followed, Moment
+from iprt.footage.found_gloss.followed_planes import FINEST, Followed, Moment
 from iprt.footage.frame import Frame
 from iprt.footage.real_material import Doubt, Evidence, GlossSearch, Plane, RealMaterial
 from iprt.footage.received_light import finer
 from iprt.footage.threads import on_all_cores
 from iprt.geometry.material import Material
 
-ROWS, FINEST, MIN_CELLS = 128, 512, 1500
-"""Number of rows of cells, and largest number in which planes of fewer cells are judged: the image
-of a window in a table top is a few degrees wide."""
+ROWS, MIN_CELLS = 128, 1500
+"""Number of rows of cells, and number of cells below which a plane is judged in finer ones: the
+image of a window in a table top is a few degrees wide."""
 TOLERANCE, SMALL_TOLERANCE, NOISE = 0.002, 0.004, 3.0
 """Tolerance of the distance from a plane: least values relative to depth, for large and for small
 planes, and in units of `Frame.fit_tolerance`. Objects stand on small planes; pictures hang flat on
@@ -88,8 +88,8 @@ def find_gloss(
     found: list[RealMaterial] = []
     doubts: list[Doubt] = []
     names = taken
-    for view, seen in zip(followed, map(_reflection, followed), strict=True):
-        plane, cells = view.plane, view.cells
+    for view in followed:
+        plane, cells, seen = view.plane, view.cells, _reflection(view)
         name = _free_name(_kind(plane, planes), names)
         names |= {name}
         reason: str | None

@@ -35,7 +35,7 @@ class Gizmo(ABC):
     @property
     @abstractmethod
     def _place(self) -> tuple[str, Float, Float] | None:
-        """Name, rotation (3, 3) and place in the world (3,) of what is selected."""
+        """Name, rotation (3, 3) and place in the world (3,) of the selection."""
 
     @abstractmethod
     def _add(self) -> Any:
@@ -43,7 +43,7 @@ class Gizmo(ABC):
 
     @abstractmethod
     def _move(self, turn: Float, position: Float) -> None:
-        """Move what is selected; the position is from the capture centre."""
+        """Move the selection; the position is from the capture centre."""
 
     def sync(self) -> None:
         """Move the gizmo to the selection, except while the gizmo is dragged."""

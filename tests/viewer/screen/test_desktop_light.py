@@ -89,7 +89,7 @@ def over_ring(user: User, x: float, y: float) -> bool:
 
 
 def test_numbers_of_the_sun(sunny: User) -> None:
-    """What a slider changes is told in words, and grey where there is no sun."""
+    """Sliders have words for their values, and are grey without a sun."""
     sunny.press("##sun_pitch", 0.5)
     sunny.away()
     sun = sunny.engine.sun
