@@ -18,6 +18,7 @@ from iprt.filter.temporal import (
     Accumulated,
     Temporal,
 )
+from iprt.geometry.camera import Projection, View
 from iprt.settings.filter import TemporalSettings
 from tests.filter.gbuffer import GBuffer, flat_gbuffer, random_gbuffer, read, still_motion, upload
 from tests.oracles import temporal as oracle
@@ -26,6 +27,7 @@ from tests.oracles.guide import shown
 SETTINGS = TemporalSettings()
 GUIDE_ID = constant("lib/gbuffer/guide.h", "GUIDE_ID")
 SLEEPING = float_constant("lib/gbuffer/guide.h", "SLEEPING")
+LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 
 
 class Session:
@@ -142,6 +144,59 @@ def test_equals_twin(
             # What follows builds on it.
             assert (~close).sum() <= 1 + 0.002 * (frame + 1) * close.size, frame
         before = now
+
+
+@pytest.mark.parametrize("projection", ["perspective", "equirect"])
+def test_reflections_are_resampled_by_a_spline(
+    device: ComputeDevice, projection: Projection
+) -> None:
+    """Next to the border and to pixels without history, bilinearly."""
+    rng = np.random.default_rng(6)
+    width, height = 72, 36
+    equirect = projection == "equirect"
+    view = View(width, height, projection=projection)
+    normal = -np.moveaxis(view.directions(), -1, 0)
+    gbuffer = GBuffer(view, normal, np.full((height, width), 2.0), np.ones((height, width)))
+    before = replace(gbuffer, ids=np.where(rng.random((height, width)) < 0.01, 0.0, 1.0))
+    session = Session(device, before, "specular")
+    signal = noise(rng, "specular", width, height)
+    session.add(before, signal)
+    motion = session.still + rng.uniform(-0.9, 0.9, (2, height, width))
+    motion[0] %= width if equirect else np.inf
+    # Waiting pixels keep their history.
+    waiting = np.full((height, width), LEVEL_WAITING)
+    result = session.image(session.add(gbuffer, signal, motion, waiting).signal)
+    planes, limits = before.planes, (SETTINGS.plane_tolerance, SETTINGS.normal_agreement)
+    known = oracle.History(signal, before.ids, np.zeros((height, width)))
+    past, bilinear = (
+        oracle.reproject(gbuffer.planes, planes, motion, known, limits, equirect, spline=spline)
+        for spline in (True, False)
+    )
+    assert (np.abs(past.signal - bilinear.signal) > 0.01).any(axis=0).mean() > 0.5
+    seen = past.length > 0.0
+    close = np.isclose(result[:, seen], past.signal[:, seen], rtol=1e-3, atol=1e-3)
+    assert (~close).mean() < 0.002
+
+
+def test_a_turning_head_does_not_blur_reflections(device: ComputeDevice) -> None:
+    """After 24 fractional steps, stripes of four pixels keep most of their contrast."""
+    gbuffer = flat_gbuffer(64, 24)
+    session = Session(device, gbuffer, "specular")
+    x = np.arange(64) + 0.5
+    waiting = np.full((24, 64), LEVEL_WAITING)
+
+    def stripes(shift: float) -> np.ndarray:
+        return np.broadcast_to(1.0 + 0.5 * np.sin(2.0 * np.pi * (x - shift) / 8.0), (3, 24, 64))
+
+    result = session.add(gbuffer, stripes(0.0))
+    motion = session.still - np.array([0.4, 0.0])[:, None, None]
+    for _ in range(24):
+        result = session.add(gbuffer, stripes(0.0), motion, waiting)
+    middle = (slice(None), slice(4, 20), slice(20, 56))
+    kept = session.image(result.signal)[middle] - 1.0
+    ideal = stripes(24 * 0.4)[middle] - 1.0
+    # By bilinear lookups, less than a fifth.
+    assert (kept * ideal).sum() > 0.55 * (ideal**2).sum()
 
 
 @pytest.mark.parametrize(("kind", "slept"), [("delta", 8.0), ("diffuse", 8.0), ("ratio", 0.0)])

@@ -25,8 +25,13 @@ def reproject(
     history: History,
     limits: tuple[float, float],
     equirect: bool,
+    *,
+    spline: bool = True,
 ) -> History:
-    """Bilinear lookup; `guide` and `before` are (7, H, W), `limits` plane tolerance and cosine."""
+    """Look up bilinearly, or by a spline in reflected signals.
+
+    `guide` and `before` are (7, H, W), `limits` plane tolerance and cosine.
+    """
     height, width = motion.shape[1:]
     result = History(*(np.zeros(a.shape) for a in vars(history).values()))
     for y, x in np.argwhere(guide[6] > 0.0):
@@ -58,9 +63,38 @@ def reproject(
                 total += weight
         if total > 0.01:
             result.signal[:, y, x] = sums[0] / total
+            if spline and total > 0.999 and len(history.signal) == 3:
+                sharp = _spline(before[6] == guide[6, y, x], history, mx, my, equirect)
+                result.signal[:, y, x] = result.signal[:, y, x] if sharp is None else sharp
             result.length[y, x] = sums[1] / total
             result.spread[y, x] = sums[2] / total
     return result
+
+
+def _spline(same: Array, history: History, mx: float, my: float, equirect: bool) -> Array | None:
+    """Cubic with the slopes of central differences at the samples, first along rows."""
+    height, width = same.shape
+    x, y = int(np.floor(mx)), int(np.floor(my))
+    columns, rows = np.arange(x - 1, x + 3), np.arange(y - 1, y + 3)
+    columns = columns % width if equirect else columns
+    if rows[0] < 0 or rows[3] >= height or columns.min() < 0 or columns.max() >= width:
+        return None
+    window = np.ix_(rows, columns)
+    if not (same & (history.length > 0.0))[window].all():
+        return None
+
+    def between(p: Array, t: float) -> Array:
+        """Hermite spline between p[..., 1] and p[..., 2]."""
+        a, b = p[..., 1], p[..., 2]
+        slope_a, slope_b = (b - p[..., 0]) / 2.0, (p[..., 3] - a) / 2.0
+        square = 3.0 * (b - a) - 2.0 * slope_a - slope_b
+        cube = 2.0 * (a - b) + slope_a + slope_b
+        return np.asarray(a + t * (slope_a + t * (square + t * cube)))
+
+    values = history.signal[:, window[0], window[1]]
+    nearest = values[:, 1:3, 1:3].reshape(len(values), -1)
+    found = between(between(values, mx - x), my - y)
+    return np.clip(found, nearest.min(axis=1), nearest.max(axis=1))
 
 
 def worth(length: Array, spread: Array, bias: Array) -> Array:

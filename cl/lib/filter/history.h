@@ -107,6 +107,50 @@ static inline ALWAYS_INLINE void store_history(
     certainty[LENGTH_PLANE * size + p] = history->length;
 }
 
+// Return the weights of four samples at -1, 0, 1 and 2 for a point between the second and the third (E. Catmull
+// and R. Rom, "A Class of Local Interpolating Splines", 1974).
+static inline ALWAYS_INLINE float4 spline_weights(float t)
+{
+    return (float4)(t * (-0.5f + t * (1.0f - 0.5f * t)), 1.0f + t * t * (-2.5f + 1.5f * t),
+                    t * (0.5f + t * (2.0f - 1.5f * t)), t * t * (-0.5f + 0.5f * t));
+}
+
+// Replace the bilinear mean of a reflected signal at (mx, my) by a Catmull-Rom spline through 4x4 pixels, within
+// the range of the four nearest. Blurred a little in every frame, the picture in a mirror would be soft while the
+// head turns. Next to another surface the mean remains.
+static inline ALWAYS_INLINE void sharpen_history(
+    float *past, PLANES_IN guide_previous, PLANES_IN signal_before, PLANES_IN certainty_before, float id, float mx,
+    float my, int size, int width, int height, int seam)
+{
+    const int left = (int)floor(mx) - 1, top = (int)floor(my) - 1;
+    const float4 across = spline_weights(mx - floor(mx)), down = spline_weights(my - floor(my));
+    float sum[REFLECTED_PLANES], low[REFLECTED_PLANES], high[REFLECTED_PLANES];
+    #pragma unroll
+    for (int c = 0; c < REFLECTED_PLANES; c++)
+        sum[c] = 0.0f, low[c] = HUGE, high[c] = -HUGE;
+    int whole = top >= 0 && top + 3 < height;
+    #pragma unroll 1
+    for (int i = 0; i < (whole ? 16 : 0); i++) {
+        const int column = i & 3, row = i >> 2, x = wrap_column(left + column, width, seam);
+        const int inside = x >= 0 && x < width, q = plane_index(inside ? x : 0, top + row, width);
+        whole &= inside & (guide_previous[GUIDE_ID * size + q] == id)
+            & (certainty_before[LENGTH_PLANE * size + q] > 0.0f);
+        const float along = column < 2 ? (column ? across.y : across.x) : (column > 2 ? across.w : across.z);
+        const float weight = along * (row < 2 ? (row ? down.y : down.x) : (row > 2 ? down.w : down.z));
+        const int near = (column == 1 || column == 2) & (row == 1 || row == 2);
+        #pragma unroll
+        for (int c = 0; c < REFLECTED_PLANES; c++) {
+            const float value = signal_before[c * size + q];
+            sum[c] += weight * value;
+            low[c] = near ? fmin(low[c], value) : low[c];
+            high[c] = near ? fmax(high[c], value) : high[c];
+        }
+    }
+    #pragma unroll
+    for (int c = 0; c < REFLECTED_PLANES; c++)
+        past[c] = whole ? clamp(sum[c], low[c], high[c]) : past[c];
+}
+
 // Return the history of the pixel's surface, where the previous picture showed it. Where the surface slept, its
 // history is `slept` samples without influence.
 static inline ALWAYS_INLINE History fetch_history(
@@ -147,6 +191,9 @@ static inline ALWAYS_INLINE History fetch_history(
             weights += w;
         }
     }
+    if (planes == REFLECTED_PLANES && weights > 0.999f)
+        sharpen_history(past, guide_previous, signal_before, certainty_before, surface.id, mx, my, size, width,
+                        height, seam);
     // A single tap on the pixel centre has weight 1 and stays exact.
     bool found = weights > 0.01f;
     History history;
