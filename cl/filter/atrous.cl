@@ -30,8 +30,8 @@
 #include "filter/signal.h"
 #include "maths/lanes.h"
 
-#define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, not filtered
-#define NORMAL_SPREAD 1.0f     // alpha^2 per sum of squared normal steps to the four neighbours
+#define MIRROR_ALPHA 1e-4f     // below: a perfect mirror, filtered only where it bends within a pixel
+#define NORMAL_SPREAD 0.5f     // alpha^2 per sum of squared normal steps to the four neighbours
 // Relative differences of luminance, or fractions of the light on a real surface, that always count as
 // noise: a little more than the rounding error of half precision.
 #define NOISE_FLOOR 0.002f
@@ -256,7 +256,7 @@ static inline float widened_alpha(
         bool same = guide[GUIDE_ID * size + q] == guide[GUIDE_ID * size + p];
         turned += same ? dx * dx + dy * dy + dz * dz : 0.0f;
     }
-    return alpha < MIRROR_ALPHA ? alpha : sqrt(alpha * alpha + NORMAL_SPREAD * turned);
+    return sqrt(alpha * alpha + NORMAL_SPREAD * turned);
 }
 
 // Return the least 1 - cosine between the normals of p and its eight neighbours; 0 if none is similar.
@@ -331,12 +331,12 @@ __kernel void smooth_real(
 
 __kernel void smooth_reflected(
     PLANES_IN guide[MOST_ENTRIES],               // 7 planes
-    PLANES_IN variance[MOST_ENTRIES],            // 1 plane
+    PLANES_IN variance[MOST_ENTRIES],            // 1 plane; of specular signals the certainty, 2 planes
     STORED_OUT smooth[MOST_ENTRIES],             // out: 1 plane
     __global const int *restrict tiles,
     const int layer[MOST_ENTRIES],
     PLANES_IN roughness[MOST_ENTRIES],           // GGX alpha
-    STORED_OUT widened[MOST_ENTRIES],            // out: 1 plane; mirrors stay mirrors
+    STORED_OUT widened[MOST_ENTRIES],            // out: 1 plane
     int specular,                  // number of specular signals
     float unit,                    // of signals in half precision
     int width,
@@ -352,7 +352,15 @@ __kernel void smooth_reflected(
     if (entry >= specular)
         return;
     LANE_LOOP
-    for (int x = first; x < end; x++)
-        store_stored(widened, row + x,
-                     widened_alpha(guide, roughness[row + x], size, plane_stride(width), row + x));
+    for (int x = first; x < end; x++) {
+        const int p = row + x;
+        const float alpha = roughness[p], wide = widened_alpha(guide, alpha, size, plane_stride(width), p);
+#ifdef GUIDED
+        // A single sample of a mirror is free of noise, but neighbours differ, as if by noise.
+        const int sharp = (alpha < MIRROR_ALPHA) & is_short(variance[LENGTH_PLANE * size + p]);
+#else
+        const int sharp = alpha < MIRROR_ALPHA;
+#endif
+        store_stored(widened, p, sharp ? alpha : wide);
+    }
 }

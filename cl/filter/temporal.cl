@@ -28,11 +28,7 @@
 #include "filter/history.h"
 
 #define SPATIAL_TAPS 4        // along a side: every other pixel of a 7x7 neighbourhood
-#define SHORT_HISTORY 4.0f    // fewer samples of one pixel do not determine their variance
 #define UNSURE 8.0f           // few samples of rare events underestimate the variance: 1 + 8 / n
-
-// Return whether neighbours estimate the variance. The mean of four lengths of 4 may be rounded down.
-static inline bool is_short(float samples) { return samples < SHORT_HISTORY - 0.5f; }
 
 // Write the variance of the mean of g; 0 where estimate_variance replaces it.
 static inline ALWAYS_INLINE void store_variance(

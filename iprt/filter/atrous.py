@@ -149,9 +149,11 @@ class Atrous:
         ----------
         signals : the signal's planes each
         variances : 1 plane each
-            Variance of the mean of the displayed scalar. None where not `guided`.
+            Variance of the mean of the displayed scalar; of specular signals
+            `Accumulated.certainty`, 2 planes. None where not `guided`.
         roughness : 1 plane or None each
-            GGX alpha of the specular lobe, needed by that kind. Mirrors are copied.
+            GGX alpha of the specular lobe, needed by that kind. Mirrors are copied where they are
+            flat or have few samples.
         radiance : float
             Mean of the panorama, the scale of signals that are radiance.
         """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,12 +37,14 @@ def run(
     settings: AtrousSettings | None = None,
     guided: bool = True,
     radiance: float = 1.0,
+    length: np.ndarray | float = 1.0,
 ) -> np.ndarray:
     layout = gbuffer.layout
     settings = settings or SETTINGS
     signals = [Signal("test", kind, gbuffer.guide(device))]
     atrous = Atrous(device, signals, settings, guided=guided)
-    planes = ([upload(device, layout, signal)], [upload(device, layout, variance[None])])
+    certainty = np.stack([variance, np.broadcast_to(length, variance.shape)])
+    planes = ([upload(device, layout, signal)], [upload(device, layout, certainty)])
     alpha = None if roughness is None else upload(device, layout, roughness[None])
     (filtered,) = atrous.run(*planes, roughness=[alpha], radiance=radiance)
     return read(device, layout, filtered)
@@ -55,10 +58,14 @@ def twin(
     levels: int = 5,
     roughness: np.ndarray | None = None,
     guided: bool = True,
+    length: np.ndarray | float = 1.0,
 ) -> np.ndarray:
     args = (gbuffer.normal, gbuffer.position, gbuffer.seen_ids)
     if roughness is not None:
-        roughness = oracle.widened(roughness, gbuffer.normal, gbuffer.seen_ids, gbuffer.equirect)
+        sharp = np.broadcast_to(np.asarray(length) < 3.5, roughness.shape)
+        sharp = sharp if guided else np.ones_like(sharp)
+        guide = gbuffer.normal, gbuffer.seen_ids, gbuffer.equirect
+        roughness = oracle.widened(roughness, *guide, exempt=sharp)
     variance = oracle.smooth_variance(variance, gbuffer.seen_ids, gbuffer.equirect)
     for level in range(levels):
         signal, variance = oracle.filter_level(
@@ -96,9 +103,11 @@ def test_equals_twin(
     device: ComputeDevice, width: int, height: int, equirect: bool, kind: Kind
 ) -> None:
     gbuffer, signal, variance, roughness = random_case(kind, width, height, equirect)
+    length = np.random.default_rng(3).choice([1.0, 3.0, 4.0, 16.0], (height, width))
     for guided in (True, False):
-        result = run(device, gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
-        expected = twin(gbuffer, kind, signal, variance, roughness=roughness, guided=guided)
+        given: dict[str, Any] = {"roughness": roughness, "guided": guided, "length": length}
+        result = run(device, gbuffer, kind, signal, variance, **given)
+        expected = twin(gbuffer, kind, signal, variance, **given)
         np.testing.assert_allclose(result, expected, rtol=5e-3, atol=1e-4)
 
 
@@ -137,10 +146,14 @@ def test_zeros_stay_zeros(device: ComputeDevice, equirect: bool) -> None:
 
 
 def test_mirror_is_not_touched(device: ComputeDevice) -> None:
+    """If it is flat, or has few samples: the spread of neighbours is no noise then."""
     gbuffer, signal, variance, _ = random_case("specular", 64, 48, False)
     mirror = np.zeros((48, 64))
-    result = run(device, gbuffer, "specular", signal, variance, roughness=mirror)
-    np.testing.assert_allclose(result, signal.astype(np.float32), rtol=rounding(device, 0.0))
+    for of, length in ((gbuffer, 1.0), (flat_gbuffer(64, 48), 16.0)):
+        result = run(device, of, "specular", signal, variance, roughness=mirror, length=length)
+        np.testing.assert_allclose(result, signal.astype(np.float32), rtol=rounding(device, 0.0))
+    result = run(device, gbuffer, "specular", signal, variance, roughness=mirror, length=16.0)
+    assert (np.abs(result - signal) > 0.01).mean() > 0.2
 
 
 @pytest.mark.parametrize("exponent", [-20, 20])

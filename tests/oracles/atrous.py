@@ -11,13 +11,17 @@ NOISE_FLOOR = 0.002
 RELAX = np.array([0.27901, 0.44198, 0.27901])
 
 
-def widened(roughness: Array, normal: Array, ids: Array, equirect: bool) -> Array:
-    """GGX alpha of the lobe of a whole pixel: with the squared steps of normals to neighbours."""
+def widened(roughness: Array, normal: Array, ids: Array, equirect: bool, *, exempt: Array) -> Array:
+    """GGX alpha of the lobe of a whole pixel: with the squared steps of normals to neighbours.
+
+    `exempt`: (H, W) pixels whose mirrors stay mirrors.
+    """
     turned = np.zeros(ids.shape)
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         step = ((shifted(normal, dx, dy, equirect) - normal) ** 2).sum(0)
         turned += step * (shifted(ids, dx, dy, equirect, fill=-1.0) == ids)
-    return np.where(roughness < 1e-4, roughness, np.sqrt(roughness**2 + turned))
+    sharp = exempt & (roughness < 1e-4)
+    return np.where(sharp, roughness, np.sqrt(roughness**2 + 0.5 * turned))
 
 
 def smooth_variance(variance: Array, ids: Array, equirect: bool) -> Array:

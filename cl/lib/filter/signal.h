@@ -12,6 +12,11 @@
 #define VARIANCE_PLANE 0
 #define LENGTH_PLANE 1
 
+#define SHORT_HISTORY 4.0f // fewer samples of one pixel do not determine their variance
+
+// Return whether neighbours estimate the variance. The mean of four lengths of 4 may be rounded down.
+static inline bool is_short(float samples) { return samples < SHORT_HISTORY - 0.5f; }
+
 // Loops over the planes are unrolled, so that arrays of them stay in registers.
 #define EACH_PLANE(c, planes)                                                                      \
     _Pragma("unroll") for (int c = 0; c < REAL_PLANES; c++)                                        \
