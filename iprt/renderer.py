@@ -288,6 +288,7 @@ class Renderer:
             previous_camera=now.previous,
             view=constants.current,
             previous=constants.previous,
+            moved=now.objects_moved,
             moving=moving,
             changed=last is not None and (moving or now.real != last.real),
             fading=self.fading,

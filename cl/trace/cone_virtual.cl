@@ -36,7 +36,6 @@ TRACING_KERNEL void cone_virtual(
     __global float *restrict diffuse,
     __global float *restrict specular,
     __global float *restrict hit_distance,
-    const int seam,
     __global float *restrict touched,
     const Work work)
 {
@@ -102,8 +101,7 @@ TRACING_KERNEL void cone_virtual(
         store_planes(diffuse, at.size, at.pixel, summed(diffuse_sum) / (float)pixels.rays);
     if (specular) {
         store_planes(specular, at.size, at.pixel, summed(specular_sum) / (float)pixels.rays);
-        store_wrapped(hit_distance, at.pixel, at.x, pixels.width, seam,
-                      lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
+        hit_distance[at.pixel] = lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f;
     }
     if (met)
         touched[at.pixel] = TOUCHED_FRAMES;

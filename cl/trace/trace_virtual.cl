@@ -9,7 +9,7 @@
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
 //      specular       3 planes: radiance; null, as is `hit`, if no material has a specular lobe
 //      hit            1 plane: distance to the reflected surface, metres, the harmonic mean over
-//                     the specular lobe; FAR_HIT: the sky, 0: no specular lobe
+//                     the specular lobe; negative: mostly objects, FAR_HIT: the sky, 0: no specular lobe
 //      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
 //      samples        1 plane: number of the pixel's rays since the start, in and out
 #define RELIT
@@ -55,7 +55,6 @@ TRACING_KERNEL void trace_virtual(
     __global float *restrict diffuse,
     __global float *restrict specular,
     __global float *restrict hit_distance,
-    const int seam,
     __global float *restrict touched,
     const Work work)
 {
@@ -64,7 +63,7 @@ TRACING_KERNEL void trace_virtual(
     Sums diffuse_sum, specular_sum;
     clear_sums(diffuse_sum);
     clear_sums(specular_sum);
-    volatile float lobe = 0.0f, lobe_nearness = 0.0f;
+    volatile float lobe = 0.0f, lobe_nearness = 0.0f, lobe_met = 0.0f;
     int met = 0;
     const int own = pixel_of(pixels.list[item], pixels.width);
     const int planes = plane_size(pixels.width, pixels.height);
@@ -118,6 +117,7 @@ TRACING_KERNEL void trace_virtual(
         const FirstHit hit = trace_path(world, o, o, s, color_of_metal, seed, index, sums);
         met |= hit.met;
         lobe_nearness += shine / clamp(hit.distance, 1e-6f, FAR_HIT);
+        lobe_met += hit.met ? shine : 0.0f;
     }
     const int size = plane_size(pixels.width, pixels.height);
     const int listed = READ_AGAIN(pixels.list + item), pixel = pixel_of(listed, pixels.width);
@@ -127,8 +127,8 @@ TRACING_KERNEL void trace_virtual(
         store_planes(diffuse, size, pixel, summed(diffuse_sum) / (float)more);
     if (specular) {
         store_planes(specular, size, pixel, summed(specular_sum) / (float)more);
-        store_wrapped(hit_distance, pixel, listed % pixels.width, pixels.width, seam,
-                      lobe > 0.0f ? fmin(lobe / lobe_nearness, FAR_HIT) : 0.0f);
+        const float distance = fmin(lobe / lobe_nearness, FAR_HIT);
+        hit_distance[pixel] = lobe > 0.0f ? copysign(distance, 0.5f * lobe - lobe_met) : 0.0f;
     }
     if (met)
         touched[pixel] = TOUCHED_FRAMES;

@@ -56,6 +56,8 @@ class FrameContext:
         This frame's view and the previous frame's, in the axes of the capture centre.
     view, previous : (16,) float32
         `View.kernel_constants()` of both, on the device.
+    moved : bool
+        Objects have moved since the previous frame.
     moving : bool
         Objects have moved since the previous frame, or did until then.
     changed : bool
@@ -73,6 +75,7 @@ class FrameContext:
     previous_camera: View
     view: cla.Array
     previous: cla.Array
+    moved: bool
     moving: bool
     changed: bool
     fading: float

@@ -15,6 +15,7 @@ from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
+from iprt.trace.carried_motion import CarriedMotion
 from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
 from iprt.trace.tracers import (
@@ -73,6 +74,11 @@ class RealPixels:
         self.guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
         self._trace = RealTracer(device, guide, features, kernel, name=name)
+        self._motion = layer.motion
+        # E_R does not move with the objects.
+        self._carry: CarriedMotion | None = None
+        if features.delta:
+            self._carry = CarriedMotion(device, guide, settings.temporal, name=name)
         signal = Signal(name, "delta" if features.delta else "ratio", guide)
         self._filter = SignalFilter(
             device, [signal], settings, published=features.needs.published_filter
@@ -110,7 +116,7 @@ class RealPixels:
     def passes(self, world: World) -> list[Pass[FrameContext]]:
         """Return the passes that relight the pixels of `mask`, and fill the ratio of all pixels."""
         mask, cache, panorama = self.mask, world.irradiance, world.panorama
-        least = self._min_solid_angle
+        least, carry = self._min_solid_angle, self._carry
 
         def refine(context: FrameContext) -> None:
             assert cache is not None
@@ -125,6 +131,10 @@ class RealPixels:
             color = self.layer.diffuse
             self._trace.run(world, mask, context.view, cache, color=color, min_solid_angle=least)
 
+        def move(context: FrameContext) -> None:
+            assert carry is not None
+            self._motion = carry.run(self.layer.motion, world.objects, context)
+
         def relight(_: FrameContext) -> None:
             assert self.change is not None
             self.relight.run(self.change, self.layer.diffuse, world, cache, mask.touched)
@@ -135,13 +145,16 @@ class RealPixels:
             passes.append(Pass("irradiance", Clock.FRAME, refine, (*met, "cells"), ("cells",)))
         samples = ("real samples",)
         passes.append(Pass("trace real", Clock.FRAME, trace, (*met, "cells"), samples))
+        if carry is not None:
+            of = ("real layer", "hierarchy")
+            passes.append(Pass("shadow motion", Clock.FRAME, move, of, ("real motion",)))
         passes += self._filter.passes("real", self._samples, lambda: panorama.mean_radiance)
         lit = ("real light", "cells", "real layer")
         passes.append(Pass("relight", Clock.FRAME, relight, lit, ("ratio",)))
         return passes
 
     def _samples(self) -> list[Samples]:
-        return [Samples(self._trace.signal, self.mask, self.layer.motion)]
+        return [Samples(self._trace.signal, self.mask, self._motion)]
 
 
 class ReflectingPixels:
@@ -187,6 +200,8 @@ class ReflectingPixels:
         if gloss_guide is not None:
             self.gloss_mask = Mask(device, gloss_guide, settings.mask, name="gloss")
             self._trace_gloss = GlossTracer(device, gloss_guide, features, kernels.gloss)
+            self._gloss_motion = real.motion
+            self._carry = CarriedMotion(device, gloss_guide, settings.temporal, name="gloss")
             self._signals.append(Signal("gloss", "specular", gloss_guide))
         kinds: list[Kind] = ["specular"] if features.specular_signal else []
         kinds += ["diffuse"] if features.diffuse_signal else []
@@ -236,6 +251,9 @@ class ReflectingPixels:
             assert self.gloss_mask is not None
             self._trace_gloss.run(world, self.gloss_mask, context.view)
 
+        def move_gloss(context: FrameContext) -> None:
+            self._gloss_motion = self._carry.run(self._real.motion, world.objects, context)
+
         def trace(context: FrameContext) -> None:
             # All signals of objects have the same rays, hence the same history.
             history = self._filter.histories[-1]
@@ -244,6 +262,8 @@ class ReflectingPixels:
         samples = ("reflected samples",)
         if self.gloss_mask is not None:
             passes.append(Pass("trace gloss", Clock.FRAME, trace_gloss, met, samples))
+            of = ("real layer", "hierarchy")
+            passes.append(Pass("gloss motion", Clock.FRAME, move_gloss, of, ("gloss motion",)))
         passes.append(Pass("trace virtual", Clock.FRAME, trace, met, samples))
         if self._reflections is not None:
             moved = ("reflected motion",)
@@ -267,7 +287,7 @@ class ReflectingPixels:
         found = []
         if self.gloss_mask is not None:
             change, mask = self._trace_gloss.change, self.gloss_mask
-            found.append(Samples(change, mask, real.motion, real.roughness))
+            found.append(Samples(change, mask, self._gloss_motion, real.roughness))
         if trace.specular is not None:
             motion = self._reflected_motion
             found.append(Samples(trace.specular, self.mask, motion, seen.roughness))

@@ -29,7 +29,7 @@ class ReflectionMotion:
         roughness : 1 plane
             GGX alpha.
         hit : 1 plane
-            Distance to the reflected surface, metres; 0 without a reflection.
+            Distance to the reflected surface, metres; negative: on an object, 0: no reflection.
         previous : (16,) float32
             `View.kernel_constants()` of the previous picture.
         """

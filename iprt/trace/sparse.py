@@ -247,6 +247,7 @@ class SparseMethod(Method):
 
     def _hit_distance(self) -> Image | None:
         distance = self.read(self.reflecting_pixels.hit, slice(0, 1))
+        distance = None if distance is None else np.abs(distance)
         # Outside the objects, where no rays start, the plane holds outdated values.
         return self._in_front(distance, None)
 

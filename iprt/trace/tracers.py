@@ -253,9 +253,9 @@ class VirtualTracer(_Tracer):
     specular : 3 planes or None
         Radiance; None if no material has a specular lobe.
     hit : 1 plane or None
-        Mean distance of the hits of the specular lobe, metres; 1e6: the sky, 0: no lobe. None if
-        `specular` is, or if the kernel does not compute it: the filter then moves reflections with
-        the surface.
+        Mean distance of the hits of the specular lobe, metres; negative: mostly objects, 1e6: the
+        sky, 0: no lobe. None if `specular` is, or if the kernel does not compute it: the filter
+        then moves reflections with the surface.
     """
 
     def __init__(

@@ -103,6 +103,7 @@ def still_frame(device: ComputeDevice, view: cla.Array) -> FrameContext:
         View(1, 1),
         view,
         view,
+        moved=False,
         moving=False,
         changed=False,
         fading=0.0,

@@ -42,8 +42,8 @@ class Objects:
     screen, around : TracedLayers or None
         Layers of a perspective view, and around the capture centre.
     bounds : (N, 2, 4) float32
-        `object_bounds()`; `device_bounds` is its copy on the device, `materials`
-        `material_table()`.
+        `object_bounds()`; `device_bounds` is its copy on the device, and `bounds_before` the boxes
+        before the last move. `materials` is `material_table()`.
     sunlit : Sunlit or None
         Marks of objects that the sun may reach, if the scene has one.
     """
@@ -79,6 +79,7 @@ class Objects:
         self._margin = LAYER_MARGIN if features.traced_layers else BOX_MARGIN
         self.bounds = self._bounds()
         self.device_bounds = device.upload("object bounds", self.bounds)
+        self.bounds_before = device.upload("object bounds before", self.bounds)
         self.sunlit = Sunlit(device, len(self.bounds), features) if features.sun else None
         materials = material_table([m for i in instances for m in i.mesh.materials])
         self.materials = device.upload("materials", materials)
@@ -91,6 +92,7 @@ class Objects:
 
     def place(self) -> None:
         """Update the boxes and the hierarchy."""
+        self._device.write(self.bounds_before, self.bounds)
         self.bounds = self._bounds()
         self._device.write(self.device_bounds, self.bounds)
         if self.triangles is not None:
