@@ -21,7 +21,7 @@ from iprt.footage.properties import Footage
 from iprt.gbuffer.context import FrameContext, ViewConstants
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.geometry.mesh import Instance, require_same_objects
+from iprt.geometry.mesh import Instance, require_same_objects, same_places
 from iprt.geometry.pose import seen_from, view_from
 from iprt.light_view import LightView
 from iprt.method import GBuffer, Method, Setup, Signals
@@ -38,6 +38,9 @@ from iprt.world.objects.sunlit import Sunlit
 from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.shared import Worlds
 from iprt.world.world import World
+
+MOVING_FADING = 2.0
+"""Factor of `Settings.fading` in frames in which objects move."""
 
 
 @dataclass(frozen=True)
@@ -187,6 +190,7 @@ class Renderer:
             self._drawing = Drawing(device, self.visible, objects, panorama, view, features)
             self.world = World(self.real_world, objects)
         self._placed = self.instances, frame.pose  # state that the objects follow
+        self._displaced = False  # in the world; a moving camera moves them in its axes
         self.schedule = Schedule(self._passes(), device.profile, self.real_world.shown)
         self.schedule.tick(Clock.OBJECTS)
 
@@ -250,6 +254,7 @@ class Renderer:
         """Let the objects follow their instances and the 360° camera."""
         pose = self.real_world.frame.pose
         placed, placed_from = self._placed
+        self._displaced = self.instances is not placed and not same_places(placed, self.instances)
         if self._objects is None or (self.instances is placed and pose is placed_from):
             return
         if self._objects.move(seen_from(self.instances, pose)):
@@ -282,6 +287,8 @@ class Renderer:
         moving = last is None or now.objects_moved or last.objects_moved
         if moving:
             tick(Clock.MOTION)
+        # Changes are followed by the objects, but approximately: a shorter memory blurs them less.
+        fading = MOVING_FADING * self.fading if self._displaced else self.fading
         return FrameContext(
             self._frame_index,
             camera=now.view,
@@ -291,7 +298,7 @@ class Renderer:
             moved=now.objects_moved,
             moving=moving,
             changed=last is not None and (moving or now.real != last.real),
-            fading=self.fading,
+            fading=min(fading, 1.0),
             grids=self._grids,
             cut=last is not None and real.cut_version > last.real,
         )

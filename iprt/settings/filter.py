@@ -93,10 +93,10 @@ class AtrousSettings(SettingsGroup):
     """Reach and edge-stopping functions of the à-trous filter."""
 
     levels: int = Field(
-        default=5,
+        default=4,
         ge=0,
         le=5,
-        description="Levels: taps reach 2^levels - 1 pixels on real surfaces, 31 at 5, twice as "
+        description="Levels: taps reach 2^levels - 1 pixels on real surfaces, 15 at 4, twice as "
         "far on objects; 0 leaves the noise.",
         json_schema_extra={"unit": "levels"},
     )
@@ -121,7 +121,7 @@ class AtrousSettings(SettingsGroup):
         json_schema_extra={"unit": "σ"},
     )
     lobe_fraction: float = Field(
-        default=0.5,
+        default=0.35,
         gt=0.0,
         le=4.0,
         description="Specular: fraction of the reflection lobe's half width that taps may span.",

@@ -21,12 +21,7 @@ LADDER: Mapping[str, Mapping[str, object]] = MappingProxyType(
         "light 8": {**_DRAFT, "light_scale": 8, "iprt.ratio_rows": 16, "atrous.levels": 2},
         "draft": _DRAFT,
         "light 2": {**_DRAFT, "light_scale": 2, "atrous.levels": 4},
-        "light 2, rays 2": {
-            "light_scale": 2,
-            "trace.rays": 2,
-            "trace.object_rays": 16,
-            "atrous.levels": 4,
-        },
+        "light 2, rays 2": {"light_scale": 2, "trace.rays": 2, "trace.object_rays": 16},
         "balanced": PRESETS["balanced"],
         "rays 2": {"trace.rays": 2, "trace.object_rays": 16},
         "rays 4": {"trace.rays": 4, "trace.object_rays": 32, "iprt.ratio_rows": 128},

@@ -24,7 +24,7 @@ class TraceSettings(SettingsGroup):
         json_schema_extra={"unit": "rays"},
     )
     object_rays: int = Field(
-        default=4,
+        default=8,
         ge=1,
         le=1024,
         description="Rays per traced pixel of objects in their first eight frames; a quarter "
@@ -125,7 +125,7 @@ class IrradianceSettings(SettingsGroup):
         json_schema_extra={"unit": "rows"},
     )
     rays: int = Field(
-        default=4,
+        default=16,
         ge=1,
         le=1024,
         description="Rays per cell and frame, where objects have influence; twice as many when "

@@ -17,7 +17,11 @@ from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, r
 from tests.oracles import atrous as oracle
 
 SETTINGS = AtrousSettings(
-    normal_sharpness=24.0, plane_sharpness=100.0, deviations=6.0, lobe_fraction=0.5
+    levels=5,
+    normal_sharpness=24.0,
+    plane_sharpness=100.0,
+    deviations=6.0,
+    lobe_fraction=0.5,
 )
 
 

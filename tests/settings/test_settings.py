@@ -82,7 +82,10 @@ def test_a_printed_file_that_nobody_edited_leaves_presets_alone(tmp_path: Path) 
     """And with one line edited, everything else is still the preset's."""
     file = tmp_path / "overrides.toml"
     text = settings_toml(resolved("balanced"), "a title")
-    for edited, items in ((text, ()), (text.replace("#rays = 1", "rays = 7"), ("trace.rays=7",))):
+    for edited, items in (
+        (text, ()),
+        (text.replace("#rays = 1\n", "rays = 7\n"), ("trace.rays=7",)),
+    ):
         file.write_text(edited, encoding="utf-8")
         for quality in QUALITIES:
             assert resolved(quality, read_settings(file)) == resolved(quality, flags(*items))

@@ -13,6 +13,7 @@ from iprt.geometry.camera import View
 from iprt.renderer import Renderer
 from iprt.settings.filter import TemporalSettings
 from iprt.trace.carried_motion import CarriedMotion
+from iprt.trace.sparse import SparseMethod
 from tests.filter.gbuffer import Array, GBuffer, read, still_frame, still_motion, upload
 from tests.frame.whole_frame import CLAY, METHODS, chosen, rms
 from tests.oracles.worlds import World
@@ -121,12 +122,17 @@ def test_a_moving_shadow_is_as_sharp_as_a_still_one(device: ComputeDevice) -> No
         renderer.render(4)
         truth = ratio(renderer)
         cover = renderer.render(0, ("coverage",)).aovs["coverage"]
-    errors = []
+    errors, lengths = [], []
     for path in (places[-1:] * len(places), places):
         with Renderer(device, frame, path[:1], VIEW, chosen(METHODS[0])) as renderer:
             for place in path:
                 renderer.move([place])
                 renderer.step()
             errors.append(rms((ratio(renderer) - truth)[cover == 0.0]))
+            assert isinstance(renderer.method, SparseMethod) and renderer.method.real_pixels
+            certainty = renderer.method.real_pixels.accumulated.certainty
+            lengths.append(renderer.layout.interior(device.read(certainty))[1].max())
     assert truth[cover == 0.0].min() < 0.6
     assert errors[1] < 1.5 * errors[0]
+    # At least a fifth of the mean is new while objects move, else a tenth.
+    assert lengths[1] < 9.1 < 12.0 < lengths[0]
