@@ -14,7 +14,9 @@ class ReflectionMotion:
     def __init__(self, device: ComputeDevice, guide: Guide) -> None:
         self._guide = guide
         defines = guide.defines(**guide.camera_define)
-        self._kernel = device.kernel("trace/reflection_motion.cl", "move_reflections", defines)
+        self._kernel = device.kernel(
+            "trace/reflection_motion.cl", "move_reflections", defines, later=True
+        )
         self._moved = device.zeros("reflection motion", guide.layout.shape(2))
 
     def run(

@@ -21,10 +21,10 @@ from tests.films import films
 SCENES = sorted(file.parent for file in Path("scenes360").glob("*/scene.toml"))
 DEMO = Path("scenes360/lounge")
 
-MOST_PROGRAMS = 50
+MOST_PROGRAMS = 52
 """All scenes, projections and presets, and the films of the tests, with the default method."""
 
-MOST_OF_DEMO = 25
+MOST_OF_DEMO = 24
 """What `./run demo` renders."""
 
 
@@ -78,5 +78,7 @@ def test_scenes_projections_and_presets_share_programs() -> None:
 
 def test_the_demo_needs_few_programs() -> None:
     scene = Scene.open(DEMO)
-    found = programs(planned(scene, {"balanced": None}, [first_view(scene)], **STILL).kernels)
+    device = planned(scene, {"balanced": None}, [first_view(scene)], **STILL)
+    # Kernels of moving things are compiled after the picture.
+    found = programs(kernel for kernel in device.kernels if not kernel.later)
     assert len(found) <= MOST_OF_DEMO, counted(found)
