@@ -287,7 +287,7 @@ class Renderer:
         moving = last is None or now.objects_moved or last.objects_moved
         if moving:
             tick(Clock.MOTION)
-        # Changes are followed by the objects, but approximately: a shorter memory blurs them less.
+        # Histories follow moving objects only approximately: a shorter memory blurs them less.
         fading = MOVING_FADING * self.fading if self._displaced else self.fading
         return FrameContext(
             self._frame_index,

@@ -123,7 +123,7 @@ def test_planes_in_half_precision_are_not_seen(device: ComputeDevice, gpu: Compu
 def agrees(device: ComputeDevice, method: tuple[str, str], scene: Scene, other: Scene) -> None:
     """Both scenes look alike; of the other one, the mirrored picture where its view is mirrored."""
     mirror = scene[2].yaw_deg == -other[2].yaw_deg != 0.0
-    # The noise of so many rays is the measure of what may differ.
+    # The tolerance below is relative to the noise of four rays.
     many: dict[str, Any] = {"fading": 0.0, "trace": {"rays": 4, "object_rays": 4}}
     still, again = (
         render(device, *scene, chosen(method, seed=seed, **many), frames=6) for seed in (0, 1)
