@@ -1,6 +1,6 @@
 // Motion vectors of reflections on virtual surfaces, while objects move. A mirror that moves shows the same point
-// elsewhere on its surface. A rough one, or one that bends within a pixel, mixes so many points that the history
-// of the surface itself is better.
+// elsewhere on its surface. A rough one, or one that bends within a pixel, mixes many points: there, the history
+// of the surface is the better one.
 //
 // Pixel (x, y) has its centre at (x + 0.5, y + 0.5); row 0 is the top. World: +Y up, metres.
 //

@@ -56,7 +56,7 @@ class Session:
         return result
 
     def image(self, planes: object) -> np.ndarray:
-        """A plane, or those of the signal of a history."""
+        """Return a plane, or the planes of a history's signal, as an image."""
         return read(self.device, self.layout, planes)[: self.planes]
 
 

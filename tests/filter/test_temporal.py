@@ -335,7 +335,7 @@ def test_equirect_picture_turns_with_the_view(device: ComputeDevice) -> None:
 
 
 def test_frames_weigh_as_their_rays(device: ComputeDevice) -> None:
-    """Eight frames of four rays a pixel, then one a frame: the mean is that of all rays."""
+    """Eight frames of four rays a pixel, then one a frame: the mean is over all rays."""
     gbuffer = flat_gbuffer(64, 48)
     session = Session(device, gbuffer, "diffuse", rays=4)
     rng = np.random.default_rng(8)

@@ -134,7 +134,7 @@ def agrees(device: ComputeDevice, method: tuple[str, str], scene: Scene, other: 
         image = np.asarray(picture.color if name == "color" else picture.aovs[name], np.float64)
         return image[:, ::-1] if mirror else image
 
-    # What is not random: edges may have another sample of 16.
+    # These are not random, but edges may have another sample of 16.
     for name in LAYERS:
         side = (-1.0, 1.0, 1.0) if mirror else (1.0, 1.0, 1.0)
         found = of_other(name)

@@ -85,7 +85,7 @@ def test_turned_head_changes_nothing(device: ComputeDevice, turn: float) -> None
 
 @pytest.mark.parametrize("alpha", [0.0, 0.02, 0.25, 1.0])
 def test_rough_reflections_stay_with_the_surface(device: ComputeDevice, alpha: float) -> None:
-    """By how far a reflection that moves with the surface is off, relative to the lobe."""
+    """The surface's own motion counts more where its error is small relative to the lobe."""
     gbuffer = wall(VIEWS[0], np.array([0.0, 0.0, 1.0]), -2.0)
     shift = np.array([0.06, 0.0, 0.0])
     surface = surface_motion(gbuffer, gbuffer, shift)
@@ -114,7 +114,7 @@ def test_an_objects_reflection_in_itself_moves_with_it(device: ComputeDevice) ->
 
 
 def test_ball_shows_the_same_points(device: ComputeDevice) -> None:
-    """Where the ball was, the mirrored ray through the returned position meets the same point."""
+    """The mirrored ray through the returned position meets the same point."""
     view, radius, shift = View(96, 72, fov_y_deg=30.0), 0.4, np.array([0.02, -0.01, 0.02])
 
     def mirrored(at: Array, centre: Array) -> tuple[Array, Array]:
