@@ -10,7 +10,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.trace.reflection_motion import ReflectionMotion
-from tests.filter.gbuffer import Array, GBuffer, read, upload
+from tests.filter.gbuffer import Array, GBuffer, read, still_motion, upload
 
 HIT = 1.5
 
@@ -99,6 +99,33 @@ def test_rough_reflections_stay_with_the_surface(device: ComputeDevice, alpha: f
     share = lag / (lag + 8.0 * alpha**2)
     expected = surface + share * (mirror - surface)
     np.testing.assert_allclose(result[:, 5:-5, 5:-5], expected[:, 5:-5, 5:-5], atol=0.03)
+
+
+def test_reflections_that_are_not_found_stay_with_the_surface(device: ComputeDevice) -> None:
+    """By the share of the error that remains after three steps of eight pixels."""
+    view = replace(VIEWS[0], width=144, height=120)
+    gbuffer = wall(view, np.array([0.0, 0.0, 1.0]), -2.0)
+    shift = np.array([0.8, 0.0, 0.0])
+    surface = surface_motion(gbuffer, gbuffer, shift)
+    result = moved(device, gbuffer, gbuffer, surface)
+    flip = np.array([1.0, 1.0, -1.0])
+    point = np.moveaxis(gbuffer.position, 0, -1)
+    reflected = point + HIT * unit(point) * flip
+
+    def missed(at: Array) -> Array:
+        ray = view.unproject(at)
+        origin = ray * (-2.0 / ray[..., 2:])
+        return np.asarray(((ray * flip - unit(reflected - origin)) ** 2).sum(axis=-1))
+
+    at = np.moveaxis(surface, 0, -1)
+    way = still_motion(view.width, view.height).transpose(1, 2, 0) - at
+    found = at + 24.0 * unit(way)
+    share = 1.0 - missed(found) / missed(at)
+    inside = (slice(50, 70), slice(100, 130))
+    assert (np.linalg.norm(way, axis=-1)[inside] > 30.0).all()
+    assert (share[inside] < 0.95).all()
+    expected = np.moveaxis(at + share[..., None] * (found - at), -1, 0)
+    np.testing.assert_allclose(result[:, *inside], expected[:, *inside], atol=0.6)
 
 
 def test_an_objects_reflection_in_itself_moves_with_it(device: ComputeDevice) -> None:
