@@ -39,8 +39,9 @@ from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.shared import Worlds
 from iprt.world.world import World
 
-MOVING_FADING = 2.0
-"""Factor of `Settings.fading` in frames in which objects move."""
+MOVING_FADING, MOVING_REFLECTED_FADING = 2.0, 3.0
+"""Factors of `Settings.fading` in frames in which objects move: of the change on real surfaces, and
+of reflected light, which histories follow less well."""
 
 
 @dataclass(frozen=True)
@@ -288,7 +289,8 @@ class Renderer:
         if moving:
             tick(Clock.MOTION)
         # Histories follow moving objects only approximately: a shorter memory blurs them less.
-        fading = MOVING_FADING * self.fading if self._displaced else self.fading
+        factors = (MOVING_FADING, MOVING_REFLECTED_FADING) if self._displaced else (1.0, 1.0)
+        fading, reflected_fading = (min(factor * self.fading, 1.0) for factor in factors)
         return FrameContext(
             self._frame_index,
             camera=now.view,
@@ -298,7 +300,8 @@ class Renderer:
             moved=now.objects_moved,
             moving=moving,
             changed=last is not None and (moving or now.real != last.real),
-            fading=min(fading, 1.0),
+            fading=fading,
+            reflected_fading=reflected_fading,
             grids=self._grids,
             cut=last is not None and real.cut_version > last.real,
         )

@@ -55,6 +55,7 @@ __kernel void accumulate(
     PLANES_OUT certainty[MOST_ENTRIES],          // out: 2 planes
     float clamp_sigma,                             // -DPUBLISHED: half width of the box in deviations
     float fading,                                  // least share of the new sample, 0: plain mean
+    const float outlier[MOST_ENTRIES],             // most times the brightest neighbour, 0: no limit
     int rays,                                      // per sample, for short histories (rays.h)
     int width,
     int height,
@@ -73,7 +74,7 @@ __kernel void accumulate(
     clamp_history(planes, &history, &box);
     history.length = before;
 #endif
-    add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
+    add_sample(planes, &history, samples, guide, level, fading, outlier, rays, size, p, width);
     store_history(planes, &history, signal, certainty, size, p, x, width, seam);
     store_variance(&history, certainty, p, x, width, seam);
 }
@@ -93,6 +94,7 @@ __kernel void follow(
     PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
     PLANES_OUT certainty[MOST_ENTRIES],          // out: 2 planes
     float limit,                                   // most samples of the history
+    const float outlier[MOST_ENTRIES],             // most times the brightest neighbour, 0: no limit
     int fresh,                                     // the history starts with this picture
     int width,
     int height,
@@ -109,7 +111,7 @@ __kernel void follow(
             history.signal[c] = 0.0f;
         history.length = history.spread = 0.0f;
     }
-    add_fast_sample(planes, &history, samples, guide, level, limit, size, p);
+    add_fast_sample(planes, &history, samples, guide, level, limit, outlier, size, p, width);
     store_history(planes, &history, signal, certainty, size, p, x, width, seam);
 }
 
@@ -143,8 +145,8 @@ __kernel void fetch(
 static inline ALWAYS_INLINE void correct_pixel(
     int planes, PLANES_IN guide, PLANES_IN fast_signal, PLANES_IN fast_certainty, PLANES_IN samples,
     __global const uchar *restrict level, PLANES_OUT signal, PLANES_OUT certainty, int x, int y,
-    float antilag_sigma, float clamp_sigma, int trusted, float fading, int rays, int width, int height,
-    int seam)
+    float antilag_sigma, float clamp_sigma, int trusted, float fading, float outlier, int rays, int width,
+    int height, int seam)
 {
     int size = plane_size(width, height), p = plane_index(x, y, width);
     History history;
@@ -160,7 +162,7 @@ static inline ALWAYS_INLINE void correct_pixel(
     } else {
         history = load_history(planes, signal, certainty, size, p);
     }
-    add_sample(planes, &history, samples, guide, level, fading, rays, size, p);
+    add_sample(planes, &history, samples, guide, level, fading, outlier, rays, size, p, width);
     store_history(planes, &history, signal, certainty, size, p, x, width, seam);
     store_variance(&history, certainty, p, x, width, seam);
 }
@@ -187,7 +189,7 @@ __kernel void correct_real(
 {
     TILE_ITEM;
     correct_pixel(REAL_PLANES, guide, fast_signal, fast_certainty, samples, level, signal, certainty, x, y,
-                  antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
+                  antilag_sigma, clamp_sigma, trusted, fading, 0.0f, rays, width, height, seam);
 }
 
 __kernel void correct_reflected(
@@ -204,6 +206,7 @@ __kernel void correct_reflected(
     float clamp_sigma,             // half width of the box in deviations
     int trusted,                   // the fast history holds enough to compare with
     float fading,                  // least share of the new sample, 0: plain mean
+    const float outlier[MOST_ENTRIES], // most times the brightest neighbour, 0: no limit
     int rays,                      // of a sample, before they become fewer (rays.h)
     int width,
     int height,
@@ -211,7 +214,7 @@ __kernel void correct_reflected(
 {
     TILE_ITEM;
     correct_pixel(REFLECTED_PLANES, guide, fast_signal, fast_certainty, samples, level, signal, certainty, x,
-                  y, antilag_sigma, clamp_sigma, trusted, fading, rays, width, height, seam);
+                  y, antilag_sigma, clamp_sigma, trusted, fading, outlier, rays, width, height, seam);
 }
 
 __kernel void estimate_variance(

@@ -4,7 +4,7 @@
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
 //      albedo         3 planes
-//      history        2 planes: certainty of the pixel's temporal mean in the last picture (filter/signal.h)
+//      known          temporal means of the last picture (iprt/trace/tracers.py)
 //      real, objects  lib/world/world.h
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
 //      specular       3 planes: radiance; null, as is `hit`, if no material has a specular lobe
@@ -19,6 +19,16 @@
 #include "trace/traced.h"
 
 #define FAR_HIT 1e6f
+
+// Standard deviation of a pixel's temporal mean for which the pixel sends `rays`, as displayed with a gamma of 2. The
+// panorama's mean radiance is displayed as 1.
+#define EXPECTED_NOISE 0.06f
+// Radiance, relative to the panorama's mean, below which all is displayed with the same contrast.
+#define DARK_RADIANCE 0.1f
+// Factor of the variance of narrow reflections, which the spatial filter smooths less.
+#define UNFILTERED 8.0f
+// Factor of `rays` in the noisiest pixels.
+#define NOISY_PIXEL_RAYS 2.0f
 
 // Least cosine between the normals of neighbours that share samples by way of the filter.
 #define ALIKE 0.95f
@@ -38,6 +48,28 @@ static inline float isolation(__global const float *restrict guide, int size, in
     return fmin(9.0f / alike, ISOLATED_PIXEL_RAYS);
 }
 
+// Return the number of rays of a pixel. Where its mean fades and its history is long enough to tell the noise, it is
+// in proportion to the noise of the displayed mean.
+static inline float rays_by_noise(int rays, const Known known, const Material material, float albedo, int size, int pixel)
+{
+    const float held = known.certainty[LENGTH_PLANE * size + pixel];
+    if (!(known.fading > 0.0f) || is_short(held))
+        return rays * share_of_rays(held, rays);
+    float variance = 0.0f, radiance = DARK_RADIANCE * known.mean_radiance;
+    if (known.specular) {
+        const float kept = material.alpha > AIMED_ALPHA ? 1.0f : UNFILTERED;
+        variance += kept * known.specular[(REFLECTED_PLANES + SPREAD_PLANE) * size + pixel];
+        radiance = fmax(radiance, known.specular[(REFLECTED_PLANES + SCALAR_PLANE) * size + pixel]);
+    }
+    if (known.diffuse) {
+        variance += albedo * albedo * known.diffuse[(REFLECTED_PLANES + SPREAD_PLANE) * size + pixel];
+        radiance = fmax(radiance, albedo * known.diffuse[(REFLECTED_PLANES + SCALAR_PLANE) * size + pixel]);
+    }
+    variance *= known.fading / (2.0f - known.fading);
+    const float noise = 0.5f * sqrt(variance / fmax(radiance * known.mean_radiance, 1e-30f));
+    return clamp(rays * noise / EXPECTED_NOISE, 1.0f, NOISY_PIXEL_RAYS * rays);
+}
+
 // Return the direction through a random position in a pixel.
 static inline ALWAYS_INLINE float3 jittered(const Jitter jitter, const TracedPixel at, uint index)
 {
@@ -48,7 +80,7 @@ static inline ALWAYS_INLINE float3 jittered(const Jitter jitter, const TracedPix
 TRACING_KERNEL void trace_virtual(
     const Pixels pixels,
     __global const float *restrict albedo,
-    __global const float *restrict history,
+    const Known known,
     const World world,
     const Jitter jitter,
     __global uint *restrict samples,
@@ -67,8 +99,9 @@ TRACING_KERNEL void trace_virtual(
     int met = 0;
     const int own = pixel_of(pixels.list[item], pixels.width);
     const int planes = plane_size(pixels.width, pixels.height);
-    const float steady = pixels.rays * share_of_rays(history[LENGTH_PLANE * planes + own],
-                                                    pixels.rays);
+    const Material seen = load_material(world.materials, (int)pixels.guide[GUIDE_ID * planes + own] - 1);
+    const float steady = rays_by_noise(pixels.rays, known, seen, luminance(load_planes(albedo, planes, own)), planes,
+                                       own);
     const float deserved = steady * isolation(pixels.guide, planes, own, plane_stride(pixels.width),
                                               load_planes(pixels.guide, planes, own));
     // A quotient may be 2.5 ulp below the exact integer.

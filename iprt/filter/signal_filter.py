@@ -67,8 +67,8 @@ class SignalFilter:
         """
         self._published = published
         self._interpolate = Interpolate(device, signals, settings.interpolate)
-        of_objects = signals[0].kind in ("diffuse", "specular")
-        rays = settings.trace.object_rays if of_objects else 1
+        self._reflected = signals[0].kind in ("diffuse", "specular")
+        rays = settings.trace.object_rays if self._reflected else 1
         self._temporal = Temporal(
             device, signals, settings.temporal, rays=rays, published=published
         )
@@ -92,6 +92,11 @@ class SignalFilter:
     def histories(self) -> Sequence[cla.Array]:
         """`Temporal.certainties` of the signals."""
         return self._temporal.certainties
+
+    @property
+    def means(self) -> Sequence[cla.Array]:
+        """`Temporal.means` of the signals."""
+        return self._temporal.means
 
     def known(self, context: FrameContext) -> Sequence[cla.Array] | None:
         """Return `histories`, if pixels with a long one may get fewer rays in this frame.
@@ -166,7 +171,7 @@ class SignalFilter:
             self.filtered,
             [samples.motion for samples in self._frame],
             self._levels,
-            fading=context.fading,
+            fading=context.reflected_fading if self._reflected else context.fading,
             changed=context.changed,
         )
         self.filtered = [signal.signal for signal in self.accumulated]

@@ -30,11 +30,14 @@ class Signal:
     kind : Kind
     guide : Guide
         Features by which its pixels are compared.
+    signed : bool
+        Its values are changes of either sign.
     """
 
     name: str
     kind: Kind
     guide: Guide
+    signed: bool = False
 
 
 def signal_planes(kind: Kind) -> int:

@@ -29,6 +29,11 @@ eight. A fading mean of six samples still shows a quarter of it then."""
 IPRT_FADING = 0.1
 """Share of each frame in IPRT's temporal mean."""
 
+OUTLIER = 4.0
+"""Most radiance of a sample, relative to its brightest neighbour, in a fading mean of reflected
+light. A single path to a window would otherwise be a bright dot for many frames. (Suppression of
+outliers by neighbours: NVIDIA's ReBLUR.)"""
+
 SETTLE_FRAMES = 8
 """Frames after a change in which the slow history is still compared with the fast one."""
 
@@ -157,6 +162,11 @@ class Temporal:
         return self._now.certainties
 
     @property
+    def means(self) -> Sequence[cla.Array]:
+        """Mean of each signal after the last picture, and two planes more (`filter/signal.h`)."""
+        return self._now.signals
+
+    @property
     def settled(self) -> bool:
         """True if the last change is so old that the slow history is used alone."""
         return not self._unsettled
@@ -204,6 +214,7 @@ class Temporal:
             **batched(samples=samples, level=levels),
             **self._now.arguments("{}"),
             "fading": fading,
+            **batched(outlier=[self._outlier(signal, fading) for signal in self._signals]),
         }
         if not self._published and self._unsettle(changed=changed):
             self._follow_changes(fetched, added)
@@ -244,6 +255,11 @@ class Temporal:
             self._fast.arguments("fast_{}"),
             trusted=not self._fast_again or self._fast_frames >= FAST_LEAST,
         )
+
+    def _outlier(self, signal: Signal, fading: float) -> float:
+        """Return the limit of a signal's samples; 0: none, so that the mean of all converges."""
+        limited = fading > 0.0 and not self._published and not signal.signed
+        return OUTLIER if limited else 0.0
 
     def _run(self, kernel: Kernel, *groups: Mapping[str, Any], **own: Any) -> None:
         guides = [signal.guide for signal in self._signals]

@@ -63,7 +63,10 @@ class FrameContext:
     changed : bool
         The scene differs from the previous frame's: objects or the video have moved.
     fading : float
-        Least share of this frame in the temporal means; 0: an equal share for all frames.
+        Least share of this frame in the temporal means of real surfaces; 0: an equal share for all
+        frames.
+    reflected_fading : float
+        The same for reflected light.
     grids : 16 of (2,) int32
         Origins of the tracing grid, which recur after 16 frames.
     cut : bool
@@ -79,6 +82,7 @@ class FrameContext:
     moving: bool
     changed: bool
     fading: float
+    reflected_fading: float
     grids: Sequence[cla.Array]
     cut: bool = False
 

@@ -20,6 +20,7 @@ from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
 from iprt.trace.tracers import (
     GlossTracer,
+    KnownArgs,
     RayKernel,
     RayKernels,
     RealTracer,
@@ -169,6 +170,7 @@ class ReflectingPixels:
         Pixels of virtual surfaces.
     gloss_mask : Mask or None
         Pixels of glossy real surfaces; None without any.
+    tracer : VirtualTracer
     """
 
     def __init__(
@@ -194,7 +196,7 @@ class ReflectingPixels:
         sparse = settings.mask.sparse and not features.specular_signal
         mask_settings = settings.mask.model_copy(update={"sparse": sparse})
         self.mask = Mask(device, guide, mask_settings, name="object")
-        self._trace = VirtualTracer(device, guide, features, kernels.virtual)
+        self.tracer = VirtualTracer(device, guide, features, kernels.virtual)
         self.gloss_mask: Mask | None = None
         self._signals = []
         if gloss_guide is not None:
@@ -202,20 +204,21 @@ class ReflectingPixels:
             self._trace_gloss = GlossTracer(device, gloss_guide, features, kernels.gloss)
             self._gloss_motion = real.motion
             self._carry = CarriedMotion(device, gloss_guide, settings.temporal, name="gloss")
-            self._signals.append(Signal("gloss", "specular", gloss_guide))
+            self._signals.append(Signal("gloss", "specular", gloss_guide, signed=True))
         kinds: list[Kind] = ["specular"] if features.specular_signal else []
         kinds += ["diffuse"] if features.diffuse_signal else []
         self._signals += [Signal(kind, kind, guide) for kind in kinds]
         self._filter = SignalFilter(device, self._signals, settings, published=published)
+        self._published = published
         # Without hit distances, reflections move with the surface.
-        moving = self._trace.hit is not None and not published
+        moving = self.tracer.hit is not None and not published
         self._reflections = ReflectionMotion(device, guide) if moving else None
         self._reflected_motion = visible.motion
 
     @property
     def hit(self) -> cla.Array | None:
         """`VirtualTracer.hit`."""
-        return self._trace.hit
+        return self.tracer.hit
 
     @property
     def gloss_samples(self) -> cla.Array:
@@ -255,9 +258,8 @@ class ReflectingPixels:
             self._gloss_motion = self._carry.run(self._real.motion, world.objects, context)
 
         def trace(context: FrameContext) -> None:
-            # All signals of objects have the same rays, hence the same history.
-            history = self._filter.histories[-1]
-            self._trace.run(world, self.mask, context.view, self._visible.albedo, history)
+            known = self._known(panorama.mean_radiance, context.reflected_fading)
+            self.tracer.run(world, self.mask, context.view, self._visible.albedo, known)
 
         samples = ("reflected samples",)
         if self.gloss_mask is not None:
@@ -272,18 +274,28 @@ class ReflectingPixels:
         passes += self._filter.passes("reflected", self._samples, lambda: panorama.mean_radiance)
         return passes
 
+    def _known(self, mean_radiance: float, fading: float) -> KnownArgs:
+        histories = dict(zip((one.name for one in self._signals), self._filter.means, strict=True))
+        return KnownArgs(
+            certainty=self._filter.histories[-1],
+            specular=histories.get("specular"),
+            diffuse=histories.get("diffuse"),
+            mean_radiance=mean_radiance,
+            fading=0.0 if self._published else fading,
+        )
+
     def _move_reflections(self, context: FrameContext) -> None:
         seen, reflections = self._visible, self._reflections
         self._reflected_motion = seen.motion
         # A pure rotation of the view moves a surface and its reflection alike.
         if context.changed and reflections is not None:
             self._reflected_motion = reflections.run(
-                seen.motion, seen.roughness, self._trace.hit, context.previous
+                seen.motion, seen.roughness, self.tracer.hit, context.previous
             )
 
     def _samples(self) -> list[Samples]:
         """Return the samples of each signal."""
-        seen, trace, real = self._visible, self._trace, self._real
+        seen, trace, real = self._visible, self.tracer, self._real
         found = []
         if self.gloss_mask is not None:
             change, mask = self._trace_gloss.change, self.gloss_mask

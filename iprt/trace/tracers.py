@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 import pyopencl.array as cla
 
-from iprt.device.block import Block, Floats, Int32, Ints, when
+from iprt.device.block import Block, Float32, Floats, Int32, Ints, when
 from iprt.device.compute import ComputeDevice
 from iprt.device.program import Define
 from iprt.filter.mask import Mask
@@ -65,6 +65,29 @@ class JitterArgs(Block):
 
     on: Int32 = when("OBJECTS_BVH")
     view: Floats = when("OBJECTS_BVH")
+
+
+@dataclass(kw_only=True)
+class KnownArgs(Block):
+    """Temporal means of objects' reflected light in the last picture (`cl/lib/filter/signal.h`).
+
+    Attributes
+    ----------
+    certainty : 2 planes
+        Of any of the signals: all have the same rays, hence the same length.
+    specular, diffuse : 5 planes or None
+        History of the signal; None without it.
+    mean_radiance : float
+        Mean of the panorama.
+    fading : float
+        As in `FrameContext`; 0 also for the published method, whose rays do not follow noise.
+    """
+
+    certainty: Floats
+    specular: Floats
+    diffuse: Floats
+    mean_radiance: Float32
+    fading: Float32
 
 
 @dataclass(frozen=True)
@@ -126,7 +149,13 @@ class RayKernels:
 
 
 class _Tracer:
-    """Pass that traces the listed pixels of a guide's layer."""
+    """Pass that traces the listed pixels of a guide's layer.
+
+    Attributes
+    ----------
+    samples : 1 plane uint32
+        Number of each pixel's rays since the start.
+    """
 
     def __init__(
         self,
@@ -157,10 +186,10 @@ class _Tracer:
         # Rays use the view only if objects are traced as its rasterized layers.
         equirect = layout.equirect and features.traced_layers
         variant = {"VIEW_EQUIRECT": equirect, **defines, **kernel.defines}
-        samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
+        self.samples = device.zeros(f"{name} samples", layout.shape(1), np.uint32)
         entry, pixels = kernel.file.rpartition("/")[2], layout.width * layout.height
         self._kernel = device.kernel(f"{kernel.file}.cl", entry, variant, items=pixels).fixed(
-            layout.arguments(), planes, kernel.fixed, {"samples": samples}
+            layout.arguments(), planes, kernel.fixed, {"samples": self.samples}
         )
 
     def _launch(
@@ -291,17 +320,17 @@ class VirtualTracer(_Tracer):
         mask: Mask,
         view: cla.Array,
         albedo: cla.Array,
-        history: cla.Array,
+        known: KnownArgs,
     ) -> None:
         """Trace the pixels of `mask`.
 
         Parameters
         ----------
         albedo : 3 planes
-        history : 2 planes
-            `Accumulated.certainty` of a signal. Only rays need it; cones and paths ignore it.
+        known : KnownArgs
+            Only rays need it; cones and paths ignore it.
         """
-        self._launch(world, mask, view, albedo=albedo, history=history)
+        self._launch(world, mask, view, albedo=albedo, known=known)
 
 
 class GlossTracer(_Tracer):

@@ -107,6 +107,7 @@ def still_frame(device: ComputeDevice, view: cla.Array) -> FrameContext:
         moving=False,
         changed=False,
         fading=0.0,
+        reflected_fading=0.0,
         grids=tracing_grids(device),
     )
 

@@ -25,12 +25,13 @@ class Session:
         *,
         rays: int = 1,
         published: bool = False,
+        signed: bool = False,
     ) -> None:
         self.device = device
         self.layout = gbuffer.layout
         self.planes = signal_planes(kind)
         self.guide = gbuffer.guide(device)
-        signals = [Signal("test", kind, self.guide)]
+        signals = [Signal("test", kind, self.guide, signed)]
         self.temporal = Temporal(device, signals, settings, rays=rays, published=published)
         self.still = still_motion(self.layout.width, self.layout.height)
 

@@ -14,6 +14,7 @@ from iprt.filter.temporal import (
     FAST_FRAMES,
     FAST_LEAST,
     FAST_LENGTH,
+    OUTLIER,
     SETTLE_FRAMES,
 )
 from iprt.geometry.camera import Projection, View
@@ -49,6 +50,7 @@ def test_equals_twin(
         [(False, 0.0)] * 3 + [(True, 0.0), (True, 0.1), (False, 0.1)] + [(True, 0.1)] * 6
     ):
         signal = noise(rng, kind, width, height)
+        signal *= np.where(rng.random((height, width)) < 0.05, 30.0, 1.0)
         motion = session.still + rng.normal(size=(2, height, width)) * [[[0.8]], [[0.6]]]
         if equirect:
             motion[0] %= width
@@ -61,17 +63,20 @@ def test_equals_twin(
         if changed and kind == "diffuse":
             tolerance = SETTINGS.moved_tolerance
         limits = (tolerance, SETTINGS.normal_agreement)
+        sample = signal
+        if fading > 0.0 and kind == "diffuse":
+            sample = oracle.limited(signal, now.seen_ids, OUTLIER, equirect)
         past = oracle.reproject(now.planes, before.planes, motion, past, limits, equirect)
         age = age + 1 if age >= 0 or changed else -1
         if age >= 0:
             fast = empty if age % FAST_FRAMES == 0 else fast
             fast = oracle.reproject(now.planes, before.planes, motion, fast, limits, equirect)
-            fast = oracle.follow(fast, signal, now.seen_ids, level, FAST_LENGTH)
+            fast = oracle.follow(fast, sample, now.seen_ids, level, FAST_LENGTH)
         if age >= 0 and (age < FAST_FRAMES or age % FAST_FRAMES >= FAST_LEAST - 1):
             past = oracle.correct(past, fast, now.seen_ids, 3.0, equirect)
             common = kind == "ratio"
             past = oracle.clamp(past, fast.signal, now.seen_ids, 2.0, equirect, common=common)
-        past = oracle.accumulate(past, signal, now.seen_ids, level, fading)
+        past = oracle.accumulate(past, sample, now.seen_ids, level, fading)
         variance = oracle.variance(past, now.seen_ids, equirect)
         # A value on a threshold may fall on either side of it in single precision.
         for image, twin in [
@@ -167,6 +172,22 @@ def test_still_picture_converges_to_the_mean(device: ComputeDevice, kind: Kind) 
     scalars = np.array([shown(s) for s in samples])
     variance = (1.0 + 8.0 / 30.0) * scalars.var(0, ddof=1) / 30.0
     np.testing.assert_allclose(session.image(result.certainty)[0], variance, rtol=1e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize(("fading", "signed"), [(0.1, False), (0.1, True), (0.0, False)])
+def test_lone_bright_samples_are_limited_where_the_mean_fades(
+    device: ComputeDevice, fading: float, signed: bool
+) -> None:
+    """The mean of all frames keeps its energy, and so do changes of either sign."""
+    gbuffer = flat_gbuffer(24, 24)
+    session = Session(device, gbuffer, "specular", signed=signed)
+    signal = np.full((3, 24, 24), 0.5)
+    signal[:, 12, 12] = 100.0
+    signal[:, 4:6, 4:6] = 100.0  # no outlier: its neighbours are as bright
+    shown = session.image(session.add(gbuffer, signal, fading=fading).signal)
+    kept = fading == 0.0 or signed
+    signal[:, 12, 12] = 100.0 if kept else OUTLIER * 0.5
+    np.testing.assert_allclose(shown, signal, rtol=1e-5)
 
 
 def test_fading_after_stillness_and_back(device: ComputeDevice) -> None:

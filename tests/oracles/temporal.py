@@ -126,6 +126,20 @@ def neighbours(image: Array, y: int, x: int, same: Array, step: int = 2) -> Arra
     return image[..., y : y + size : step, x : x + size : step][..., same]
 
 
+def limited(signal: Array, ids: Array, most: float, equirect: bool) -> Array:
+    """Reduce samples to `most` times the brightest of at least three pixels around them."""
+    wide, wide_ids = bordered(shown(signal), 1, equirect), bordered(ids, 1, equirect, fill=-1.0)
+    result = signal.copy()
+    for y, x in np.argwhere(ids > 0.0):
+        around = wide_ids[y : y + 3, x : x + 3] == ids[y, x]
+        around[1, 1] = False
+        brightest = most * wide[y : y + 3, x : x + 3][around].max(initial=0.0)
+        own = shown(signal)[y, x]
+        if around.sum() >= 3 and own > brightest:
+            result[:, y, x] *= brightest / own
+    return result
+
+
 def correct(slow: History, fast: History, ids: Array, sigma: float, equirect: bool) -> History:
     """Mix in the fast history as far as the slow one's bias makes it the worse estimate."""
     wide = bordered(shown(fast.signal) - shown(slow.signal), 2, equirect)

@@ -18,6 +18,7 @@
 #else
 #define SLEPT 8.0f
 #endif
+#define LEAST_NEIGHBOURS 3.0f // that determine whether a sample is an outlier
 #define NEAR_STEP 2           // spacing of nine pixels that stand for a 5x5 neighbourhood
 
 static inline ALWAYS_INLINE void load_signal(
@@ -46,16 +47,41 @@ static inline ALWAYS_INLINE bool all_finite(int planes, const float *s)
     return total < HUGE;
 }
 
+// Return the factor by which a sample is reduced to at most `outlier` times the brightest of its neighbours.
+static inline ALWAYS_INLINE float outlier_factor(
+    int planes, const float *sample, __global const float *samples, __global const float *guide, float outlier,
+    int size, int p, int stride)
+{
+    const float own = guide_scalar(planes, sample), id = guide[GUIDE_ID * size + p];
+    float most = 0.0f, count = 0.0f;
+    #pragma unroll 1
+    for (int i = 0; i < 9; i++) {
+        const int q = p + i % 3 - 1 + (i / 3 - 1) * stride;
+        float s[REAL_PLANES];
+        load_signal(planes, s, samples, size, q);
+        const float g = guide_scalar(planes, s);
+        const int same = i != 4 && guide[GUIDE_ID * size + q] == id && g < HUGE;
+        count += same;
+        most = same ? fmax(most, g) : most;
+    }
+    return count >= LEAST_NEIGHBOURS && own > outlier * most ? outlier * most / own : 1.0f;
+}
+
 // Load the sample of pixel p. Returns its weight in rays, 0 for an unusable sample. Pixels that share one
 // ray have a fraction of its weight, so that a lone hit spread over many of them gives way to later rays of
 // their own. A pixel that waits for its turn takes the values of others only as its `first` sample.
 static inline ALWAYS_INLINE float load_sample(
     int planes, float *sample, __global const float *samples, __global const float *guide,
-    __global const uchar *level, bool first, int size, int p)
+    __global const uchar *level, bool first, float outlier, int size, int p, int width)
 {
     load_signal(planes, sample, samples, size, p);
     bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(planes, sample)
                   && (first || level[p] != LEVEL_WAITING);
+    if (planes == REFLECTED_PLANES && outlier > 0.0f && usable) {
+        const float factor = outlier_factor(planes, sample, samples, guide, outlier, size, p, plane_stride(width));
+        EACH_PLANE(c, planes)
+            sample[c] *= factor;
+    }
     int spacing = level_spacing(usable ? level[p] : 0);
     return usable ? 1.0f / (spacing * spacing) : 0.0f;
 }
@@ -67,11 +93,6 @@ static inline float worth_of_biased(float length, float spread, float bias_squar
     float error = fmax(spread + length * bias_squared, 1e-30f);
     return bias_squared > 0.0f ? spread * length / error : length;
 }
-
-// In memory, two planes follow the signal's: `spread`, and g for comparisons between neighbours. This keeps
-// kernels at no more than 31 buffers, the limit of some drivers.
-#define SPREAD_PLANE 0
-#define SCALAR_PLANE 1
 
 typedef struct {
     float signal[REAL_PLANES];
@@ -322,13 +343,13 @@ static inline ALWAYS_INLINE void clamp_history(int planes, History *history, con
 // Add the sample of pixel p to the mean.
 static inline ALWAYS_INLINE void add_sample(
     int planes, History *history, __global const float *samples, __global const float *guide,
-    __global const uchar *level, float fading, int rays, int size, int p)
+    __global const uchar *level, float fading, float outlier, int rays, int size, int p, int width)
 {
     float sample[REAL_PLANES], before = history->length, variation = history->spread;
     // A fading history counts frames, whatever their number of rays.
     float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
     bool first = !(before > 0.0f);
-    float worth = sent * load_sample(planes, sample, samples, guide, level, first, size, p);
+    float worth = sent * load_sample(planes, sample, samples, guide, level, first, outlier, size, p, width);
     bool usable = worth > 0.0f;
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading limits the mean to the weight of (2 - fading) / fading samples, so that a later, longer
@@ -348,10 +369,11 @@ static inline ALWAYS_INLINE void add_sample(
 // Add the sample to the fast history, which holds at most `limit` samples.
 static inline ALWAYS_INLINE void add_fast_sample(
     int planes, History *history, __global const float *samples, __global const float *guide,
-    __global const uchar *level, float limit, int size, int p)
+    __global const uchar *level, float limit, float outlier, int size, int p, int width)
 {
     float sample[REAL_PLANES], before = history->length;
-    float worth = load_sample(planes, sample, samples, guide, level, !(before > 0.0f), size, p);
+    float worth = load_sample(planes, sample, samples, guide, level, !(before > 0.0f), outlier, size, p,
+                              width);
     bool usable = worth > 0.0f;
     float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
     EACH_PLANE(c, planes) {

@@ -12,6 +12,11 @@
 #define VARIANCE_PLANE 0
 #define LENGTH_PLANE 1
 
+// In the memory of a history, two planes follow the signal's: the variance of single samples of g, and g for
+// comparisons between neighbours. This keeps kernels at no more than 31 buffers, the limit of some drivers.
+#define SPREAD_PLANE 0
+#define SCALAR_PLANE 1
+
 #define SHORT_HISTORY 4.0f // fewer samples of one pixel do not determine their variance
 
 // Return whether neighbours estimate the variance. The mean of four lengths of 4 may be rounded down.
