@@ -65,6 +65,7 @@ __kernel void accumulate(
 {
     TILE_ITEM;
     int size = plane_size(width, height), p = plane_index(x, y, width);
+    const float scale = outlier_factor(planes, samples, guide, outlier, size, p, width);
     History history = fetch_history(planes, guide, guide_previous, motion, signal_before, certainty_before,
                                     plane_tolerance, normal_agreement, SLEPT, p, width, height, seam, camera);
 #ifdef PUBLISHED
@@ -74,7 +75,7 @@ __kernel void accumulate(
     clamp_history(planes, &history, &box);
     history.length = before;
 #endif
-    add_sample(planes, &history, samples, guide, level, fading, outlier, rays, size, p, width);
+    add_sample(planes, &history, samples, guide, level, fading, scale, rays, size, p);
     store_history(planes, &history, signal, certainty, size, p, x, width, seam);
     store_variance(&history, certainty, p, x, width, seam);
 }
@@ -94,7 +95,6 @@ __kernel void follow(
     PLANES_OUT signal[MOST_ENTRIES],             // out: its planes and two more
     PLANES_OUT certainty[MOST_ENTRIES],          // out: 2 planes
     float limit,                                   // most samples of the history
-    const float outlier[MOST_ENTRIES],             // most times the brightest neighbour, 0: no limit
     int fresh,                                     // the history starts with this picture
     int width,
     int height,
@@ -111,7 +111,7 @@ __kernel void follow(
             history.signal[c] = 0.0f;
         history.length = history.spread = 0.0f;
     }
-    add_fast_sample(planes, &history, samples, guide, level, limit, outlier, size, p, width);
+    add_fast_sample(planes, &history, samples, guide, level, limit, size, p);
     store_history(planes, &history, signal, certainty, size, p, x, width, seam);
 }
 
@@ -149,6 +149,7 @@ static inline ALWAYS_INLINE void correct_pixel(
     int height, int seam)
 {
     int size = plane_size(width, height), p = plane_index(x, y, width);
+    const float scale = outlier_factor(planes, samples, guide, outlier, size, p, width);
     History history;
     if (trusted) {
         const float spread = signal[(planes + SPREAD_PLANE) * size + p];
@@ -162,7 +163,7 @@ static inline ALWAYS_INLINE void correct_pixel(
     } else {
         history = load_history(planes, signal, certainty, size, p);
     }
-    add_sample(planes, &history, samples, guide, level, fading, outlier, rays, size, p, width);
+    add_sample(planes, &history, samples, guide, level, fading, scale, rays, size, p);
     store_history(planes, &history, signal, certainty, size, p, x, width, seam);
     store_variance(&history, certainty, p, x, width, seam);
 }

@@ -71,7 +71,7 @@ def test_equals_twin(
         if age >= 0:
             fast = empty if age % FAST_FRAMES == 0 else fast
             fast = oracle.reproject(now.planes, before.planes, motion, fast, limits, equirect)
-            fast = oracle.follow(fast, sample, now.seen_ids, level, FAST_LENGTH)
+            fast = oracle.follow(fast, signal, now.seen_ids, level, FAST_LENGTH)
         if age >= 0 and (age < FAST_FRAMES or age % FAST_FRAMES >= FAST_LEAST - 1):
             past = oracle.correct(past, fast, now.seen_ids, 3.0, equirect)
             common = kind == "ratio"

@@ -47,41 +47,39 @@ static inline ALWAYS_INLINE bool all_finite(int planes, const float *s)
     return total < HUGE;
 }
 
-// Return the factor by which a sample is reduced to at most `outlier` times the brightest of its neighbours.
+// Return the factor that reduces the sample of pixel p to at most `outlier` times the brightest of its neighbours.
+// 0: no limit. The factor is computed before the history is loaded, because both take registers.
 static inline ALWAYS_INLINE float outlier_factor(
-    int planes, const float *sample, __global const float *samples, __global const float *guide, float outlier,
-    int size, int p, int stride)
+    int planes, __global const float *samples, __global const float *guide, float outlier, int size, int p, int width)
 {
-    const float own = guide_scalar(planes, sample), id = guide[GUIDE_ID * size + p];
-    float most = 0.0f, count = 0.0f;
+    if (planes != REFLECTED_PLANES || !(outlier > 0.0f))
+        return 1.0f;
+    const float id = guide[GUIDE_ID * size + p];
+    float own = 0.0f, most = 0.0f, count = 0.0f;
     #pragma unroll 1
     for (int i = 0; i < 9; i++) {
-        const int q = p + i % 3 - 1 + (i / 3 - 1) * stride;
-        float s[REAL_PLANES];
-        load_signal(planes, s, samples, size, q);
-        const float g = guide_scalar(planes, s);
+        const int q = p + i % 3 - 1 + (i / 3 - 1) * plane_stride(width);
+        const float g = luminance(load_planes(samples, size, q));
         const int same = i != 4 && guide[GUIDE_ID * size + q] == id && g < HUGE;
+        own = i == 4 ? g : own;
         count += same;
         most = same ? fmax(most, g) : most;
     }
     return count >= LEAST_NEIGHBOURS && own > outlier * most ? outlier * most / own : 1.0f;
 }
 
-// Load the sample of pixel p. Returns its weight in rays, 0 for an unusable sample. Pixels that share one
+// Load the sample of pixel p, times `scale`. Returns its weight in rays, 0 for an unusable sample. Pixels that share one
 // ray have a fraction of its weight, so that a lone hit spread over many of them gives way to later rays of
 // their own. A pixel that waits for its turn takes the values of others only as its `first` sample.
 static inline ALWAYS_INLINE float load_sample(
     int planes, float *sample, __global const float *samples, __global const float *guide,
-    __global const uchar *level, bool first, float outlier, int size, int p, int width)
+    __global const uchar *level, bool first, float scale, int size, int p)
 {
     load_signal(planes, sample, samples, size, p);
     bool usable = guide[GUIDE_ID * size + p] > 0.0f && all_finite(planes, sample)
                   && (first || level[p] != LEVEL_WAITING);
-    if (planes == REFLECTED_PLANES && outlier > 0.0f && usable) {
-        const float factor = outlier_factor(planes, sample, samples, guide, outlier, size, p, plane_stride(width));
-        EACH_PLANE(c, planes)
-            sample[c] *= factor;
-    }
+    EACH_PLANE(c, planes)
+        sample[c] *= scale;
     int spacing = level_spacing(usable ? level[p] : 0);
     return usable ? 1.0f / (spacing * spacing) : 0.0f;
 }
@@ -343,13 +341,13 @@ static inline ALWAYS_INLINE void clamp_history(int planes, History *history, con
 // Add the sample of pixel p to the mean.
 static inline ALWAYS_INLINE void add_sample(
     int planes, History *history, __global const float *samples, __global const float *guide,
-    __global const uchar *level, float fading, float outlier, int rays, int size, int p, int width)
+    __global const uchar *level, float fading, float scale, int rays, int size, int p)
 {
     float sample[REAL_PLANES], before = history->length, variation = history->spread;
     // A fading history counts frames, whatever their number of rays.
     float sent = fading > 0.0f ? 1.0f : share_of_rays(before, rays);
     bool first = !(before > 0.0f);
-    float worth = sent * load_sample(planes, sample, samples, guide, level, first, outlier, size, p, width);
+    float worth = sent * load_sample(planes, sample, samples, guide, level, first, scale, size, p);
     bool usable = worth > 0.0f;
     float share = first ? 1.0f : fmax(worth / (before + worth), fading * worth);
     // Fading limits the mean to the weight of (2 - fading) / fading samples, so that a later, longer
@@ -369,11 +367,10 @@ static inline ALWAYS_INLINE void add_sample(
 // Add the sample to the fast history, which holds at most `limit` samples.
 static inline ALWAYS_INLINE void add_fast_sample(
     int planes, History *history, __global const float *samples, __global const float *guide,
-    __global const uchar *level, float limit, float outlier, int size, int p, int width)
+    __global const uchar *level, float limit, int size, int p)
 {
     float sample[REAL_PLANES], before = history->length;
-    float worth = load_sample(planes, sample, samples, guide, level, !(before > 0.0f), outlier, size, p,
-                              width);
+    float worth = load_sample(planes, sample, samples, guide, level, !(before > 0.0f), 1.0f, size, p);
     bool usable = worth > 0.0f;
     float share = before > 0.0f ? worth / fmin(before + worth, limit) : 1.0f;
     EACH_PLANE(c, planes) {
