@@ -18,7 +18,7 @@ from tests.films import planned_kernels
 MOST_BUFFERS = 31
 """What Apple's GPUs let a kernel take."""
 MORE_BUFFERS = {
-    "trace_virtual": 40,
+    "trace_virtual": 42,
     "trace_gloss": 40,
     "path_trace_real": 33,
     "path_trace_virtual": 33,
