@@ -27,8 +27,9 @@ class TraceSettings(SettingsGroup):
         default=8,
         ge=1,
         le=1024,
-        description="Rays per traced pixel of objects in its first frames. Later a quarter in still "
-        "pictures; in motion from one to twice the number, by noise. Up to four times as many at edges.",
+        description="Rays per traced pixel of objects in its first frames. Later a quarter in "
+        "still pictures; in motion one ray to twice the number, by noise. Up to four times as many "
+        "at edges.",
         json_schema_extra={"unit": "rays"},
     )
     bounces: int = Field(
