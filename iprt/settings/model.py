@@ -47,8 +47,8 @@ class Settings(SettingsGroup):
         default=0.1,
         ge=0.0,
         le=1.0,
-        description="Least weight of a new frame in the temporal mean, twice that while objects "
-        "move; 0 averages all frames.",
+        description="Least weight of a new frame in the temporal mean; while objects move, twice "
+        "that on real surfaces and three times in reflected light; 0 averages all frames.",
     )
     drift: bool = Field(
         default=True,
