@@ -221,10 +221,10 @@ class BufferDevice:
     def read(self, array: cla.Array) -> NDArray[Any]:
         """Return a host copy of a buffer, after all enqueued work."""
         host = np.empty(array.shape, array.dtype)
-        self.wait()  # a blocking transfer would wait for earlier kernels without a limit
+        self.finish()  # a blocking transfer would wait for earlier kernels without a limit
         with self.reported("a transfer"):
             event = cl.enqueue_copy(self.queue, host, array.data, is_blocking=True)
-        self.profile.record(event, "read", Kind.TRANSFER, host.nbytes)
+        self._record_transfer(event, "read", host.nbytes)
         return host
 
     def fetch(self, array: cla.Array) -> Callable[[], NDArray[Any]]:

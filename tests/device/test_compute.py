@@ -17,6 +17,7 @@ from iprt.device import program
 from iprt.device.compute import ComputeDevice
 from iprt.device.host_memory import HUGE_PAGE, LARGE, MOST_SPARE, HostMemory
 from iprt.device.kernel import Kernel
+from iprt.device.profile import MOST_PENDING
 from iprt.device.program import BUILD_TRIES, CACHE_RACE
 from iprt.errors import KernelError
 
@@ -231,6 +232,15 @@ def test_what_was_written_is_not_kept(device: ComputeDevice) -> None:
     own.finish()
     own.profile.resolve()
     assert sum(cost.launches for cost in own.profile.totals().values()) == 1
+
+
+def test_values_that_were_read_are_kept_by_nothing(device: ComputeDevice) -> None:
+    """Pictures that a program reads in a loop, and drops, must not fill the memory."""
+    own = fresh(device)
+    array = own.zeros("values", (64,))
+    kept = [weakref.ref(own.read(array)) for _ in range(MOST_PENDING + 1)]
+    assert all(values() is None for values in kept)
+    assert len(own.profile._pending) < MOST_PENDING
 
 
 def test_shared_memory_is_read_as_it_is_and_kept_as_long_as_it_is_read(
