@@ -11,6 +11,7 @@ from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
+from iprt.filter.interpolate import NORMAL_SHARPNESS, PLANE_SHARPNESS
 from iprt.gbuffer.context import FrameContext, ViewConstants
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
@@ -91,7 +92,6 @@ class LightView:
             full_height=view.height,
             to_block=cltypes.make_float4(*self._map),
         )
-        self._likeness = features.settings.interpolate.model_dump()
         self._enlarged: dict[str, cla.Array] = {}
         self._enlarge: dict[str, Kernel] = {}
         self._enlarging_size = enlarging_size(view, self.view, wide=device.wide)
@@ -124,7 +124,8 @@ class LightView:
             block_depth=blocks.depth,
             block_id=getattr(blocks, ids),
             light=self._enlarged[signal],
-            **self._likeness,
+            normal_sharpness=NORMAL_SHARPNESS,
+            plane_sharpness=PLANE_SHARPNESS,
         )
 
     def begin(self, context: FrameContext) -> None:

@@ -22,7 +22,7 @@
 
 // Standard deviation of a pixel's temporal mean for which the pixel sends `rays`, as displayed with a gamma of 2. The
 // panorama's mean radiance is displayed as 1.
-#define EXPECTED_NOISE 0.06f
+#define EXPECTED_NOISE 0.08f
 // Radiance, relative to the panorama's mean, below which all is displayed with the same contrast.
 #define DARK_RADIANCE 0.1f
 // Factor of the variance of narrow reflections, which the spatial filter smooths less.
@@ -107,6 +107,7 @@ TRACING_KERNEL void trace_virtual(
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
 #ifdef OBJECTS_BVH
+    const int jitters = seen.kind == KIND_CONDUCTOR ? jitter.metals : jitter.others;
     // Number of the last ray that started within the pixel, from 1 on. Its start is traced again, because the hit
     // would occupy registers along each ray.
     uint last_start = 0;
@@ -118,7 +119,7 @@ TRACING_KERNEL void trace_virtual(
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
 #ifdef OBJECTS_BVH
         // Start at a random position in the pixel if it shows the same material, else where the last ray did.
-        for (int again = 0; again < 2 * jitter.on; again++) {
+        for (int again = 0; again < 2 * jitters; again++) {
             const uint from = again ? last_start : index + 1;
             if (from == 0)
                 break;

@@ -11,6 +11,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.device.program import Define
+from iprt.filter.interpolate import PLANE_SHARPNESS
 from iprt.filter.signals import Signal, half_unit, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import tile_arguments
@@ -130,7 +131,7 @@ class Atrous:
             batched(variance=variance, signal_out=signal_out, variance_out=variance_out),
             step=1 << level,
             normal_sharpness=settings.normal_sharpness,
-            plane_sharpness=settings.plane_sharpness,
+            plane_sharpness=PLANE_SHARPNESS,
             variance_scale=settings.deviations**2,
         )
         return kernel.fixed(batched(signal=signal)) if level else kernel

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.interpolate import PLANE_SHARPNESS
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.filter.temporal import Accumulated
 from iprt.gbuffer.guide import tile_arguments
@@ -40,7 +41,7 @@ class HistoryFix:
             stride=min(STRIDE, OF_HEIGHT * layout.height),
             enough=enough,
             normal_sharpness=settings.normal_sharpness,
-            plane_sharpness=settings.plane_sharpness,
+            plane_sharpness=PLANE_SHARPNESS,
         )
 
     def run(self, accumulated: Accumulated, level: cla.Array) -> tuple[cla.Array, cla.Array]:

@@ -10,16 +10,16 @@ from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal, signal_defines, signal_planes
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import tile_arguments
-from iprt.settings.filter import InterpolateSettings
+
+NORMAL_SHARPNESS, PLANE_SHARPNESS = 32.0, 100.0
+"""Edge-stopping weights: falloff per (1 - cosine) of the normals' angle, and per (distance from the
+pixel's plane / depth). The à-trous filter has the latter too."""
 
 
 class Interpolate:
     """Interpolation, in place, of pixels without a ray from traced ones of their surface."""
 
-    def __init__(
-        self, device: ComputeDevice, signals: Sequence[Signal], settings: InterpolateSettings
-    ) -> None:
-        self.settings = settings
+    def __init__(self, device: ComputeDevice, signals: Sequence[Signal]) -> None:
         self._guides = [signal.guide for signal in signals]
         self._kernel = device.kernel(
             "filter/neighbours.cl", "interpolate", signal_defines(signals)
@@ -27,8 +27,8 @@ class Interpolate:
             signals[0].guide.layout.arguments(),
             tile_arguments([signal.guide for signal in signals]),
             planes=signal_planes(signals[0].kind),
-            normal_sharpness=settings.normal_sharpness,
-            plane_sharpness=settings.plane_sharpness,
+            normal_sharpness=NORMAL_SHARPNESS,
+            plane_sharpness=PLANE_SHARPNESS,
         )
 
     def run(

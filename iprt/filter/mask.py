@@ -9,11 +9,12 @@ import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant, float_constant
+from iprt.filter.temporal import NORMAL_AGREEMENT, PLANE_TOLERANCE
 from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import Guide, tile_arguments
 from iprt.gbuffer.tiles import TILE
 from iprt.settings.features import TOUCHED_FRAMES
-from iprt.settings.filter import MaskSettings, TemporalSettings
+from iprt.settings.filter import MaskSettings
 
 LEVEL_WAITING = constant("lib/gbuffer/guide.h", "LEVEL_WAITING")
 """Level of a pixel of level 0 that waits for its turn."""
@@ -24,9 +25,6 @@ LEVEL_NONE = constant("lib/gbuffer/guide.h", "LEVEL_NONE")
 STRONG_FRAMES = float_constant("lib/gbuffer/guide.h", "STRONG_FRAMES")
 """Frames, including the traced one, for which a strong influence of an object is remembered, if
 weakly affected pixels are distinguished."""
-
-SAME_SURFACE = TemporalSettings()
-"""Tolerances within which the last picture showed the same surface: the defaults of histories."""
 
 LOW, HIGH = 0.3, 0.5
 """δ1 and δ2 of IPRT's Eq. 4: pixels that differ less get one ray for 16, and for 4."""
@@ -116,7 +114,7 @@ class Masks:
             tiles,
             guide.camera_argument,
             batched(unseen=[mask.unseen for mask in masks]),
-            normal_agreement=SAME_SURFACE.normal_agreement,
+            normal_agreement=NORMAL_AGREEMENT,
         )
         listed = batched(
             level=[mask.level for mask in masks],
@@ -179,7 +177,7 @@ class Masks:
                 guide_previous=[mask.guide.previous for mask in masks],
                 before=[mask.before for mask in masks],
             ),
-            plane_tolerance=-1.0 if cut else SAME_SURFACE.plane_tolerance,
+            plane_tolerance=-1.0 if cut else PLANE_TOLERANCE,
         )
         self._choose(
             size,

@@ -66,7 +66,7 @@ class SignalFilter:
         `published`: filter in space first, then accumulate a fixed share of each frame.
         """
         self._published = published
-        self._interpolate = Interpolate(device, signals, settings.interpolate)
+        self._interpolate = Interpolate(device, signals)
         self._reflected = signals[0].kind in ("diffuse", "specular")
         rays = settings.trace.object_rays if self._reflected else 1
         self._temporal = Temporal(

@@ -15,6 +15,17 @@ from iprt.gbuffer.batch import batched
 from iprt.gbuffer.guide import tile_arguments
 from iprt.settings.filter import TemporalSettings
 
+PLANE_TOLERANCE, MOVED_TOLERANCE = 0.02, 0.2
+"""Distance from a pixel's plane / depth up to which its history is valid, and the same for virtual
+surfaces while the scene changes, which may have moved."""
+
+NORMAL_AGREEMENT = 0.9
+"""Least cosine of the angle between present and past normal of a real surface."""
+
+CLAMP_SIGMA, ANTILAG_SIGMA = 2.0, 3.0
+"""Half width of the clamping box, and largest difference between fast and slow history that counts
+as noise, in standard deviations."""
+
 HISTORY_PLANES = 2
 """Planes of a history besides its signal's: `cl/lib/filter/history.h`."""
 
@@ -100,7 +111,6 @@ class Temporal:
         `rays` is the number per sample; pixels with a long history use fewer. `published`: IPRT's
         mean, a fixed share of each frame, with the history clamped.
         """
-        self.settings = settings
         self._published = published
         self._signals = signals
         self._device = device
@@ -133,7 +143,7 @@ class Temporal:
             **tile_arguments([signal.guide for signal in signals]),
             "normal_agreement": settings.normal_agreement,
             "rays": rays,
-            "clamp_sigma": settings.clamp_sigma,
+            "clamp_sigma": CLAMP_SIGMA,
             "planes": channels,
         }
 
@@ -153,7 +163,7 @@ class Temporal:
             self._correct = kernel(
                 "correct_real" if of_real else "correct_reflected",
                 later=True,
-                antilag_sigma=settings.antilag_sigma,
+                antilag_sigma=ANTILAG_SIGMA,
             )
 
     @property
@@ -202,13 +212,12 @@ class Temporal:
             Objects or the video moved.
         """
         self._now, self._before = self._before, self._now
-        settings = self.settings
         guides = [signal.guide for signal in self._signals]
         moved = changed and self._signals[0].kind in ("diffuse", "specular")
         fetched = {
             **batched(guide_previous=[guide.previous for guide in guides], motion=motions),
             **self._before.arguments("{}_before"),
-            "plane_tolerance": settings.moved_tolerance if moved else settings.plane_tolerance,
+            "plane_tolerance": MOVED_TOLERANCE if moved else PLANE_TOLERANCE,
         }
         added = {
             **batched(samples=samples, level=levels),

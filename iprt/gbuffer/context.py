@@ -87,6 +87,11 @@ class FrameContext:
     cut: bool = False
 
     @property
+    def steady(self) -> bool:
+        """True if neither the view nor the scene has moved since the previous frame."""
+        return not self.changed and self.camera == self.previous_camera
+
+    @property
     def grid(self) -> cla.Array:
         """Origin of the tracing grid in this frame, (2,) int32."""
         return self.grids[self.index % len(self.grids)]

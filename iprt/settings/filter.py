@@ -24,60 +24,14 @@ class MaskSettings(SettingsGroup):
     )
 
 
-class InterpolateSettings(SettingsGroup):
-    """Edge-stopping weights of the interpolation between traced pixels or `light_scale` blocks."""
-
-    normal_sharpness: float = Field(
-        default=32.0,
-        ge=0.0,
-        le=1e4,
-        description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
-    )
-    plane_sharpness: float = Field(
-        default=100.0,
-        ge=0.0,
-        le=1e5,
-        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
-    )
-
-
 class TemporalSettings(SettingsGroup):
-    """Validation of a pixel's temporal history."""
+    """Validation of a pixel's temporal history, and treatment of a short one."""
 
-    plane_tolerance: float = Field(
-        default=0.02,
-        gt=0.0,
-        le=1.0,
-        description="Distance from the pixel's plane / depth up to which a history is valid.",
-    )
-    moved_tolerance: float = Field(
-        default=0.2,
-        gt=0.0,
-        le=1.0,
-        description="`plane_tolerance` of virtual surfaces while the scene changes: they may have "
-        "moved.",
-    )
     normal_agreement: float = Field(
         default=0.9,
         ge=-1.0,
         le=1.0,
         description="Least cosine of the angle between present and past normal.",
-    )
-    clamp_sigma: float = Field(
-        default=2.0,
-        gt=0.0,
-        le=10.0,
-        description="Half width of the clamping box in standard deviations; lower: less ghosting, "
-        "more noise.",
-        json_schema_extra={"unit": "σ"},
-    )
-    antilag_sigma: float = Field(
-        default=3.0,
-        gt=0.0,
-        le=100.0,
-        description="Differences between fast and slow history of up to this many standard "
-        "deviations count as noise; lower: quicker, noisier.",
-        json_schema_extra={"unit": "σ"},
     )
     enough: float = Field(
         default=1.5,
@@ -105,12 +59,6 @@ class AtrousSettings(SettingsGroup):
         ge=0.0,
         le=1e5,
         description="Falloff per (1 - cosine) of the normals' angle; higher keeps creases.",
-    )
-    plane_sharpness: float = Field(
-        default=100.0,
-        ge=0.0,
-        le=1e5,
-        description="Falloff per (distance from the pixel's plane / depth); higher keeps steps.",
     )
     deviations: float = Field(
         default=6.0,

@@ -12,7 +12,7 @@ from pydantic import (
     model_validator,
 )
 
-from iprt.settings.filter import AtrousSettings, InterpolateSettings, MaskSettings, TemporalSettings
+from iprt.settings.filter import AtrousSettings, MaskSettings, TemporalSettings
 from iprt.settings.methods import DEFAULT, MethodSettings, SettingsGroup, methods
 from iprt.settings.trace import (
     GlossSettings,
@@ -83,7 +83,6 @@ class Settings(SettingsGroup):
     irradiance: IrradianceSettings = IrradianceSettings()
     learning: LearningSettings = LearningSettings()
     mask: MaskSettings = MaskSettings()
-    interpolate: InterpolateSettings = InterpolateSettings()
     temporal: TemporalSettings = TemporalSettings()
     atrous: AtrousSettings = AtrousSettings()
     of_methods: tuple[MethodSettings, ...] = ()

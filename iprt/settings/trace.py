@@ -65,8 +65,8 @@ class TraceSettings(SettingsGroup):
     )
     jitter: bool = Field(
         default=True,
-        description="Shade objects at points all over each pixel, which smooths reflections; where "
-        "rays meet triangles.",
+        description="Shade objects at points all over each pixel, metals only while nothing moves, "
+        "which smooths reflections; where rays meet triangles.",
     )
 
 

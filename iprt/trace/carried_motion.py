@@ -5,9 +5,9 @@ from __future__ import annotations
 import pyopencl.array as cla
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.temporal import NORMAL_AGREEMENT, PLANE_TOLERANCE
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import Guide
-from iprt.settings.filter import TemporalSettings
 from iprt.world.objects.objects import Objects
 
 
@@ -20,9 +20,7 @@ class CarriedMotion:
         Previous position of the change at each pixel, pixels; -1e9: nowhere.
     """
 
-    def __init__(
-        self, device: ComputeDevice, guide: Guide, settings: TemporalSettings, *, name: str
-    ) -> None:
+    def __init__(self, device: ComputeDevice, guide: Guide, *, name: str) -> None:
         self._guide = guide
         self.carried = device.zeros(f"{name} carried motion", guide.layout.shape(2))
         defines = guide.defines(**guide.camera_define)
@@ -30,8 +28,8 @@ class CarriedMotion:
         self._kernel = kernel.fixed(
             guide.layout.arguments(),
             guide.camera_argument,
-            plane_tolerance=settings.plane_tolerance,
-            normal_agreement=settings.normal_agreement,
+            plane_tolerance=PLANE_TOLERANCE,
+            normal_agreement=NORMAL_AGREEMENT,
             carried=self.carried,
         )
 

@@ -79,7 +79,7 @@ class RealPixels:
         # E_R does not move with the objects.
         self._carry: CarriedMotion | None = None
         if features.delta:
-            self._carry = CarriedMotion(device, guide, settings.temporal, name=name)
+            self._carry = CarriedMotion(device, guide, name=name)
         signal = Signal(name, "delta" if features.delta else "ratio", guide)
         self._filter = SignalFilter(
             device, [signal], settings, published=features.needs.published_filter
@@ -203,7 +203,7 @@ class ReflectingPixels:
             self.gloss_mask = Mask(device, gloss_guide, settings.mask, name="gloss")
             self._trace_gloss = GlossTracer(device, gloss_guide, features, kernels.gloss)
             self._gloss_motion = real.motion
-            self._carry = CarriedMotion(device, gloss_guide, settings.temporal, name="gloss")
+            self._carry = CarriedMotion(device, gloss_guide, name="gloss")
             self._signals.append(Signal("gloss", "specular", gloss_guide, signed=True))
         kinds: list[Kind] = ["specular"] if features.specular_signal else []
         kinds += ["diffuse"] if features.diffuse_signal else []
@@ -259,7 +259,8 @@ class ReflectingPixels:
 
         def trace(context: FrameContext) -> None:
             known = self._known(panorama.mean_radiance, context.reflected_fading)
-            self.tracer.run(world, self.mask, context.view, self._visible.albedo, known)
+            albedo, steady = self._visible.albedo, context.steady
+            self.tracer.run(world, self.mask, context.view, albedo, known, steady=steady)
 
         samples = ("reflected samples",)
         if self.gloss_mask is not None:

@@ -57,13 +57,14 @@ class JitterArgs(Block):
 
     Attributes
     ----------
-    on : int
-        1: rays start there; 0: at the pixel's centre.
+    metals, others : int
+        1: rays of such surfaces start there; 0: at the pixel's centre.
     view : (16,) float32
         `View.kernel_constants()`.
     """
 
-    on: Int32 = when("OBJECTS_BVH")
+    metals: Int32 = when("OBJECTS_BVH")
+    others: Int32 = when("OBJECTS_BVH")
     view: Floats = when("OBJECTS_BVH")
 
 
@@ -136,14 +137,11 @@ class RayKernels:
         def scene(world: World, view: cla.Array) -> dict[str, Any]:
             return {"world": world.arguments(features, view)}
 
-        def jittered(world: World, view: cla.Array) -> dict[str, Any]:
-            return scene(world, view) | {"jitter": JitterArgs(on=int(features.jitter), view=view)}
-
         real = "trace/trace_delta" if features.delta else "trace/trace_real"
         gloss = features.gloss_defines()
         return cls(
             RayKernel(real, features.trace_defines(), scene),
-            RayKernel("trace/trace_virtual", gloss, jittered),
+            RayKernel("trace/trace_virtual", gloss, scene),
             RayKernel("trace/trace_gloss", gloss, scene),
         )
 
@@ -321,16 +319,22 @@ class VirtualTracer(_Tracer):
         view: cla.Array,
         albedo: cla.Array,
         known: KnownArgs,
+        *,
+        steady: bool,
     ) -> None:
-        """Trace the pixels of `mask`.
+        """Trace the pixels of `mask`. Cones and paths ignore `known` and `steady`.
 
         Parameters
         ----------
         albedo : 3 planes
         known : KnownArgs
-            Only rays need it; cones and paths ignore it.
+        steady : bool
+            Nothing moves: rays of metals may start all over a pixel too. In motion that would blur
+            their reflections, which are resampled in each frame.
         """
-        self._launch(world, mask, view, albedo=albedo, known=known)
+        jitters = self._features.jitter
+        jitter = JitterArgs(metals=int(jitters and steady), others=int(jitters), view=view)
+        self._launch(world, mask, view, albedo=albedo, known=known, jitter=jitter)
 
 
 class GlossTracer(_Tracer):

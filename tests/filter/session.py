@@ -21,7 +21,6 @@ class Session:
         device: ComputeDevice,
         gbuffer: GBuffer,
         kind: Kind,
-        settings: TemporalSettings = SETTINGS,
         *,
         rays: int = 1,
         published: bool = False,
@@ -32,7 +31,7 @@ class Session:
         self.planes = signal_planes(kind)
         self.guide = gbuffer.guide(device)
         signals = [Signal("test", kind, self.guide, signed)]
-        self.temporal = Temporal(device, signals, settings, rays=rays, published=published)
+        self.temporal = Temporal(device, signals, SETTINGS, rays=rays, published=published)
         self.still = still_motion(self.layout.width, self.layout.height)
 
     def add(

@@ -19,7 +19,6 @@ from tests.oracles import atrous as oracle
 SETTINGS = AtrousSettings(
     levels=5,
     normal_sharpness=24.0,
-    plane_sharpness=100.0,
     deviations=6.0,
     lobe_fraction=0.5,
 )

@@ -13,7 +13,7 @@ from iprt.settings.filter import AtrousSettings
 from tests.filter.gbuffer import SIZES, GBuffer, flat_gbuffer, random_gbuffer, read, upload
 from tests.oracles.guide import Array, falloff, shifted
 
-SETTINGS = AtrousSettings(normal_sharpness=24.0, plane_sharpness=100.0)
+SETTINGS = AtrousSettings(normal_sharpness=24.0)
 ENOUGH = 1.5
 
 

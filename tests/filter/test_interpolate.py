@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.filter.interpolate import Interpolate
+from iprt.filter.interpolate import NORMAL_SHARPNESS, PLANE_SHARPNESS, Interpolate
 from iprt.filter.signals import Signal
-from iprt.settings.filter import InterpolateSettings
 from tests.filter.gbuffer import (
     SIZES,
     GBuffer,
@@ -20,8 +19,6 @@ from tests.filter.gbuffer import (
 )
 from tests.oracles import interpolate as oracle
 from tests.oracles import mask as mask_oracle
-
-SETTINGS = InterpolateSettings()
 
 
 def run(
@@ -35,7 +32,7 @@ def run(
     planes = upload(device, layout, signal)
     levels = device.upload("level", layout.padded(level[None].astype(np.uint8)))
     signals = [Signal("test", "diffuse" if len(signal) == 3 else "delta", gbuffer.guide(device))]
-    Interpolate(device, signals, SETTINGS).run([levels], [planes], tracing_grid(device, offset))
+    Interpolate(device, signals).run([levels], [planes], tracing_grid(device, offset))
     return read(device, layout, planes)
 
 
@@ -65,7 +62,7 @@ def test_equals_twin(
         gbuffer.position,
         gbuffer.seen_ids,
         offset,
-        (SETTINGS.normal_sharpness, SETTINGS.plane_sharpness),
+        (NORMAL_SHARPNESS, PLANE_SHARPNESS),
         equirect,
     )
     np.testing.assert_allclose(result, expected, rtol=2e-3, atol=1e-4)

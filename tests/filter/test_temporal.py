@@ -14,11 +14,12 @@ from iprt.filter.temporal import (
     FAST_FRAMES,
     FAST_LEAST,
     FAST_LENGTH,
+    MOVED_TOLERANCE,
     OUTLIER,
+    PLANE_TOLERANCE,
     SETTLE_FRAMES,
 )
 from iprt.geometry.camera import Projection, View
-from iprt.settings.filter import TemporalSettings
 from tests.filter.gbuffer import GBuffer, flat_gbuffer, random_gbuffer
 from tests.filter.session import SETTINGS, Session, noise
 from tests.oracles import temporal as oracle
@@ -59,9 +60,9 @@ def test_equals_twin(
         now = replace(gbuffer, ids=ids)
         level = rng.integers(0, 4, (height, width))
         result = session.add(now, signal, motion, level, fading=fading, changed=changed)
-        tolerance = SETTINGS.plane_tolerance
+        tolerance = PLANE_TOLERANCE
         if changed and kind == "diffuse":
-            tolerance = SETTINGS.moved_tolerance
+            tolerance = MOVED_TOLERANCE
         limits = (tolerance, SETTINGS.normal_agreement)
         sample = signal
         if fading > 0.0 and kind == "diffuse":
@@ -109,7 +110,7 @@ def test_reflections_are_resampled_by_a_spline(
     # Waiting pixels keep their history.
     waiting = np.full((height, width), LEVEL_WAITING)
     result = session.image(session.add(gbuffer, signal, motion, waiting).signal)
-    planes, limits = before.planes, (SETTINGS.plane_tolerance, SETTINGS.normal_agreement)
+    planes, limits = before.planes, (PLANE_TOLERANCE, SETTINGS.normal_agreement)
     known = oracle.History(signal, before.ids, np.zeros((height, width)))
     past, bilinear = (
         oracle.reproject(gbuffer.planes, planes, motion, known, limits, equirect, spline=spline)
@@ -272,7 +273,7 @@ def test_published_filter_is_its_twin(device: ComputeDevice) -> None:
     """A tenth of each frame; the history within the frame's neighbourhoods, in every frame."""
     rng = np.random.default_rng(17)
     gbuffer = random_gbuffer(40, 30, equirect=False)
-    session = Session(device, gbuffer, "delta", TemporalSettings(), published=True)
+    session = Session(device, gbuffer, "delta", published=True)
     zeros = np.zeros((30, 40))
     past, ids = oracle.History(np.zeros((6, 30, 40)), zeros, zeros), gbuffer.seen_ids
     for _ in range(6):

@@ -169,7 +169,7 @@ class Kernels:
         known = KnownArgs(
             certainty=nothing, specular=None, diffuse=None, mean_radiance=1.0, fading=0.0
         )
-        trace.run(renderer.world, mask, self.view, albedo, known)
+        trace.run(renderer.world, mask, self.view, albedo, known, steady=True)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}
         return {kind: self._planes(p) for kind, p in planes.items() if p is not None}
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.renderer import Renderer
-from iprt.settings.filter import TemporalSettings
 from iprt.trace.carried_motion import CarriedMotion
 from tests.filter.gbuffer import Array, GBuffer, read, still_frame, still_motion, upload
 from tests.frame.whole_frame import CLAY, METHODS, chosen, rms
@@ -50,7 +49,7 @@ def carried(
 ) -> Array:
     guide = before.guide(device)
     now.fill(device, guide)
-    found = CarriedMotion(device, guide, TemporalSettings(), name="test")
+    found = CarriedMotion(device, guide, name="test")
     context = still_frame(device, device.upload("view", before.view.kernel_constants()))
     objects: Any = SimpleNamespace(
         bounds=boxes_now,

@@ -15,7 +15,7 @@ from tests.frame.whole_frame import CLAY, METHODS, VIEW, chosen
 from tests.oracles.worlds import World
 from tests.worlds import ball, ceiling_lamp, room_frame
 
-RAYS = 8
+RAYS = 16
 
 
 def bright_everywhere(points: NDArray[Any], normals: NDArray[Any]) -> NDArray[Any]:

@@ -9,6 +9,7 @@ import pytest
 from pyopencl import cltypes
 
 from iprt.device.compute import ComputeDevice
+from iprt.filter.interpolate import NORMAL_SHARPNESS, PLANE_SHARPNESS
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import block_map, enlarging_size
@@ -86,8 +87,8 @@ def enlarged(
         block_height=small.height,
         block_light=device.upload("light of blocks", rows),
         light=result,
-        normal_sharpness=32.0,
-        plane_sharpness=100.0,
+        normal_sharpness=NORMAL_SHARPNESS,
+        plane_sharpness=PLANE_SHARPNESS,
     )
     found = device.read(result)
     if ratio:

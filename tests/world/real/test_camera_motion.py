@@ -9,7 +9,7 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal
-from iprt.filter.temporal import Temporal
+from iprt.filter.temporal import PLANE_TOLERANCE, Temporal
 from iprt.gbuffer.guide import Guide
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
@@ -125,7 +125,8 @@ def test_histories_are_fetched_in_the_axes_they_were_kept_in(
         device, before.layout, name="test",
         camera=followed(device, *STEPS["both"]).rows,
     )  # fmt: skip
-    temporal = Temporal(device, [Signal("test", "diffuse", guide)], TemporalSettings())
+    settings = TemporalSettings()
+    temporal = Temporal(device, [Signal("test", "diffuse", guide)], settings)
     level = device.upload("level", before.layout.padded(np.zeros((1, height, width), np.uint8)))
     y, x = np.mgrid[:height, :width] + 0.5
     fetched = np.stack([x, y]) + rng.normal(size=(2, height, width)) * 0.8
@@ -145,7 +146,7 @@ def test_histories_are_fetched_in_the_axes_they_were_kept_in(
     )  # fmt: skip
     ids = before.seen_ids
     history = oracle.History(first * (ids > 0), (ids > 0) * 1.0, np.zeros(ids.shape))
-    limits = (TemporalSettings().plane_tolerance, TemporalSettings().normal_agreement)
+    limits = (PLANE_TOLERANCE, settings.normal_agreement)
     # In the twin, both are in the axes of the camera as it was; only tolerances are relative to
     # distances from where it is.
     wanted = oracle.reproject(before.planes, before.planes, fetched, history, limits, equirect)
