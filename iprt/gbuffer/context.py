@@ -88,8 +88,8 @@ class FrameContext:
 
     @property
     def steady(self) -> bool:
-        """True if neither the view nor the scene has moved since the previous frame."""
-        return not self.changed and self.camera == self.previous_camera
+        """True if neither view nor scene has moved since the previous frame, or at a cut."""
+        return self.cut or (not self.changed and self.camera == self.previous_camera)
 
     @property
     def grid(self) -> cla.Array:

@@ -329,8 +329,8 @@ class VirtualTracer(_Tracer):
         albedo : 3 planes
         known : KnownArgs
         steady : bool
-            Nothing moves: rays of metals may start all over a pixel too. In motion that would blur
-            their reflections, which are resampled in each frame.
+            Nothing moves, or there is no history: rays of metals may start all over a pixel too.
+            In motion that would blur their reflections, which are resampled in each frame.
         """
         jitters = self._features.jitter
         jitter = JitterArgs(metals=int(jitters and steady), others=int(jitters), view=view)
