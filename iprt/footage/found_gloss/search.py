@@ -48,8 +48,8 @@ dark."""
 MAX_ALPHA = 0.35
 """Largest roughness; unexplained shading looks like rougher reflections."""
 FLAKE = 0.03
-"""Distance from a larger plane, relative to depth, within which a plane is a fragment of it, caused
-by errors of depth. The cells of such a fragment are scattered among the larger plane's."""
+"""Distance from a larger plane, relative to depth, within which a plane in pieces is a fragment of
+it, caused by errors of depth. A board on a wall is in one piece."""
 CONNECTED = 0.7
 """Least share of a small plane that one piece of it has, across gaps of up to 2.8 degrees."""
 UPRIGHT = 0.9
@@ -120,10 +120,10 @@ def _planes(frame: Frame, first: Moment) -> list[Followed]:
         around = first.around(each)
         usable = _usable(frame, around) & ~finer(taken, each).ravel()
         for plane in find_planes(around.cells, tolerance, usable):
-            if each == rows:
-                taken.ravel()[plane.cells] = True
             if is_flake(around.cells, plane, kept):
                 continue
+            if each == rows:
+                taken.ravel()[plane.cells] = True
             kept.append(plane)
             followed.append(_in_fine_cells(frame, first, plane, each))
     return followed
@@ -182,7 +182,7 @@ def is_scattered(cells: Cells, plane: CellPlane) -> bool:
 def is_flake(cells: Cells, plane: CellPlane, larger: list[CellPlane]) -> bool:
     """Return whether a plane is a fragment of a larger one."""
     point, depth = cells.point[plane.cells], cells.depth[plane.cells]
-    return any(
+    return is_scattered(cells, plane) and any(
         plane.normal @ other.normal > PARALLEL
         and np.median(np.abs(point @ other.normal - other.offset) / depth) < FLAKE
         for other in larger

@@ -21,6 +21,7 @@ from iprt.footage.coat_reflection import (
 from iprt.footage.found_gloss.evidence import Fit, PlanePicture, Reflection, resolved
 from iprt.footage.found_gloss.search import doubt_of, find_gloss, is_flake, is_scattered
 from iprt.footage.frame import Frame
+from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from tests.footage.coated_rooms import coated_room, matte_room
 from tests.frame.radiosity import ROOM
@@ -116,11 +117,17 @@ def test_the_six_walls_of_a_room_are_its_planes() -> None:
     assert cells.solid_angle[shown].sum() > 0.85 * 4.0 * np.pi
 
 
-@pytest.mark.parametrize(("lift", "planes"), [(0.0, 6), (0.015, 6), (0.3, 7)])
-def test_pieces_that_errors_of_depth_set_off_are_no_planes(lift: float, planes: int) -> None:
-    """Part of the floor lies higher, by so many metres: a table is one, a flake is none."""
+@pytest.mark.parametrize(
+    ("lift", "columns", "planes"), [(0.0, 64, 6), (0.015, 8, 6), (0.015, 128, 7), (0.3, 128, 7)]
+)
+def test_pieces_that_errors_of_depth_set_off_are_no_planes(
+    lift: float, columns: int, planes: int
+) -> None:
+    """Strips of the floor lie higher, by so many metres: a table or a rug is a plane."""
     frame = ROOM.frame(256, 128)
-    raised = (frame.normal[..., 1] > 0.9) & (np.arange(256) % 128 < 64)
+    d = View(256, 128, projection="equirect").directions()
+    raised = (frame.normal[..., 1] > 0.9) & (np.arange(256) % (2 * columns) < columns)
+    raised &= d[..., 1] > -0.9  # strips meet at the nadir
     nearer = np.where(raised, 1.0 + lift / ROOM.low[1], 1.0)
     depth = np.asarray(frame.depth * nearer, np.float32)
     cells = Cells.of(Geometry.of(replace(frame, depth=depth), 128), 128)
