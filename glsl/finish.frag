@@ -15,10 +15,13 @@ uniform sampler2D material_in;
 #ifdef DEFORMING
 uniform sampler2D displaced_in;
 #endif
+#ifdef PRINCIPLED
+uniform sampler2D finish_in;
+#endif
 uniform sampler2D samples;           // encoded depth, SAMPLES x SAMPLES texels per pixel
 uniform ivec2 samples_origin;        // pixel of its corner
 uniform sampler2D surface;           // tangent planes of the real scene, equirect
-uniform sampler2D table;             // per material: albedo, then three rows of its object's motion
+uniform sampler2D table;             // as in shade.frag
 uniform float tolerance;             // of the comparison of distances, relative
 
 uniform mat3 previous_world_from_view;
@@ -28,6 +31,9 @@ uniform vec2 previous_view_size;
 layout(location = 0) out vec4 geometry;
 layout(location = 1) out vec4 material;
 layout(location = 2) out vec4 display;   // coverage, previous image point, fraction with any object
+#ifdef PRINCIPLED
+layout(location = 3) out vec4 finish;    // metalness, alpha, 0, 0
+#endif
 
 const float NOWHERE = -1e9;
 const float BORROW_RANGE = 0.03;         // largest relative change of distance by borrowing
@@ -115,6 +121,9 @@ void main()
     ivec2 covered = pixel;
     if (geometry.w == 0.0 && coverage.y > 0.0)
         covered = borrow(pixel, d);
+#ifdef PRINCIPLED
+    finish = texelFetch(finish_in, covered, 0);
+#endif
     if (geometry.w == 0.0) {
         display = vec4(0.0, NOWHERE, NOWHERE, 0.0);
         return;

@@ -22,6 +22,16 @@ vec4 fetch_vertex(int texel)
 vec4 position_u(int vertex) { return fetch_vertex(2 * vertex); }
 vec4 normal_v(int vertex) { return fetch_vertex(2 * vertex + 1); }
 
+#ifdef NORMAL_MAPS
+uniform sampler2D tangents; // one texel per vertex: world space, sign of the bitangent
+
+vec4 tangent_side(int vertex)
+{
+    int column = vertex & ((1 << (VERTICES_WIDTH_LOG2 - 1)) - 1);
+    return texelFetch(tangents, ivec2(column, vertex >> (VERTICES_WIDTH_LOG2 - 1)), 0);
+}
+#endif
+
 #ifdef DEFORMING
 uniform sampler2D displacements; // one texel per vertex: to its previous position, world space, 0
 

@@ -2,7 +2,7 @@
 //
 // Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is interpolated by
 // the rasterizer. With TEXTURED, only the pixels of one textured material. With DEFORMING, also the
-// deformation since the previous frame.
+// deformation since the previous frame. With PRINCIPLED, also metalness and alpha.
 #version 330
 #include "view.glsl"
 #include "mesh.glsl"
@@ -11,16 +11,37 @@
 uniform sampler2D seen_facing; // nearest triangle that faces the capture centre: 1 + number, or 0
 uniform sampler2D seen_away;   // nearest triangle that faces away
 uniform bool back_layer;       // the nearest that faces away, else the nearest of either
-uniform sampler2D table;       // per material: albedo, then three rows of its object's motion
+uniform sampler2D table;       // per material: albedo; three rows of its object's motion; metalness, alpha
 #ifdef TEXTURED
-uniform sampler2D image;
+uniform sampler2D image;       // factors of the albedo
+uniform bvec2 image_mirrored;  // it is mirrored beyond 0 and 1
 uniform int textured;          // index of the textured material
+#ifdef PRINCIPLED
+uniform sampler2D finish_image; // factors of metalness and of the square root of alpha
+uniform bvec2 finish_image_mirrored;
+#endif
+#ifdef NORMAL_MAPS
+uniform sampler2D normal_image; // directions along tangent, bitangent and normal
+uniform bvec2 normal_image_mirrored;
+const float MIN_RISE = 0.01;    // least cosine between its normals and the triangle's
+#endif
 #endif
 
 layout(location = 0) out vec4 geometry;   // world normal, radial distance
 layout(location = 1) out vec4 material;   // albedo, 1 + material index
 #ifdef DEFORMING
 layout(location = 2) out vec4 displaced;  // world space, to the mesh's shape before deformation; 0
+#endif
+#ifdef PRINCIPLED
+layout(location = FINISH_IMAGE) out vec4 finish;   // metalness, alpha, 0, 0
+#endif
+
+#ifdef TEXTURED
+// Return texture coordinates within 0 and 1 where they are mirrored beyond, v down.
+vec2 mirror(vec2 at, bvec2 mirrored)
+{
+    return mix(at, 1.0 - abs(1.0 - mod(at, 2.0)), mirrored);
+}
 #endif
 
 float distance_along(vec3 d, int number)
@@ -46,6 +67,9 @@ void main()
     material = vec4(0.0);
 #ifdef DEFORMING
     displaced = vec4(0.0);
+#endif
+#ifdef PRINCIPLED
+    finish = vec4(0.0);
 #endif
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec2 at = image_point(gl_FragCoord.xy);
@@ -74,19 +98,38 @@ void main()
         + weights.z * displacement(triangle.z);
 #endif
 
+#ifdef PRINCIPLED
+    finish.xy = texelFetch(table, ivec2(4, triangle.w), 0).xy;
+#endif
 #ifdef TEXTURED
     if (triangle.w != textured)
         discard;
     // v points up, rows run down.
-    mat3x2 uv = mat3x2(p0.w, -n0.w, p1.w, -n1.w, p2.w, -n2.w);
+    mat3x2 uv = mat3x2(p0.w, 1.0 - n0.w, p1.w, 1.0 - n1.w, p2.w, 1.0 - n2.w);
     vec3 right = edge_functions(world_from_view * view_direction(at + vec2(1.0, 0.0)),
                                 p0.xyz, p1.xyz, p2.xyz);
     vec3 below = edge_functions(world_from_view * view_direction(at + vec2(0.0, 1.0)),
                                 p0.xyz, p1.xyz, p2.xyz);
     vec3 one = vec3(1.0);
     vec3 here = edges / dot(edges, one);
-    albedo *= textureGrad(image, uv * weights, uv * (right / dot(right, one) - here),
-                          uv * (below / dot(below, one) - here)).rgb;
+    vec2 across = uv * (right / dot(right, one) - here), down = uv * (below / dot(below, one) - here);
+    albedo *= textureGrad(image, mirror(uv * weights, image_mirrored), across, down).rgb;
+#ifdef PRINCIPLED
+    vec2 scale = textureGrad(finish_image, mirror(uv * weights, finish_image_mirrored), across, down).rg;
+    finish.xy *= vec2(scale.x, scale.y * scale.y);
+#endif
+#ifdef NORMAL_MAPS
+    vec4 tangent = weights.x * tangent_side(triangle.x) + weights.y * tangent_side(triangle.y)
+        + weights.z * tangent_side(triangle.z);
+    vec3 bump = textureGrad(normal_image, mirror(uv * weights, normal_image_mirrored), across, down).rgb;
+    vec3 x = tangent.xyz, y = (tangent.w < 0.0 ? -1.0 : 1.0) * cross(normal, tangent.xyz);
+    vec3 mapped = bump.x * x / max(length(x), 1e-9) + bump.y * y / max(length(y), 1e-9)
+        + max(bump.z, 0.0) * normal;
+    mapped = length(mapped) > 1e-6 ? normalize(mapped) : normal;
+    vec3 up = normalize(cross(p1.xyz - p0.xyz, p2.xyz - p0.xyz));
+    up = dot(up, normal) < 0.0 ? -up : up;
+    geometry.xyz = normalize(mapped + max(MIN_RISE - dot(mapped, up), 0.0) * up);
+#endif
 #endif
     material = vec4(albedo, float(triangle.w + 1));
 }

@@ -82,7 +82,9 @@ class LightView:
             color_map=features.color_map and features.relit,
             clipped=features.clipped,
         )
-        visible = VisibleSurfaces(device, self.layout, name="light object")
+        visible = VisibleSurfaces(
+            device, self.layout, name="light object", principled=features.materials.principled
+        )
         self.gbuffer = GBuffer(real, visible)
         self._reduce = device.kernel("view/reduce.cl", "reduce_objects").fixed(
             self.layout.arguments(),

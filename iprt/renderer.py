@@ -177,7 +177,9 @@ class Renderer:
         self.method: Method | None = None
         self._objects: Objects | None = None
         if features.objects:
-            self.visible = VisibleLayer(device, self.layout, self.real.edges)
+            self.visible = VisibleLayer(
+                device, self.layout, self.real.edges, principled=features.materials.principled
+            )
             gbuffer = GBuffer(self.real, self.visible)
             setup = Setup(device, view, self.layout, features, gbuffer, camera)
             if self.settings.light_scale > 1:
@@ -331,6 +333,7 @@ class Renderer:
             coverage=None if visible is None else visible.coverage,
             sides=None if visible is None else visible.sides,
             albedo=None if visible is None else visible.albedo,
+            metallic=None if visible is None else visible.metallic,
             diffuse=signals.diffuse,
             specular=signals.specular,
             color_map=self.real_world.color_map,

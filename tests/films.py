@@ -101,6 +101,7 @@ def films(**settings: Any) -> dict[str, Film]:
     every, glazed = _objects(), (textured, plastic, mirror)
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (_sunny(_carried(room)), _bending((*glazed, brass)), LOOK, TRIANGLES),
+        "maps": (room, (_mapped(clay), plastic), LOOK, TRIANGLES),
         "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (
             room,
@@ -265,6 +266,23 @@ def _drifting(video: tuple[Frame, Frame]) -> tuple[Frame, Frame]:
 def _landscape() -> tuple[Frame, Frame]:
     frame = landscape_frame(19, 11)
     return frame, replace(frame, color=frame.color * np.float32(0.5))
+
+
+def _mapped(instance: Instance) -> Instance:
+    """Return an object with maps of everything, and holes."""
+    mesh = instance.mesh
+    material = Material(
+        "principled",
+        alpha=0.3,
+        metallic=0.7,
+        cutoff=0.3,
+        texture=CHECKS,
+        surface_texture=CHECKS[..., :2],
+        normal_texture=2.0 * CHECKS - 1.0,
+        opacity_texture=CHECKS[..., 0],
+    )
+    tangents = np.ones((len(mesh.positions), 4), np.float32)
+    return replace(instance, mesh=replace(mesh, materials=(material,), tangents=tangents))
 
 
 def _objects() -> tuple[Instance, ...]:

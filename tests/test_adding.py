@@ -12,15 +12,15 @@ from tests.waiting import ROOT, run_python
 
 MATERIAL = {
     "iprt/geometry/material.py": [
-        ('"conductor", "plastic"]', '"conductor", "plastic", "charcoal"]'),
-        ("DIFFUSE_KINDS = frozenset((", 'DIFFUSE_KINDS = frozenset(("charcoal", '),
+        ('"plastic", "principled"]', '"plastic", "principled", "charcoal"]'),
+        ('if self.kind == "diffuse":', 'if self.kind in ("diffuse", "charcoal"):'),
     ],
     "cl/lib/world/brdf.h": [
-        ("#define KIND_PLASTIC 2", "#define KIND_PLASTIC 2\n#define KIND_CHARCOAL 3"),
+        ("#define KIND_PRINCIPLED 3", "#define KIND_PRINCIPLED 3\n#define KIND_CHARCOAL 4"),
         (
-            "float cos_o)\n{\n    if (material.kind == KIND_PLASTIC)\n        return coat",
+            "float cos_o)\n{\n    if (is_coated(material))\n        return coat",
             "float cos_o)\n{\n    if (material.kind == KIND_CHARCOAL)\n        return 0.25f;\n"
-            "    if (material.kind == KIND_PLASTIC)\n        return coat",
+            "    if (is_coated(material))\n        return coat",
         ),
     ],
 }

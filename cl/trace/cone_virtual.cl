@@ -5,7 +5,7 @@
 //
 // in   list, count       pixels to trace (y * width + x) and how many
 //      guide             7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
-//      albedo            3 planes
+//      surfaces          planes of the visible surfaces
 //      materials         lib/world/brdf.h
 //      scene, objects    lib/trace/voxels.h
 //      surroundings      lib/trace/prefiltered.h
@@ -17,7 +17,7 @@
 //      touched           1 plane: TOUCHED_FRAMES where a cone hit an object
 #include "trace/prefiltered.h"
 #include "trace/sums.h"
-#include "trace/traced.h"
+#include "trace/surfaces.h"
 #include "maths/sampling.h"
 #include "maths/work_counters.h"
 #include "world/brdf.h"
@@ -26,7 +26,7 @@
 
 TRACING_KERNEL void cone_virtual(
     const Pixels pixels,
-    __global const float *restrict albedo,
+    const Surfaces surfaces,
     __global const float4 *restrict materials,
     const Voxels scene,
     const Voxels objects,
@@ -48,8 +48,8 @@ TRACING_KERNEL void cone_virtual(
     int met = 0;
     for (int ray = 0; ray < pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x76636f6eu);
-        const Material material = load_material(materials, at.id - 1);
-        const float3 color = load_traced(albedo, at.size, at.pixel);
+        const Material material = load_surface_material(materials, at.id - 1, seen_finish(surfaces, at.pixel));
+        const float3 color = load_traced(surfaces.albedo, at.size, at.pixel);
         const float3 viewer = -at.p / length(at.p);
         const uint index = READ_AGAIN(samples + at.pixel) + ray;
         const float2 u = sobol_2d(index, at.seed);

@@ -3,7 +3,7 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
-//      albedo         3 planes
+//      surfaces       planes of the visible surfaces
 //      world          lib/world/world.h
 //      environment    trace/environment_samples.cl
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
@@ -11,11 +11,11 @@
 //      samples        1 plane: number of the pixel's paths since the start, in and out
 //      touched        1 plane: TOUCHED_FRAMES where a ray hit an object
 #include "trace/paths.h"
-#include "trace/traced.h"
+#include "trace/surfaces.h"
 
 TRACING_KERNEL void path_trace_virtual(
     const Pixels pixels,
-    __global const float *restrict albedo,
+    const Surfaces surfaces,
     const World world,
     const Environment environment,
     __global uint *restrict samples,
@@ -38,8 +38,9 @@ TRACING_KERNEL void path_trace_virtual(
         start.o = start.o_object = at.p + object_lift(world.objects, distance) * at.n;
         start.n = at.n;
         start.viewer = -at.p / distance;
-        start.albedo = load_traced(albedo, at.size, at.pixel);
+        start.albedo = load_traced(surfaces.albedo, at.size, at.pixel);
         start.material = at.id - 1;
+        start.finish = seen_finish(surfaces, at.pixel);
         const PathSums sums = {diffuse_sum, specular_sum, 0};
         met |= trace_pairs(world, start, at.seed, READ_AGAIN(samples + at.pixel) + path, environment, sums);
     }

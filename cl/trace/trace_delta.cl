@@ -105,7 +105,7 @@ TRACING_KERNEL void trace_delta(
                                        sobol_2d(index, hash_combine(at.seed, 1)));
         if (!(s.diffuse > 0.0f))
             continue;
-        const PathSums sums = {bounce, 0, blocked, 1.0f, 0.0f};
+        const PathSums sums = {bounce, 0, blocked, 1.0f};
         trace_path(world, o, o_object, s, (float3)(s.diffuse), at.seed, index, sums);
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);

@@ -41,7 +41,7 @@ TRACING_KERNEL void trace_gloss(
             brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
         if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
             continue;
-        const PathSums sums = {shown, 0, hidden, 1.0f, 0.0f};
+        const PathSums sums = {shown, 0, hidden, 1.0f};
         met |= trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
                           sample.weight, at.seed, number, sums).met;
     }

@@ -31,7 +31,7 @@ TRACING_KERNEL void trace_real(
         const uint index = first + ray;
         const float3 d =
             frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(index, at.seed)));
-        const PathSums sums = {with, 0, without, 1.0f, 0.0f};
+        const PathSums sums = {with, 0, without, 1.0f};
         met |= trace_path(world, real_start(world.real, at.p, at.n), at.p + world.real.bias * at.n,
                           no_scatter(d), (float3)(1.0f), at.seed, index, sums).met;
     }

@@ -3,7 +3,7 @@
 //
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
-//      albedo         3 planes
+//      surfaces       planes of the visible surfaces
 //      known          temporal means of the last picture (iprt/trace/tracers.py)
 //      real, objects  lib/world/world.h
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
@@ -16,7 +16,7 @@
 #include "filter/signal.h"
 #include "world/path.h"
 #include "trace/rays.h"
-#include "trace/traced.h"
+#include "trace/surfaces.h"
 
 #define FAR_HIT 1e6f
 
@@ -79,7 +79,7 @@ static inline ALWAYS_INLINE float3 jittered(const Jitter jitter, const TracedPix
 
 TRACING_KERNEL void trace_virtual(
     const Pixels pixels,
-    __global const float *restrict albedo,
+    const Surfaces surfaces,
     const Known known,
     const World world,
     const Jitter jitter,
@@ -99,15 +99,16 @@ TRACING_KERNEL void trace_virtual(
     int met = 0;
     const int own = pixel_of(pixels.list[item], pixels.width);
     const int planes = plane_size(pixels.width, pixels.height);
-    const Material seen = load_material(world.materials, (int)pixels.guide[GUIDE_ID * planes + own] - 1);
-    const float steady = rays_by_noise(pixels.rays, known, seen, luminance(load_planes(albedo, planes, own)), planes,
-                                       own);
+    const Material seen = load_surface_material(
+        world.materials, (int)pixels.guide[GUIDE_ID * planes + own] - 1, seen_finish(surfaces, own));
+    const float3 base = diffuse_albedo(seen, load_planes(surfaces.albedo, planes, own));
+    const float steady = rays_by_noise(pixels.rays, known, seen, luminance(base), planes, own);
     const float deserved = steady * isolation(pixels.guide, planes, own, plane_stride(pixels.width),
                                               load_planes(pixels.guide, planes, own));
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
 #ifdef OBJECTS_BVH
-    const int jitters = seen.kind == KIND_CONDUCTOR ? jitter.metals : jitter.others;
+    const int jitters = is_metal(seen) ? jitter.metals : jitter.others;
     // Number of the last ray that started within the pixel, from 1 on. Its start is traced again, because the hit
     // would occupy registers along each ray.
     uint last_start = 0;
@@ -115,8 +116,9 @@ TRACING_KERNEL void trace_virtual(
     for (int ray = 0; ray < more; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x76697274u);
         const uint seed = at.seed, index = READ_AGAIN(samples + at.pixel) + ray;
-        float3 n = at.n, viewer = -normalize(at.p), color = load_traced(albedo, at.size, at.pixel);
+        float3 n = at.n, viewer = -normalize(at.p), color = load_traced(surfaces.albedo, at.size, at.pixel);
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
+        float2 finish = seen_finish(surfaces, at.pixel);
 #ifdef OBJECTS_BVH
         // Start at a random position in the pixel if it shows the same material, else where the last ray did.
         for (int again = 0; again < 2 * jitters; again++) {
@@ -131,6 +133,7 @@ TRACING_KERNEL void trace_virtual(
                 o = seen.position;
                 n = seen.normal;
                 color = seen.albedo;
+                finish = seen.finish;
                 viewer = -d;
                 last_start = from;
                 break;
@@ -138,16 +141,20 @@ TRACING_KERNEL void trace_virtual(
         }
 #endif
         const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
-        const Material material = load_material(world.materials, at.id - 1);
+        const Material material = load_surface_material(world.materials, at.id - 1, finish);
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
         if (!(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f))
             continue;
-        // Metal has no other lobe than a colored one, and the lobe of plastic has no color.
         const float shine = luminance(s.specular);
         lobe += shine;
+#ifdef PRINCIPLED
+        const PathSums sums = {diffuse_sum, specular_sum, 0, s.diffuse, s.specular};
+        const float3 color_of_metal = (float3)(1.0f);
+#else
+        // Metal has no other lobe than a colored one, and the lobe of plastic has no color.
         const PathSums sums = {diffuse_sum, specular_sum, 0, s.diffuse, shine};
-        const float3 color_of_metal =
-            material.kind == KIND_CONDUCTOR ? s.specular / shine : (float3)(1.0f);
+        const float3 color_of_metal = is_metal(material) ? s.specular / shine : (float3)(1.0f);
+#endif
         const FirstHit hit = trace_path(world, o, o, s, color_of_metal, seed, index, sums);
         met |= hit.met;
         lobe_nearness += shine / clamp(hit.distance, 1e-6f, FAR_HIT);

@@ -92,6 +92,7 @@ __kernel void composite(
     __global const float *restrict coverage, // 1 plane
     __global const float2 *restrict sides,   // float2 per pixel
     __global const float *restrict albedo,   // 3 planes
+    __global const float *restrict metallic, // 1 plane
     __global const float *restrict diffuse,  // 3 planes
     __global const float *restrict specular, // 3 planes
     __global float4 *restrict picture,       // out: rgba per pixel
@@ -144,6 +145,7 @@ __kernel void composite(
             object.x = albedo[p] * diffuse[p];
             object.y = albedo[size + p] * diffuse[size + p];
             object.z = albedo[2 * size + p] * diffuse[2 * size + p];
+            object *= metallic ? 1.0f - metallic[p] : 1.0f;
         }
         if (specular)
             object.xyz += load_planes(specular, size, p);

@@ -28,6 +28,7 @@ __kernel void reduce_objects(
     __global const float *restrict full_depth,
     __global const float *restrict full_id,
     __global const float *restrict full_roughness,
+    __global const float *restrict full_metallic, // null without principled materials
     __global const float *restrict full_albedo,
     __global const float *restrict full_coverage,
     __global const float *restrict full_motion,
@@ -35,6 +36,7 @@ __kernel void reduce_objects(
     __global float *restrict depth,
     __global float *restrict id,
     __global float *restrict roughness,
+    __global float *restrict metallic,
     __global float *restrict albedo,
     __global float *restrict coverage,
     __global float *restrict motion)
@@ -77,6 +79,8 @@ __kernel void reduce_objects(
     depth[p] = full_depth[chosen] * clamp(nearer, 1.0f - PLANE_RANGE, 1.0f + PLANE_RANGE);
     id[p] = full_id[chosen];
     roughness[p] = full_roughness[chosen];
+    if (metallic)
+        metallic[p] = full_metallic[chosen];
     store_planes(albedo, size, p, load_planes(full_albedo, full_size, chosen));
     coverage[p] = full_coverage[chosen];
     // The block's centre moved with the pixel.

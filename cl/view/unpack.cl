@@ -1,12 +1,10 @@
 // Unpacks the visible object layer of the view from rasterized texels into planes for later passes.
 //
-// in   display   [3*H*W]   three images: world normal, radial distance (0: no surface); albedo,
-//                          1 + material index; fraction of the pixel where an object is in front,
-//                          previous image point in pixels, fraction where there is any object
+// in   display             lib/gbuffer/display.h
 //      materials           material table (lib/world/brdf.h)
 //      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/real_layer.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
-//      diffuse), albedo 3, coverage 1, motion 2 planes
+//      diffuse), albedo 3, coverage 1, motion 2 planes; metallic 1, null without principled materials
 //      sides     [H*W]     shares of the pixel's own real surface, and of the other one, that objects hide,
 //                          where other_pixel is not -1 and objects are in the pixel
 //
@@ -16,6 +14,7 @@
 // Runs over a rectangle and writes nothing outside. Normals are turned towards the viewer: interpolated ones
 // may face away near silhouettes.
 #include "world/brdf.h"
+#include "gbuffer/display.h"
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"
 
@@ -74,6 +73,7 @@ __kernel void unpack_objects(
     __global float *restrict depth,
     __global float *restrict id,
     __global float *restrict roughness,
+    __global float *restrict metallic,
     __global float *restrict albedo,
     __global float *restrict coverage,
     __global float2 *restrict sides,
@@ -84,9 +84,10 @@ __kernel void unpack_objects(
         return;
     const int texel = y * width + x;
     const int pixel = plane_index(x, y, width), size = plane_size(width, height);
-    const float4 shown = display[2 * width * height + texel];
+    __global const float4 *image = display + texel;
+    const float4 shown = image[DISPLAY_COVERAGE * width * height];
     const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
-    const float4 seen = display[texel];
+    const float4 seen = image[DISPLAY_NORMAL * width * height];
     const float away = fmax(dot(seen.xyz, v), 0.0f);
     const float3 towards = normalize(seen.xyz - (away + away) * v);
     float covered = shown.x;
@@ -102,7 +103,7 @@ __kernel void unpack_objects(
     }
     const int visible = covered > 0.0f;
     const float3 n = visible ? towards : (float3)(0.0f);
-    const float4 surface = visible ? display[width * height + texel] : (float4)(0.0f);
+    const float4 surface = visible ? image[DISPLAY_MATERIAL * width * height] : (float4)(0.0f);
     normal[pixel] = n.x;
     normal[size + pixel] = n.y;
     normal[2 * size + pixel] = n.z;
@@ -110,6 +111,11 @@ __kernel void unpack_objects(
     id[pixel] = surface.w;
     const Material parameters = load_material(materials, max((int)surface.w - 1, 0));
     roughness[pixel] = parameters.kind == KIND_DIFFUSE ? 1.0f : parameters.alpha;
+    if (metallic) {
+        const float4 finish = image[DISPLAY_FINISH * width * height];
+        metallic[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.x : 0.0f;
+        roughness[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.y : roughness[pixel];
+    }
     albedo[pixel] = surface.x;
     albedo[size + pixel] = surface.y;
     albedo[2 * size + pixel] = surface.z;

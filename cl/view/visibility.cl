@@ -4,17 +4,17 @@
 //   kernel        in                                       out, [height * width]
 //   see_objects   objects (objects_bvh.h);                 front: world normal as in the mesh,
 //                 displacements: per vertex, to its        radial distance (0: no surface); material:
-//                 previous position, object space, or      albedo, 1 + material index; met: instance,
-//                 null; surface, as below                  -1: none, -2 - instance: behind the real
-//                                                          surface, and triangle; displaced: the
+//                 previous position, object space, or      albedo, 1 + material index; finish, with -D
+//                 null; surface, as below                  PRINCIPLED, else null: metalness, alpha; met:
+//                                                          instance, -1: none, -2 - instance: behind the
+//                                                          real surface, and triangle; displaced: the
 //                                                          surface's displacement, world space
-//   show_objects  objects; front, material and met, not    display, three images: the same, edge
-//                 read elsewhere; surface: tangent         pixels with a borrowed surface; and coverage:
-//                 planes of the panorama; previous view    fraction of the pixel in which an object
-//                 (lib/gbuffer/view.h); moved: 3 float4    is in front of the real surface, motion:
-//                 per material, rows of this frame's       image point in the previous view, pixels,
-//                 world to the previous frame's            (-1e9, -1e9): nowhere; and fraction in
-//                                                          which there is any object
+//   show_objects  objects; front, material, finish and     display: four images (lib/gbuffer/display.h),
+//                 met, not read elsewhere; surface:        edge pixels with a borrowed surface
+//                 tangent planes of the panorama; previous
+//                 view (lib/gbuffer/view.h); moved: 3
+//                 float4 per material, rows of this
+//                 frame's world to the previous frame's
 //
 // Pixel centres are at integer + 0.5. Both kernels run over a rectangle and write nothing outside. Coverage
 // takes samples x samples rays a pixel. With fewer than 4 per side and no textures, only pixels beside
@@ -23,6 +23,7 @@
 #include "world/objects/objects_bvh.h"
 #include "maths/kernel_attributes.h"
 #include "maths/lanes.h"
+#include "gbuffer/display.h"
 #include "gbuffer/view.h"
 
 #define STEPS_AROUND {-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}
@@ -31,10 +32,20 @@
 // Largest relative change of distance of a surface borrowed by the adjacent pixel.
 #define LENDING_RANGE 0.03f
 
+// Return whether rays of a pixel meet the triangles that rays nearby meet, and need nothing else of them.
+static inline int shares_triangles(const Objects world)
+{
+#ifdef HOLES
+    return 0;
+#else
+    return !world.bvh.texels;
+#endif
+}
+
 // Return whether pixels whose neighbours are covered count as covered, as with few samples a side.
 static inline int outlines_only(const Objects world, int samples)
 {
-    return samples < 4 && !world.bvh.texels;
+    return samples < 4 && shares_triangles(world);
 }
 
 // Return 1 / distance of the real surface along d. For lane loops.
@@ -59,6 +70,7 @@ TRACING_KERNEL void see_objects(
     __global const float4 *restrict displacements,
     __global float4 *restrict front,
     __global float4 *restrict material,
+    __global float2 *restrict finish,
     __global int2 *restrict met,
     __global float4 *restrict displaced,
     const Work work)
@@ -71,6 +83,8 @@ TRACING_KERNEL void see_objects(
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     ObjectHit hit;
     front[pixel] = material[pixel] = (float4)(0.0f);
+    if (finish)
+        finish[pixel] = (float2)(0.0f);
     met[pixel] = (int2)(-1, 0);
     if (!trace_objects(world, (float3)(0.0f), d, INFINITY, 0, &hit))
         return;
@@ -84,6 +98,8 @@ TRACING_KERNEL void see_objects(
     front[pixel] = (float4)(at.normal, hit.t);
     material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
                                at.material + 1);
+    if (finish)
+        finish[pixel] = object_finish(world, at.material, at.vertices, at.weights);
     if (!displacements)
         return;
     const float3 step = at.weights.x * displacements[at.vertices.x].xyz
@@ -202,22 +218,23 @@ static inline ALWAYS_INLINE int2 meet_nearby(const Objects world, __global const
 }
 
 // Return the number of rays that meet an object in front of the real surface, and of rays that meet any.
-// `albedo` gets the mean over rays that meet material `index` - 1, which averages textures finer than
-// pixels. `ahead`: direction of the pixel.
+// `albedo` and `finish` get the means over rays that meet material `index` - 1, which average textures finer
+// than pixels. `ahead`: direction of the pixel.
 static inline int2 visible_samples(const Objects world, __global const float *restrict view,
                                    __global const int2 *restrict met, int4 rectangle, int x, int y,
                                    int width, float3 ahead, int samples, int index,
                                    __global const float4 *restrict surface, int surface_width,
-                                   int surface_height, float3 *albedo)
+                                   int surface_height, float3 *albedo, float2 *finish)
 {
     int2 count = (int2)(0);
     int same = 0;
     float3 sum = (float3)(0.0f);
+    float2 finish_sum = (float2)(0.0f);
     for (int first = 0; first < samples * samples; first += LANES) {
         Samples rays = aim_samples(view, x, y, samples, first, surface, surface_width, surface_height);
         // Most rays meet triangles that rays nearby meet. Any object in front of them is in front of the real
         // surface too and need not be found.
-        if (!world.bvh.texels)
+        if (shares_triangles(world))
             count += meet_nearby(world, met, rectangle, x, y, width, ahead, &rays);
         for (int i = 0; i < LANES; i++) {
             if (rays.state[i] == KNOWN)
@@ -231,19 +248,22 @@ static inline int2 visible_samples(const Objects world, __global const float *re
                 continue;
             count.x += hit.t * rays.nearness[i] <= 1.0f + COVERAGE_TOLERANCE;
             count.y += !behind;
-            if (!world.bvh.texels) {
+            if (shares_triangles(world)) {
                 count += meet_packet(world, hit.instance, hit.triangle >> 2, ahead, &rays);
                 continue;
             }
             const ObjectSurface at = object_surface(world, hit, d);
             if (at.material + 1 == index) {
                 sum += object_albedo(world, at.material, at.vertices, at.weights);
+                finish_sum += object_finish(world, at.material, at.vertices, at.weights);
                 same++;
             }
         }
     }
-    if (same > 0)
+    if (same > 0) {
         *albedo = sum / (float)same;
+        *finish = finish_sum / (float)same;
+    }
     return count;
 }
 
@@ -288,6 +308,7 @@ TRACING_KERNEL void show_objects(
     const int surface_height,
     __global const float4 *restrict front,
     __global const float4 *restrict material,
+    __global const float2 *restrict finish,
     const int samples,
     __global const int2 *restrict met,
     __global const float4 *restrict displaced,   // or null
@@ -298,21 +319,27 @@ TRACING_KERNEL void show_objects(
     if (x >= rectangle.z || y >= rectangle.w)
         return;
     const int pixel = y * width + x;
+    const int size = width * height;
+    __global float4 *image = display + pixel;
     const float3 d = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     float4 seen = front[pixel], its_material = material[pixel];
     int from = seen.w > 0.0f ? -1 : nearest_covered_neighbour(front, x, y, width, height, is_equirect(view));
     // No neighbour to borrow from: most of a rectangle around objects.
     if (!(seen.w > 0.0f) && from < 0) {
-        display[pixel] = display[width * height + pixel] = (float4)(0.0f);
-        display[2 * width * height + pixel] = (float4)(0.0f, -1e9f, -1e9f, 0.0f);
+        image[DISPLAY_NORMAL * size] = image[DISPLAY_MATERIAL * size] = (float4)(0.0f);
+        image[DISPLAY_COVERAGE * size] = (float4)(0.0f, -1e9f, -1e9f, 0.0f);
+        if (finish)
+            image[DISPLAY_FINISH * size] = (float4)(0.0f);
         return;
     }
     COUNT_ITEM;
     float3 albedo = its_material.xyz;
+    float2 its_finish = finish ? finish[pixel] : (float2)(0.0f);
     int2 visible = (int2)(samples * samples);
     if (!(outlines_only(world, samples) && is_inside(met, rectangle, x, y, width)))
         visible = visible_samples(world, view, met, rectangle, x, y, width, d, samples,
-                                  (int)its_material.w, surface, surface_width, surface_height, &albedo);
+                                  (int)its_material.w, surface, surface_width, surface_height, &albedo,
+                                  &its_finish);
     its_material.xyz = albedo;
     from = visible.y > 0 ? from : -1;
     if (from >= 0) {
@@ -323,6 +350,7 @@ TRACING_KERNEL void show_objects(
         const float moderate = clamp(ratio, 1.0f - LENDING_RANGE, 1.0f + LENDING_RANGE);
         seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
         its_material = material[from];
+        its_finish = finish ? finish[from] : its_finish;
     }
     float2 coverage = convert_float2(visible) / (float)(samples * samples);
     coverage = seen.w > 0.0f ? coverage : (float2)(0.0f);
@@ -334,7 +362,9 @@ TRACING_KERNEL void show_objects(
         const float3 before = bvh_transform(moved + 3 * ((int)its_material.w - 1), point, 1.0f);
         motion = view_project(previous, before);
     }
-    display[pixel] = seen;
-    display[width * height + pixel] = its_material;
-    display[2 * width * height + pixel] = (float4)(coverage.x, motion, coverage.y);
+    image[DISPLAY_NORMAL * size] = seen;
+    image[DISPLAY_MATERIAL * size] = its_material;
+    image[DISPLAY_COVERAGE * size] = (float4)(coverage.x, motion, coverage.y);
+    if (finish)
+        image[DISPLAY_FINISH * size] = (float4)(its_finish, 0.0f, 0.0f);
 }

@@ -33,6 +33,7 @@ from iprt.device.kernel_source import constant
 from iprt.errors import SceneError
 from iprt.files.safe_reading import MAX_OBJECTS
 from iprt.geometry.mesh import Instance, Mesh, cofactors, transformed
+from iprt.geometry.tangents import moved_tangents
 
 Floats = NDArray[np.float32]
 Float = NDArray[np.float64]
@@ -98,6 +99,15 @@ class Shape:
             return self.mesh.normals
         return (self.mesh.normals @ cofactors(self.baked[:3, :3]).T).astype(np.float32)
 
+    def tangents(self) -> Floats:
+        """Return the (V, 4) tangents in the space of `place`; 0 without."""
+        tangents = self.mesh.tangents
+        if tangents is None:
+            return np.zeros((len(self.mesh.positions), 4), np.float32)
+        if self.baked is None:
+            return tangents
+        return moved_tangents(tangents, self.baked[None, :3]).astype(np.float32)
+
 
 @dataclass(frozen=True)
 class SceneSizes:
@@ -121,6 +131,8 @@ class SceneBvh:
         Three vertices and the mesh's material, per place of a packet.
     normals : (V, 4) float32
     uvs : (V, 2) float32
+    tangents : (V, 4) float32
+        As in `Mesh`, in the space of their tree; 0 without.
     displacements : (V, 4) float32 or None
         Offsets to the previous state's vertices, in the space of their tree. None if no mesh
         deformed.
@@ -136,6 +148,7 @@ class SceneBvh:
     triangles: NDArray[np.int32]
     normals: Floats
     uvs: Floats
+    tangents: Floats
     displacements: Floats | None
     instance_of: NDArray[np.int32]
     slots: NDArray[np.int32]
@@ -270,6 +283,7 @@ def _assemble(
     nodes, packets = [upper], [np.zeros((0, PACKET_ROWS, 4), np.float32)]
     triangles, normals = [np.zeros((0, 4), np.int32)], [np.zeros((0, 4), np.float32)]
     uvs, slots = [np.zeros((0, 2), np.float32)], [np.zeros(0, np.int32)]
+    tangents = [np.zeros((0, 4), np.float32)]
     roots = []
     for shape, tree in trees:
         mesh = shape.mesh
@@ -283,6 +297,7 @@ def _assemble(
         triangles.append(corners)
         normals.append(np.pad(shape.normals(), ((0, 0), (0, 1))))
         uvs.append(mesh.uvs)
+        tangents.append(shape.tangents())
         slots.append(tree.slots)
         first_node += len(tree.nodes)
         first_packet += len(tree.packets)
@@ -302,6 +317,7 @@ def _assemble(
         np.concatenate(triangles),
         np.concatenate(normals),
         np.concatenate(uvs),
+        np.concatenate(tangents),
         None,
         np.array(present, np.int32),
         np.concatenate(slots),

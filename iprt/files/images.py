@@ -336,6 +336,16 @@ def texture_pixels(image: Image.Image, path: Path) -> NDArray[np.uint8]:
     return _decoded(path, image, "RGB").astype(np.uint8, copy=False)
 
 
+def has_alpha(image: Image.Image) -> bool:
+    """Return True if a picture has an alpha channel or a transparent color."""
+    return "A" in image.getbands() or "transparency" in image.info
+
+
+def texture_alpha(image: Image.Image, path: Path) -> NDArray[np.uint8]:
+    """Return the alpha channel (H, W) of a mesh loader's picture; errors as `texture_pixels`."""
+    return _decoded(path, image, "RGBA")[..., 3].astype(np.uint8, copy=False)
+
+
 def _decoded(path: Path, image: Image.Image, mode: str | None = None) -> NDArray[Any]:
     """Decode a picture, converted to one of Pillow's modes."""
     with _quiet(), decoding(path, DAMAGED):

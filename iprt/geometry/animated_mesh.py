@@ -20,6 +20,7 @@ from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mesh_shapes import gltf_shapes
 from iprt.geometry.meshes import Part, joined, part_of
+from iprt.geometry.tangents import moved_tangents
 
 LOG = logging.getLogger("iprt.scene")
 
@@ -78,6 +79,8 @@ class AnimatedMesh:
         pose = self.clip.pose(time_s)
         positions = np.empty(self.bound.positions.shape, np.float64)
         normals = np.empty_like(positions)
+        known = self.bound.tangents
+        tangents = None if known is None else np.empty(known.shape, np.float64)
         with np.errstate(all="ignore"):
             for piece in self.pieces:
                 here = piece.vertices
@@ -87,6 +90,8 @@ class AnimatedMesh:
                 positions[here], normals[here] = moved(
                     self.bound.positions[here], self.bound.normals[here], matrices
                 )
+                if known is not None and tangents is not None:
+                    tangents[here] = moved_tangents(known[here], matrices)
         if not (np.abs(positions) < FARTHEST_VERTEX).all():
             raise FormatError(
                 f"{self.path}: animation '{self.clip.name}' takes vertices out of all bounds at "
@@ -97,6 +102,7 @@ class AnimatedMesh:
             self.bound,
             positions=positions.astype(np.float32),
             normals=normals.astype(np.float32),
+            tangents=None if tangents is None else tangents.astype(np.float32),
         )
 
     def _flat_normals(

@@ -29,10 +29,13 @@ from iprt.geometry.gltf_document import (
 
 MAX_DEPTH = 256
 """Limit for the nesting of nodes; each is transformed by all its ancestors."""
+UV_SETS = 2
+"""Number of sets of texture coordinates that are read."""
 READ_ATTRIBUTES = {
     "POSITION": ("VEC3",),
     "NORMAL": ("VEC3",),
-    "TEXCOORD_0": ("VEC2",),
+    "TANGENT": ("VEC4",),
+    **{f"TEXCOORD_{number}": ("VEC2",) for number in range(UV_SETS)},
     "COLOR_0": ("VEC3", "VEC4"),
 }
 """Vertex attributes that are read besides joints and weights, with their types."""
@@ -53,7 +56,7 @@ def check_gltf(gltf: Gltf) -> None:
         for primitive in mesh.primitives:
             _check_primitive(gltf, primitive, f"meshes[{number}]")
     for number, material in enumerate(gltf.materials):
-        for texture in material.color_textures():
+        for texture in material.textures():
             _require("texture", texture.index, gltf.textures, f"materials[{number}]")
     for number, entry in enumerate(gltf.textures):
         _require("image", entry.image, gltf.images, f"textures[{number}]")
@@ -179,7 +182,7 @@ def require_uncompressed(path: Path, gltf: Gltf) -> None:
     found = [f"{name} ({key})" for key, name in _MESHES.items() if key in gltf.extensions_required]
     if not found and _has_draco_alone(gltf):
         found = [f"Draco ({_DRACO})"]
-    numbers = {reference.index for reference in gltf.color_textures()}
+    numbers = {reference.index for reference in gltf.read_textures()}
     textures = [entry for number, entry in enumerate(gltf.textures) if number in numbers]
     basis = any(entry.image is None and entry.basisu is not None for entry in textures)
     if basis:

@@ -24,10 +24,15 @@ TRIANGLES, TRIANGLE_STRIP = 4, 5
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
+Coefficients = tuple[tuple[float, float, float], tuple[float, float, float]]
+IDENTITY: Coefficients = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+"""Map of texture coordinates without KHR_texture_transform."""
+
 Index = Annotated[int, Field(ge=0)]
 Bytes = Annotated[int, Field(ge=0, le=MAX_BYTES)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Quadruple = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
@@ -93,8 +98,9 @@ class Image(Part):
 
 
 class Sampler(Part):
-    """A texture sampler; only its wrap modes are read."""
+    """A texture sampler; the filter of small textures is read, mipmaps are always used."""
 
+    mag_filter: int | None = None
     wrap_s: int = 10497
     wrap_t: int = 10497
 
@@ -116,15 +122,20 @@ class Texture(Part):
 class TextureTransform(Part):
     """A transform of texture coordinates (KHR_texture_transform)."""
 
-    offset: list[Number] = Field(default=[0.0, 0.0])
+    offset: Pair = Field(default=[0.0, 0.0])
     rotation: Number = 0.0
-    scale: list[Number] = Field(default=[1.0, 1.0])
+    scale: Pair = Field(default=[1.0, 1.0])
     tex_coord: Index | None = None
 
     @property
-    def changes(self) -> bool:
-        """True unless the transform is the identity."""
-        return self.offset != [0.0, 0.0] or self.rotation != 0.0 or self.scale != [1.0, 1.0]
+    def matrix(self) -> Coefficients:
+        """Rows of the (2, 3) map of texture coordinates, v down.
+
+        A positive rotation turns coordinates counter-clockwise as an image shows them.
+        """
+        c, s = float(np.cos(self.rotation)), float(np.sin(self.rotation))
+        (x, y), (right, down) = self.scale, self.offset
+        return (c * x, s * y, right), (-s * x, c * y, down)
 
 
 class TextureReference(Part):
@@ -141,9 +152,15 @@ class TextureReference(Part):
         return self.tex_coord if given is None else given
 
     @property
-    def moved(self) -> bool:
-        """True if KHR_texture_transform changes the texture coordinates."""
-        return self.transform is not None and self.transform.changes
+    def placement(self) -> tuple[int, Coefficients]:
+        """Texture coordinate set, and the map of its coordinates (`TextureTransform.matrix`)."""
+        return self.coordinates, IDENTITY if self.transform is None else self.transform.matrix
+
+
+class NormalTexture(TextureReference):
+    """A material's reference to a normal map."""
+
+    scale: Number = 1.0
 
 
 class PbrMetallicRoughness(Part):
@@ -153,7 +170,7 @@ class PbrMetallicRoughness(Part):
     metallic_factor: Number = 1.0
     roughness_factor: Number = 1.0
     base_color_texture: TextureReference | None = None
-    metallic_roughness_texture: Any = None
+    metallic_roughness_texture: TextureReference | None = None
 
 
 class SpecularGlossiness(Part):
@@ -169,8 +186,9 @@ class GltfMaterial(Part):
 
     name: str | None = None
     alpha_mode: str = "OPAQUE"
+    alpha_cutoff: Number = 0.5
     emissive_factor: Triple = Field(default=[0.0, 0.0, 0.0])
-    normal_texture: Any = None
+    normal_texture: NormalTexture | None = None
     occlusion_texture: Any = None
     emissive_texture: Any = None
     pbr_metallic_roughness: PbrMetallicRoughness = Field(default=PbrMetallicRoughness())
@@ -181,6 +199,19 @@ class GltfMaterial(Part):
         other = None if self.glossiness is None else self.glossiness.diffuse_texture
         given = [self.pbr_metallic_roughness.base_color_texture, other]
         return [texture for texture in given if texture is not None]
+
+    def textures(self) -> list[TextureReference]:
+        """Return the textures of this material that are read."""
+        surface = None
+        if self.glossiness is None:
+            surface = self.pbr_metallic_roughness.metallic_roughness_texture
+        others = [surface, self.normal_texture]
+        return self.color_textures()[:1] + [one for one in others if one is not None]
+
+    @property
+    def placement(self) -> tuple[int, Coefficients]:
+        """`TextureReference.placement` of the first texture that is read, used for all of them."""
+        return next((one.placement for one in self.textures()), (0, IDENTITY))
 
 
 class Primitive(Part):
@@ -252,14 +283,14 @@ class Gltf(Part):
         children = {child for node in self.nodes for child in node.children}
         return [index for index in range(len(self.nodes)) if index not in children]
 
-    def color_images(self) -> list[int]:
-        """Return the indices of the images used as base color."""
-        images = [self.textures[texture.index].image for texture in self.color_textures()]
+    def read_images(self) -> list[int]:
+        """Return the indices of the images of the textures that are read."""
+        images = [self.textures[texture.index].image for texture in self.read_textures()]
         return list(dict.fromkeys(image for image in images if image is not None))
 
-    def color_textures(self) -> list[TextureReference]:
-        """Return the color textures of all materials."""
-        return [texture for material in self.materials for texture in material.color_textures()]
+    def read_textures(self) -> list[TextureReference]:
+        """Return the textures of all materials that are read."""
+        return [texture for material in self.materials for texture in material.textures()]
 
 
 def parsed_gltf(document: Any) -> Gltf:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal, get_args
 
@@ -11,23 +11,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.kept import Arrays, kept
-from iprt.device.kernel_source import constant
+from iprt.device.kernel_source import constant, float_constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 
-MaterialKind = Literal["diffuse", "conductor", "plastic"]
+MaterialKind = Literal["diffuse", "conductor", "plastic", "principled"]
 MIRROR_ALPHA = 1e-4
 """GGX roughness below which a surface is a perfect mirror."""
-MIN_ALPHA = 1e-3
-"""Least GGX roughness of other surfaces; single precision cannot resolve a narrower lobe."""
 _BRDF = "lib/world/brdf.h"
+MIN_ALPHA = float_constant(_BRDF, "MIN_ALPHA")
 MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
 """float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
 _NODES = constant(_BRDF, "MATERIAL_NODES")
 _KINDS = {kind: constant(_BRDF, f"KIND_{kind.upper()}") for kind in get_args(MaterialKind)}
 
-DIFFUSE_KINDS = frozenset(("diffuse", "plastic"))
-SPECULAR_KINDS = frozenset(("conductor", "mirror", "plastic"))
-"""Kinds of reflectance with a diffuse or a specular lobe; a mirror has no roughness."""
+COAT_LEVELS = constant(_BRDF, "COAT_LEVELS")
+"""Number of roughnesses in the table for a material with a map of roughness."""
+
+Lobe = Literal["diffuse", "glossy", "mirror"]
+"""Kinds of lobes; a mirror has no roughness."""
+
+
+Wrap = Literal["repeat", "clamp", "mirror"]
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """Filter and wrap modes of a texture.
+
+    Attributes
+    ----------
+    wrap : (Wrap, Wrap)
+        Beyond 0 and 1, along u and v.
+    nearest : bool
+        The nearest texel, without interpolation.
+    """
+
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    nearest: bool = False
+
+
+PLAIN = Sampler()
 
 
 @dataclass(frozen=True)
@@ -36,17 +59,34 @@ class Material:
 
     Attributes
     ----------
-    kind : {"diffuse", "conductor", "plastic"}
-        Lambertian; GGX with constant reflectance (no Fresnel term); or a GGX dielectric coat over a
-        Lambertian base.
+    kind : {"diffuse", "conductor", "plastic", "principled"}
+        Lambertian; GGX with constant reflectance (no Fresnel term); a GGX dielectric coat over a
+        Lambertian base; or a mixture of such a plastic and a GGX metal with Schlick's Fresnel term
+        (Khronos glTF 2.0, appendix B).
     albedo : (r, g, b)
-        Diffuse albedo in [0, 1], or the conductor's reflectance. It multiplies the texture.
+        Diffuse albedo in [0, 1], or the conductor's reflectance at normal incidence. It multiplies
+        the texture.
     alpha : float
         GGX roughness of the conductor or the coat; 0 for a mirror.
     ior : float
         Index of refraction of the coat.
     texture : (H, W, 3) float32 or None
-        Linear albedo image, row 0 at v = 1, repeated outside [0, 1].
+        Linear albedo image, row 0 at v = 1.
+    metallic : float
+        Share of the metal in a principled material.
+    opacity : float
+        Share of the rays that meet the surface; it multiplies the opacity texture.
+    cutoff : float
+        Opacity from which all rays meet the surface, and below which none do; 0: their share does.
+    surface_texture : (H, W, 2) float32 or None
+        Factors of `metallic` and of the square root of `alpha`, for principled materials.
+    normal_texture : (H, W, 3) float32 or None
+        Directions of the shading normal along the tangent, the bitangent and the mesh's normal, of
+        any length.
+    opacity_texture : (H, W) float32 or None
+        Factors of `opacity`, of the size of `texture`, which must exist.
+    samplers : tuple of three Sampler
+        Of `texture` and `opacity_texture`, `surface_texture`, and `normal_texture`.
     """
 
     kind: MaterialKind = "diffuse"
@@ -54,11 +94,82 @@ class Material:
     alpha: float = 0.1
     ior: float = 1.5
     texture: NDArray[np.float32] | None = field(default=None, compare=False)
+    metallic: float = 0.0
+    opacity: float = 1.0
+    cutoff: float = 0.0
+    surface_texture: NDArray[np.float32] | None = field(default=None, compare=False)
+    normal_texture: NDArray[np.float32] | None = field(default=None, compare=False)
+    opacity_texture: NDArray[np.float32] | None = field(default=None, compare=False)
+    samplers: tuple[Sampler, Sampler, Sampler] = (PLAIN, PLAIN, PLAIN)
+
+    @property
+    def maps(self) -> tuple[NDArray[np.float32] | None, ...]:
+        """The textures of albedo, of a principled surface, and of normals."""
+        surface = self.surface_texture if self.kind == "principled" else None
+        return self.texture, surface, self.normal_texture
+
+    @property
+    def has_holes(self) -> bool:
+        """True if rays may pass through the surface."""
+        return self.opacity < 1.0 or self.opacity_texture is not None
+
+    @property
+    def textured(self) -> bool:
+        """True if it has a texture."""
+        return any(image is not None for image in self.maps)
 
     @property
     def is_mirror(self) -> bool:
         """True for a perfect mirror."""
         return self.kind == "conductor" and self.alpha < MIRROR_ALPHA
+
+    @property
+    def lobes(self) -> frozenset[Lobe]:
+        """The lobes of the reflectance."""
+        if self.kind == "diffuse":
+            return frozenset({"diffuse"})
+        specular: Lobe = "mirror" if self.is_mirror else "glossy"
+        metal = self.kind == "conductor" or (
+            self.kind == "principled" and self.metallic >= 1.0 and self.maps[1] is None
+        )
+        return frozenset({specular} if metal else {"diffuse", specular})
+
+
+@dataclass(frozen=True)
+class MaterialNeeds:
+    """Features of materials that only some kernels and shaders have.
+
+    Attributes
+    ----------
+    principled : bool
+        Some material is principled.
+    normal_maps : bool
+        Some material has a normal map.
+    holes : bool
+        Some material lets rays pass.
+    """
+
+    principled: bool
+    normal_maps: bool
+    holes: bool
+
+    @classmethod
+    def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
+        """Return the needs of the materials of all objects."""
+        every = list(materials)
+        return cls(
+            principled=any(material.kind == "principled" for material in every),
+            normal_maps=any(material.normal_texture is not None for material in every),
+            holes=any(material.has_holes for material in every),
+        )
+
+    def defines(self) -> dict[str, bool]:
+        """Return `-D` defines of kernels that read the materials."""
+        return {
+            "PRINCIPLED": self.principled,
+            "NORMAL_MAPS": self.normal_maps,
+            "HOLES": self.holes,
+        }
 
 
 def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
@@ -66,18 +177,43 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
 
     Returns
     -------
-    (MATERIAL_ROWS * len(materials), 4) float32
-        Per material: kind, alpha (0 or at least `MIN_ALPHA`), index of refraction, scale factor of
-        the base below a coat; then the coat's transmittance at cosines (i / 31)², i = 0..31.
+    (MATERIAL_ROWS * N, 4) float32
+        Per material, with the means of its maps: kind, alpha (0 or at least `MIN_ALPHA`), index of
+        refraction, scale factor of the base below a coat; the coat's transmittance at cosines
+        (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness. Such entries
+        follow the materials, `COAT_LEVELS` for each index of refraction.
     """
-    rows = np.zeros((len(materials), MATERIAL_ROWS, 4), np.float32)
-    for row, material in zip(rows, materials, strict=True):
-        alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
-        row[0, :3] = _KINDS[material.kind], alpha, material.ior
-        if material.kind == "plastic":
-            coat = _coat(alpha, material.ior)
-            row[0, 3], row[1:] = coat["base"], coat["transmittance"]
-    return rows.reshape(-1, 4)
+    mapped = [material.ior for material in materials if material.maps[1] is not None]
+    levels = {ior: index for index, ior in enumerate(dict.fromkeys(mapped))}
+    entries = [_entry(_mean_finish(material)) for material in materials]
+    for material, entry in zip(materials, entries, strict=True):
+        if material.maps[1] is not None:
+            entry[-1, 1] = len(materials) + COAT_LEVELS * levels[material.ior]
+    for ior in levels:
+        roughness = np.linspace(0.0, 1.0, COAT_LEVELS)
+        entries += [_entry(Material("principled", alpha=r * r, ior=ior)) for r in roughness]
+    return np.reshape(entries, (-1, 4)).astype(np.float32)
+
+
+def _mean_finish(material: Material) -> Material:
+    """Return the material with the means of its map of metalness and roughness."""
+    surface = material.maps[1]
+    if surface is None:
+        return material
+    metallic = material.metallic * float(surface[..., 0].mean())
+    alpha = material.alpha * float(np.square(surface[..., 1]).mean())
+    return replace(material, metallic=metallic, alpha=alpha, surface_texture=None)
+
+
+def _entry(material: Material) -> NDArray[np.float32]:
+    entry = np.zeros((MATERIAL_ROWS, 4), np.float32)
+    alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
+    entry[0, :3] = _KINDS[material.kind], alpha, material.ior
+    if material.kind in ("plastic", "principled"):
+        coat = _coat(alpha, material.ior)
+        entry[0, 3], entry[1:-1] = coat["base"], coat["transmittance"]
+    entry[-1, 0] = material.metallic
+    return entry
 
 
 @lru_cache(maxsize=256)

@@ -36,6 +36,9 @@ class Mesh:
         Missing or unsupported material properties that change the look much, one line each.
     deforms : bool
         True if an animation changes positions and normals.
+    tangents : (V, 4) float32 or None
+        Unit vectors along u, or 0, and the sign of the bitangent (`with_tangents`); None without
+        normal maps.
     """
 
     positions: NDArray[np.float32]
@@ -47,6 +50,7 @@ class Mesh:
     dropped: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     deforms: bool = False
+    tangents: NDArray[np.float32] | None = None
 
 
 def transformed(matrix: Float, points: NDArray[np.floating]) -> Float:
@@ -132,7 +136,11 @@ def _same_shape(old: Mesh, new: Mesh) -> bool:
         and old.positions.shape == new.positions.shape
         and _equal(old, new, "uvs", "triangles", "material_index", *vertices)
         and old.materials == new.materials
-        and all(a.texture is b.texture for a, b in zip(old.materials, new.materials, strict=True))
+        and all(
+            one is other
+            for a, b in zip(old.materials, new.materials, strict=True)
+            for one, other in zip(a.maps, b.maps, strict=True)
+        )
     )
 
 

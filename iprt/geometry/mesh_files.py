@@ -30,7 +30,7 @@ from iprt.geometry.gltf_check import (
     require_uncompressed,
 )
 from iprt.geometry.gltf_document import Gltf, parsed_gltf
-from iprt.geometry.mesh_unread import unapplied_gltf, unread_gltf, unread_obj, unread_ply
+from iprt.geometry.mesh_unread import unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
 
@@ -222,15 +222,11 @@ class MeshFile:
         return unread_ply(self._ply_elements)
 
     def warnings(self) -> list[str]:
-        """Return missing or unsupported material properties, a line each.
-
-        Properties with little effect on the look are left out.
-        """
-        missing = [
+        """Return a line for each missing file of materials."""
+        return [
             f"refers to {name}, which is missing beside it; its materials are grey"
             for name in dict.fromkeys(self._missing_libraries)
         ]
-        return missing + ([] if self.gltf is None else list(unapplied_gltf(self.gltf)))
 
     def _look_inside(self) -> None:
         if self.suffix in _GLTF_SUFFIXES:
@@ -241,7 +237,7 @@ class MeshFile:
             for uri in self.gltf.uris():
                 if not uri.startswith("data:"):
                     self._refer(uri, unquote(uri))
-            for number in self.gltf.color_images():
+            for number in self.gltf.read_images():
                 self.picture(number)
         elif self.suffix == ".obj":
             self._refer_from_obj()

@@ -1,9 +1,9 @@
-"""Conversion of mesh-file materials to the three kinds that are rendered."""
+"""Conversion of mesh-file materials to the kinds that are rendered."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.files.images import decode_srgb, texture_pixels
+from iprt.files.images import decode_srgb, has_alpha, texture_alpha, texture_pixels
 from iprt.files.message_text import printable
 from iprt.files.safe_reading import MAX_PIXELS
-from iprt.geometry.gltf_document import GltfMaterial
-from iprt.geometry.material import Material
+from iprt.geometry.gltf_document import GltfMaterial, TextureReference
+from iprt.geometry.material import PLAIN, Material, Sampler, Wrap
 from iprt.geometry.mesh_files import MeshFile
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 MATTE_ROUGHNESS = 0.9
 """glTF roughness from which a dielectric counts as diffuse, because its coat no longer shows."""
-METALLIC = 0.5
-"""Least metalness of a metal; there is no material in between."""
+WRAPS: Mapping[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+NEAREST = 9728
+"""Numbers of OpenGL in glTF's samplers."""
+LEAST_CUTOFF = 1e-6
+"""Stands for a cutoff of 0, which in `Material` means none."""
 NEARLY = 1e-3
 """Distance from 0 or 1 below which metalness counts as exact, for converters' rounding."""
 GLOSSY_SPECULAR = 0.04
@@ -62,20 +65,59 @@ class Textures:
         FormatError
             The image is damaged or of an unread format, or the total of texels is too large.
         """
+        return self._decode(image, "color", decode_srgb)
+
+    def surface(self, image: Any) -> NDArray[np.float32] | None:
+        """Return metalness and roughness, (H, W, 2) float32, of a glTF map; errors as above.
+
+        The blue channel holds metalness, the green one roughness (section 3.9.2).
+        """
+        return self._decode(image, "surface", lambda pixels: _fractions(pixels[..., 2:0:-1]))
+
+    def opacity(self, image: Any) -> NDArray[np.float32] | None:
+        """Return the alpha channel (H, W) float32, None if all of it is 1; errors as above."""
+        if not isinstance(image, Image.Image) or not has_alpha(image):
+            return None
+        alpha = texture_alpha(image, self._path)
+        return None if alpha.min() == 255 else _fractions(alpha)
+
+    def normals(self, image: Any, scale: float) -> NDArray[np.float32] | None:
+        """Return the vectors (H, W, 3) float32 of a normal map; errors as above.
+
+        `scale` multiplies their x and y (section 3.9.3).
+        """
+        stretch = np.array([scale, scale, 1.0], np.float32)
+
+        def vectors(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
+            return np.asarray((2.0 * _fractions(pixels) - 1.0) * stretch, np.float32)
+
+        return self._decode(image, f"normals {scale}", vectors)
+
+    def _decode(
+        self,
+        image: Any,
+        use: str,
+        decode: Callable[[NDArray[np.uint8]], NDArray[np.float32]],
+    ) -> NDArray[np.float32] | None:
         if not isinstance(image, Image.Image):
             return None
         pixels = texture_pixels(image, self._path)
-        digest = hashlib.blake2b(pixels.tobytes() + str(pixels.shape).encode()).digest()
+        key = f"{use} {pixels.shape}".encode()
+        digest = hashlib.blake2b(key + pixels.tobytes()).digest()
         if digest not in self._decoded:
             self.count(pixels.shape[0] * pixels.shape[1])
-            self._decoded[digest] = decode_srgb(pixels)
+            self._decoded[digest] = decode(pixels)
         return self._decoded[digest]
 
 
+def _fractions(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    return np.divide(pixels, 255.0, dtype=np.float32)
+
+
 def has_texture(source: Any) -> bool:
-    """Return True if a material of a file (or None) has a color texture."""
+    """Return True if a material of a file (or None) has a texture that is read."""
     if isinstance(source, GltfMaterial):
-        return bool(source.color_textures())
+        return bool(source.textures())
     return isinstance(getattr(source, "image", None), Image.Image)
 
 
@@ -109,26 +151,59 @@ def _from_gltf(
     """Convert a glTF material; alpha = roughness²."""
     pbr = source.pbr_metallic_roughness
     for used, phrase in (
-        (source.normal_texture, "normal map"),
         (source.occlusion_texture, "occlusion map"),
-        (pbr.metallic_roughness_texture, "metallic-roughness map"),
         (source.emissive_texture, "emission map"),
         (max(source.emissive_factor) > 0.0 or None, "emission"),
     ):
         if used is not None:
             dropped.append(phrase)
-    # A map scales the factor. Without the map, a factor of 1 has no meaning.
-    metallic = 0.0 if pbr.metallic_roughness_texture is not None else pbr.metallic_factor
-    color, roughness = pbr.base_color_factor[:3], pbr.roughness_factor
+    factor, metallic, roughness = (
+        pbr.base_color_factor,
+        pbr.metallic_factor,
+        pbr.roughness_factor,
+    )
     if source.glossiness is not None:
-        color, metallic = source.glossiness.diffuse_factor[:3], 0.0
+        factor, metallic = source.glossiness.diffuse_factor, 0.0
         roughness = 1.0 - source.glossiness.glossiness_factor
-    texture = None
-    for reference in source.color_textures()[:1]:
+
+    color, opacity = factor[:3], factor[3]
+
+    def picture(reference: TextureReference | None) -> Image.Image | None:
         assert file.gltf is not None
-        image = file.gltf.textures[reference.index].image
-        texture = None if image is None else textures.linear(file.picture(image))
-    return _metal_or_not(_color(color), metallic, roughness, texture, dropped)
+        image = None if reference is None else file.gltf.textures[reference.index].image
+        return None if image is None else file.picture(image)
+
+    colored, surface, normals = next(iter(source.color_textures()), None), None, None
+    if source.glossiness is None:
+        surface = textures.surface(picture(pbr.metallic_roughness_texture))
+    if source.normal_texture is not None:
+        bumps = picture(source.normal_texture)
+        normals = textures.normals(bumps, source.normal_texture.scale)
+    texture = textures.linear(picture(colored))
+    material = _metal_or_not(_color(color), metallic, roughness, texture, surface)
+    references = colored, pbr.metallic_roughness_texture, source.normal_texture
+    first, second, third = (_sampler(file, reference) for reference in references)
+    material = replace(material, samplers=(first, second, third))
+    material = material if normals is None else replace(material, normal_texture=normals)
+    if source.alpha_mode not in ("MASK", "BLEND"):
+        return material
+    return replace(
+        material,
+        opacity=float(np.clip(opacity, 0.0, 1.0)),
+        opacity_texture=None if texture is None else textures.opacity(picture(colored)),
+        cutoff=max(source.alpha_cutoff, LEAST_CUTOFF) if source.alpha_mode == "MASK" else 0.0,
+    )
+
+
+def _sampler(file: MeshFile, reference: TextureReference | None) -> Sampler:
+    """Return the sampler of a texture (section 3.8.4)."""
+    assert file.gltf is not None
+    number = None if reference is None else file.gltf.textures[reference.index].sampler
+    if number is None:
+        return PLAIN
+    given = file.gltf.samplers[number]
+    u, v = (WRAPS.get(mode, "repeat") for mode in (given.wrap_s, given.wrap_t))
+    return Sampler((u, v), nearest=given.mag_filter == NEAREST)
 
 
 def _metal_or_not(
@@ -136,15 +211,24 @@ def _metal_or_not(
     metallic: float,
     roughness: float,
     texture: NDArray[np.float32] | None,
-    dropped: list[str],
+    surface: NDArray[np.float32] | None = None,
 ) -> Material:
-    """Return a conductor, a plastic, or a diffuse material if rough (glTF 2.0, section 3.9.2)."""
-    if NEARLY < metallic < 1.0 - NEARLY:
-        taken = "1, a metal" if metallic >= METALLIC else "0, no metal"
-        dropped.append(f"metallic {metallic:.3g}, which is taken for {taken}")
-    alpha = float(np.clip(roughness, 0.0, 1.0) ** 2)
-    if metallic >= METALLIC:
-        return Material("conductor", albedo, alpha=alpha, texture=texture)
+    """Return the simplest material of glTF's parameters (glTF 2.0, section 3.9.2).
+
+    It is plastic without metalness and maps of it, and diffuse if that is rough.
+    """
+    metallic, roughness = float(np.clip(metallic, 0.0, 1.0)), float(np.clip(roughness, 0.0, 1.0))
+    alpha = roughness**2
+    if surface is not None or metallic > NEARLY:
+        metallic = 1.0 if metallic > 1.0 - NEARLY else metallic
+        return Material(
+            "principled",
+            albedo,
+            alpha=alpha,
+            texture=texture,
+            metallic=metallic,
+            surface_texture=surface,
+        )
     if roughness >= MATTE_ROUGHNESS:
         return Material("diffuse", albedo, texture=texture)
     return Material("plastic", albedo, alpha=alpha, texture=texture)
@@ -168,7 +252,7 @@ def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     if "pr" in values or "pm" in values:
         roughness = _first(values.get("pr"), float(np.sqrt(alpha)))
         metallic = _first(values.get("pm"), 0.0)
-        return _metal_or_not(albedo, metallic, roughness, texture, dropped)
+        return _metal_or_not(albedo, metallic, roughness, texture)
     specular = max(_color(values.get("ks", [0.0, 0.0, 0.0])))
     if specular >= GLOSSY_SPECULAR and exponent >= 1.0:
         ior = _first(values.get("ni"), 0.0)

@@ -6,7 +6,7 @@ Specification: Khronos glTF 2.0, section 3.7 (meshes).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -19,8 +19,15 @@ from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.files.safe_reading import MAX_TRIANGLES, MAX_VERTICES
 from iprt.geometry.animation import Float, Skeleton
-from iprt.geometry.gltf_check import READ_ATTRIBUTES
-from iprt.geometry.gltf_document import TRIANGLE_STRIP, TRIANGLES, GltfMesh, Primitive
+from iprt.geometry.gltf_check import READ_ATTRIBUTES, UV_SETS
+from iprt.geometry.gltf_document import (
+    IDENTITY,
+    TRIANGLE_STRIP,
+    TRIANGLES,
+    GltfMaterial,
+    GltfMesh,
+    Primitive,
+)
 from iprt.geometry.gltf_skin import read_bones, require_few_vertices, scene_nodes, skin_of
 from iprt.geometry.mesh_files import MeshFile
 
@@ -49,6 +56,8 @@ class Shape:
         Linear RGB from 0 to 1 by triangle and corner; None without colors.
     primitive : Primitive or None
         The primitive of a glTF file.
+    tangents : (V, 4) float64 or None
+        As in `Mesh`, of a glTF file that has them and a normal map.
     """
 
     positions: Float
@@ -58,6 +67,12 @@ class Shape:
     material: Any
     colors: Float32 | None
     primitive: Primitive | None = None
+    tangents: Float | None = None
+
+    @property
+    def bumpy(self) -> bool:
+        """True if its material has a normal map."""
+        return getattr(self.material, "normal_texture", None) is not None
 
     def __post_init__(self) -> None:
         used = self.triangles
@@ -126,22 +141,39 @@ def _shapes_of(file: MeshFile, mesh: GltfMesh, where: str, *, colored: bool) -> 
             continue
         positions = _attribute(file, primitive, "POSITION", where)
         normals = _attribute(file, primitive, "NORMAL", where)
-        uvs = _attribute(file, primitive, "TEXCOORD_0", where) * (1.0, -1.0) + (0.0, 1.0)
+        material = None if primitive.material is None else file.gltf.materials[primitive.material]
+        uvs = _texture_coordinates(file, primitive, material, where)
         triangles = _triangles(file, primitive, len(positions), where)
         colors = None
         if colored and "COLOR_0" in primitive.attributes:
             rgb = _attribute(file, primitive, "COLOR_0", where)[:, :3]
             colors = np.clip(np.nan_to_num(rgb), 0.0, 1.0).astype(np.float32)[triangles]
-        material = primitive.material
-        yield Shape(
+        shape = Shape(
             positions,
             normals,
             np.nan_to_num(uvs).astype(np.float32),
             triangles,
-            None if material is None else file.gltf.materials[material],
+            material,
             colors,
             primitive,
         )
+        if shape.bumpy and {"NORMAL", "TANGENT"} <= primitive.attributes.keys():
+            tangents = _attribute(file, primitive, "TANGENT", where)
+            shape = replace(shape, tangents=tangents)
+        yield shape
+
+
+def _texture_coordinates(
+    file: MeshFile, primitive: Primitive, material: GltfMaterial | None, where: str
+) -> Float:
+    """Return (V, 2), v up, of the set that the material's textures use, after their transform."""
+    number, matrix = (0, IDENTITY) if material is None else material.placement
+    name = f"TEXCOORD_{number if number < UV_SETS else 0}"
+    uvs = _attribute(file, primitive, name, where)
+    if matrix != IDENTITY:
+        linear = np.array(matrix)
+        uvs = uvs @ linear[:, :2].T + linear[:, 2]
+    return uvs * (1.0, -1.0) + (0.0, 1.0)
 
 
 def _attribute(file: MeshFile, primitive: Primitive, name: str, where: str) -> Float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from iprt.files.message_text import printable
+from iprt.geometry.gltf_check import UV_SETS
 from iprt.geometry.gltf_document import Gltf
 
 _TRIANGLE_MODES = (4, 5)
-_REPEAT = 10497
 _READ_EXTENSIONS = (
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -41,29 +41,14 @@ def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
         yield "points, lines or triangle fans"
     if any(primitive.targets for primitive in primitives):
         yield "morph targets"
-    textures = gltf.color_textures()
-    if any(texture.coordinates for texture in textures):
-        yield "a second set of texture coordinates; the first is used"
-    samplers = [gltf.textures[texture.index].sampler for texture in textures]
-    given = [gltf.samplers[number] for number in samplers if number is not None]
-    if any({sampler.wrap_s, sampler.wrap_t} != {_REPEAT} for sampler in given):
-        yield "textures that are clamped or mirrored at their borders; they repeat"
+    textures = gltf.read_textures()
+    if any(texture.coordinates >= UV_SETS for texture in textures):
+        yield "a third set of texture coordinates; the first is used"
+    if any(len({one.placement for one in material.textures()}) > 1 for material in gltf.materials):
+        yield "texture coordinates that differ between a material's textures; the color's are used"
     for name in gltf.extensions_used:
         if name not in _READ_EXTENSIONS:
             yield f"extension {printable(name)}"
-
-
-def unapplied_gltf(gltf: Gltf) -> Iterator[str]:
-    """Yield unsupported properties of glTF materials that would change the look much."""
-    used = {primitive.material for mesh in gltf.meshes for primitive in mesh.primitives}
-    materials = [material for number, material in enumerate(gltf.materials) if number in used]
-    modes = {material.alpha_mode for material in materials}
-    if "MASK" in modes:
-        yield "alphaMode MASK is not applied: cut-out parts are drawn opaque"
-    if "BLEND" in modes:
-        yield "alphaMode BLEND is not applied: transparent parts are drawn opaque"
-    if any(texture.moved for texture in gltf.color_textures()):
-        yield "KHR_texture_transform is not applied: textures are not shifted, turned or scaled"
 
 
 def unread_obj(lines: Iterable[str]) -> list[str]:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from iprt.errors import FormatError
 from iprt.files.safe_reading import decoding
 from iprt.geometry.animation import moved
-from iprt.geometry.creases import same_position, with_normals
+from iprt.geometry.creases import have_normals, same_position, with_normals
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mesh_materials import Textures, convert_material, has_texture, tinted
 from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes
+from iprt.geometry.tangents import moved_tangents, with_tangents
 from iprt.geometry.vertex_colors import color_texture
 
 LOG = logging.getLogger("iprt.scene")
@@ -43,6 +44,8 @@ class Part:
         Linear color that multiplies the material; None if the file has none.
     colors : (V, 3) float32 or None
         Colors by vertex where they differ; then no two triangles share a vertex.
+    tangents : (V, 4) float64 or None
+        As in `Mesh`.
     """
 
     positions: NDArray[np.float64]
@@ -53,6 +56,7 @@ class Part:
     material: Any
     color: tuple[float, float, float] | None = None
     colors: NDArray[np.float32] | None = None
+    tangents: NDArray[np.float64] | None = None
 
     def taken(self, source: NDArray[np.int64], triangles: NDArray[np.int64]) -> Part:
         """Return the part with new triangles, whose vertices (W,) are copies of `source`."""
@@ -64,6 +68,7 @@ class Part:
             triangles=triangles,
             source=self.source[source],
             colors=None if self.colors is None else self.colors[source],
+            tangents=None if self.tangents is None else self.tangents[source],
         )
 
 
@@ -130,7 +135,22 @@ def part_of(shape: Shape, matrices: NDArray[np.float64], dropped: list[str]) -> 
     positions = np.nan_to_num(positions, posinf=0.0, neginf=0.0)
     source = np.arange(len(positions))
     part = Part(positions, normals, shape.uvs.copy(), triangles[kept], source, shape.material)
+    if shape.bumpy:
+        tangents = None if shape.tangents is None else moved_tangents(shape.tangents, matrices)
+        part = _bumpy(part, tangents)
     return part if shape.colors is None else _colored(part, shape.colors[kept], dropped)
+
+
+def _bumpy(part: Part, tangents: NDArray[np.float64] | None) -> Part:
+    """Return a part with tangents, and with flat normals where it has no others."""
+    usable = have_normals(part.normals)
+    if tangents is not None and usable.all() and np.isfinite(tangents).all():
+        return replace(part, tangents=tangents)
+    flat = np.ones(len(part.triangles), np.bool_)
+    source, normals, triangles = with_normals(part.positions, part.normals, part.triangles, flat)
+    part = replace(part.taken(source, triangles), normals=normals)
+    source, tangents, triangles = with_tangents(part.positions, normals, part.uvs, triangles)
+    return replace(part.taken(source, triangles), tangents=tangents)
 
 
 def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Part:
@@ -167,6 +187,11 @@ def joined(
     positions = np.concatenate([part.positions for part in parts])
     normals = np.concatenate([part.normals for part in parts])
     uvs = np.concatenate([part.uvs for part in parts])
+    tangents = None
+    if any(part.tangents is not None for part in parts):
+        none = [np.zeros((len(part.positions), 4)) for part in parts]
+        given = [part.tangents for part in parts]
+        tangents = np.concatenate([n if t is None else t for t, n in zip(given, none, strict=True)])
     indices = np.repeat(index, [len(part.triangles) for part in parts])
     flat = np.full(len(triangles), file.gltf is not None)
     source, normals, triangles = with_normals(positions, normals, triangles, flat)
@@ -179,6 +204,7 @@ def joined(
         materials=tuple(materials),
         dropped=tuple(dict.fromkeys(dropped)),
         warnings=tuple(warnings),
+        tangents=None if tangents is None else tangents[source].astype(np.float32),
     )
 
 

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
+from iprt.geometry.material import Material, MaterialNeeds, Sampler
 from iprt.geometry.mesh import Instance, Mesh, cofactors, motion_between, transformed
+from iprt.geometry.tangents import moved_tangents
 from iprt.raster.region import box_corners
 from iprt.raster.targets import texture_bytes
 
@@ -19,6 +21,12 @@ Float = NDArray[np.float64]
 _TRIANGLES_WIDTH = 2048
 _VERTICES_WIDTH = 2048
 """Size in texels; `glsl/mesh.glsl` has their logarithms. A vertex takes two texels."""
+
+IMAGES = "image", "finish_image", "normal_image"
+"""Textures of `glsl/shade.frag`, in the order of `Material.maps`."""
+
+_TABLE_WIDTH = 5
+"""Texels per material."""
 
 _VERTICES_PER_ROW = _VERTICES_WIDTH // 2
 _CORNERS_BYTES = 3 * 3 * 4
@@ -109,10 +117,10 @@ class WorldGeometry:
         cost than gl_PrimitiveID on software renderers.
     triangles, vertices, table : moderngl.Texture
         See `glsl/mesh.glsl` and `glsl/shade.frag`.
-    displacements : moderngl.Texture or None
-        See the same files; None if no mesh deforms.
-    images : dict of int to moderngl.Texture
-        Albedo texture by material.
+    displacements, tangents : moderngl.Texture or None
+        See the same files; None if no mesh deforms, or without normal maps.
+    images : dict of int to dict of str to moderngl.Texture
+        By material, if it is textured: its textures, by their names in `glsl/shade.frag`.
     """
 
     def __init__(self, context: moderngl.Context, instances: Sequence[Instance]) -> None:
@@ -132,11 +140,15 @@ class WorldGeometry:
         if any(instance.mesh.deforms for instance in instances):
             size = (_VERTICES_PER_ROW, max(rows, 1))
             self.displacements = context.texture(size, 4, bytes(16 * size[0] * size[1]), dtype="f4")
-        self.table = context.texture((4, max(len(self.materials), 1)), 4, dtype="f4")
+        self.tangents: moderngl.Texture | None = None
+        if MaterialNeeds.of(self.materials).normal_maps:
+            size = (_VERTICES_PER_ROW, max(rows, 1))
+            self.tangents = context.texture(size, 4, dtype="f4")
+        self.table = context.texture((_TABLE_WIDTH, max(len(self.materials), 1)), 4, dtype="f4")
         self.images = {
-            index: _mipmapped(context, material.texture)
+            index: _images(context, material)
             for index, material in enumerate(self.materials)
-            if material.texture is not None
+            if material.textured
         }
         for part in self.parts:
             self._upload(part)
@@ -144,10 +156,17 @@ class WorldGeometry:
 
     @property
     def nbytes(self) -> tuple[int, int]:
-        """Bytes of the triangle data, and of the albedo textures with their mipmaps."""
-        tables = [self.triangles, self.vertices, self.table, self.displacements]
+        """Bytes of the triangle data, and of the textures with their mipmaps."""
+        tables = [
+            self.triangles,
+            self.vertices,
+            self.table,
+            self.displacements,
+            self.tangents,
+        ]
         triangles = sum(texture_bytes(table) for table in tables if table is not None)
-        images = sum(map(texture_bytes, self.images.values()))
+        textures = [texture for images in self.images.values() for texture in images.values()]
+        images = sum(map(texture_bytes, textures))
         return self.positions.size + triangles, images * 4 // 3
 
     def move(self, instances: Sequence[Instance]) -> None:
@@ -176,6 +195,19 @@ class WorldGeometry:
             _padded(texels, _VERTICES_PER_ROW),
             viewport=(0, part.vertex_row, _VERTICES_WIDTH, part.vertex_rows),
         )
+        if self.tangents is not None:
+            self._upload_tangents(self.tangents, part)
+
+    def _upload_tangents(self, texture: moderngl.Texture, part: Part) -> None:
+        """Upload one instance's world-space tangents; 0 without."""
+        mesh = part.instance.mesh
+        texels = np.zeros((len(mesh.positions), 4), np.float32)
+        if mesh.tangents is not None:
+            texels[:] = moved_tangents(mesh.tangents, part.to_world[None, :3])
+        texture.write(
+            _padded(texels, _VERTICES_PER_ROW),
+            viewport=(0, part.vertex_row, _VERTICES_PER_ROW, part.vertex_rows),
+        )
 
     def _upload_displacements(self, texture: moderngl.Texture, part: Part) -> None:
         """Upload the world-space offsets to one instance's vertices before its motion."""
@@ -188,11 +220,12 @@ class WorldGeometry:
         )
 
     def _upload_table(self) -> None:
-        table = np.zeros((max(len(self.materials), 1), 4, 4), np.float32)
+        table = np.zeros((max(len(self.materials), 1), _TABLE_WIDTH, 4), np.float32)
         for row, material in zip(table, self.materials, strict=False):
             row[0, :3] = material.albedo
+            row[4, :2] = material.metallic, material.alpha
         for part in self.parts:
-            table[part.materials, 1:] = part.motion
+            table[part.materials, 1:4] = part.motion
         self.table.write(table)
 
 
@@ -275,11 +308,34 @@ def _padded(array: NDArray[np.generic], width: int) -> bytes:
     return array.tobytes() + bytes(missing * array.itemsize * int(np.prod(array.shape[1:])))
 
 
-def _mipmapped(context: moderngl.Context, image: NDArray[np.float32]) -> moderngl.Texture:
+def _images(context: moderngl.Context, material: Material) -> dict[str, moderngl.Texture]:
+    """Upload a material's textures; a missing one is a single texel without effect."""
+    flat = (1.0, 1.0, 1.0), (1.0, 1.0), (0.0, 0.0, 1.0)
+    named = zip(IMAGES, flat, material.maps, material.samplers, strict=True)
+    return {
+        name: _mipmapped(context, np.array([[plain]], np.float32) if one is None else one, sampler)
+        for name, plain, one, sampler in named
+    }
+
+
+def mirrored(material: Material) -> dict[str, tuple[bool, bool]]:
+    """Return the uniforms by which `glsl/shade.frag` mirrors the coordinates of each texture."""
+    return {
+        f"{name}_mirrored": (sampler.wrap[0] == "mirror", sampler.wrap[1] == "mirror")
+        for name, sampler in zip(IMAGES, material.samplers, strict=True)
+    }
+
+
+def _mipmapped(
+    context: moderngl.Context, image: NDArray[np.float32], sampler: Sampler
+) -> moderngl.Texture:
     """Upload a mipmapped texture in half floats, which keep 11 bits of an albedo in [0, 1]."""
-    height, width = image.shape[:2]
+    height, width, channels = image.shape
     data = np.ascontiguousarray(image, np.float16).tobytes()
-    texture = context.texture((width, height), 3, data, dtype="f2")
+    texture = context.texture((width, height), channels, data, dtype="f2")
     texture.build_mipmaps()
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    enlarged = moderngl.NEAREST if sampler.nearest else moderngl.LINEAR
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, enlarged)
+    # OpenGL mirrors by itself, but moderngl does not ask it to.
+    texture.repeat_x, texture.repeat_y = (wrap == "repeat" for wrap in sampler.wrap)
     return texture

@@ -18,9 +18,9 @@ NO_MOTION = -1e9
 """Both components of motion vectors where there is no surface."""
 
 
-def blank_display(height: int, width: int) -> NDArray[np.float32]:
-    """Return `ObjectLayers.display` for a picture without objects."""
-    display = np.zeros((3, height, width, 4), np.float32)
+def blank_display(images: int, height: int, width: int) -> NDArray[np.float32]:
+    """Return `ObjectLayers.display` of 3 or 4 images for a picture without objects."""
+    display = np.zeros((images, height, width, 4), np.float32)
     display[2, ..., 1:3] = NO_MOTION
     return display
 
@@ -54,9 +54,10 @@ class ObjectLayers:
 
     Attributes
     ----------
-    display : (3, H, W, 4) float32 or None
-        The arrays of `front`, and (coverage, motion x, motion y, fraction of the pixel covered by
-        objects, occluded or not). None for layers that are only traced.
+    display : (3 or 4, H, W, 4) float32 or None
+        The arrays of `front`; (coverage, motion x, motion y, fraction of the pixel covered by
+        objects, occluded or not); with principled materials (metalness, alpha, 0, 0). None for
+        layers that are only traced.
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT Eq.
         2). Every pixel touched by an object has a surface in `front`, borrowed from a neighbour if
@@ -74,7 +75,7 @@ class ObjectLayers:
 
     @classmethod
     def displayed(cls, display: NDArray[np.float32], back: Layer | None) -> ObjectLayers:
-        """Build layers for display from the (3, H, W, 4) display image and the back layer."""
+        """Build layers for display from `display` and the back layer."""
         return cls(Layer(display[0], display[1]), back, display)
 
     @property

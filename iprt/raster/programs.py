@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import moderngl
 
 from iprt.geometry.camera import Projection
+from iprt.geometry.material import MaterialNeeds
 from iprt.raster.context import load_program
 
 
@@ -30,7 +31,13 @@ class Programs:
 
     @classmethod
     def build(
-        cls, context: moderngl.Context, projection: Projection, *, samples: int, deforming: bool
+        cls,
+        context: moderngl.Context,
+        projection: Projection,
+        *,
+        samples: int,
+        deforming: bool,
+        needs: MaterialNeeds,
     ) -> Programs:
         """Build the programs of a projection.
 
@@ -40,9 +47,14 @@ class Programs:
             Coverage samples along each side of a pixel.
         deforming : bool
             Some meshes deform.
+        needs : MaterialNeeds
+            Needs of the materials.
         """
         defines = {"EQUIRECT": 1} if projection == "equirect" else {}
-        bent = {"DEFORMING": 1} if deforming else {}
+        more = {"DEFORMING": 1} if deforming else {}
+        if needs.principled:
+            more |= {"PRINCIPLED": 1, "FINISH_IMAGE": 3 if deforming else 2}
+        bumps = {"NORMAL_MAPS": 1} if needs.normal_maps else {}
         stages = f"visibility_{projection}"
 
         def visibility(**extra: int) -> moderngl.Program:
@@ -60,7 +72,7 @@ class Programs:
         return cls(
             visibility(),
             visibility(DEPTH_ONLY=1),
-            screen("shade.frag", **bent),
-            screen("shade.frag", TEXTURED=1, **bent),
-            screen("finish.frag", SAMPLES=samples, **bent),
+            screen("shade.frag", **more),
+            screen("shade.frag", TEXTURED=1, **more, **bumps),
+            screen("finish.frag", SAMPLES=samples, **more),
         )

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import Projection, View
-from iprt.geometry.material import Material
+from iprt.geometry.material import Material, MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.raster.context import bind_textures, create_context, set_uniforms
-from iprt.raster.geometry import Part, WorldGeometry
+from iprt.raster.geometry import Part, WorldGeometry, mirrored
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES, Layer, ObjectLayers, blank_display
 from iprt.raster.programs import Programs
 from iprt.raster.region import Rect, box_rects, merge
@@ -84,6 +84,7 @@ class Rasterizer:
         self._context = create_context()
         self._samples_a_side = samples
         self._deforming = any(instance.mesh.deforms for instance in instances)
+        self._needs = MaterialNeeds.of(m for instance in instances for m in instance.mesh.materials)
         with self._context:
             self._geometry = WorldGeometry(self._context, instances)
             self._samples = self._context.depth_texture((_TILE * samples,) * 2)
@@ -174,7 +175,7 @@ class Rasterizer:
         placed = [(part, box_rects(view, part.corners)) for part in self._geometry.parts]
         visible = [(part, rects) for part, rects in placed if rects]
         if not visible:
-            return _nothing(view, shade)
+            return self._nothing(view, shade=shade)
         regions = merge([rect for _, rects in visible for rect in rects])
         frame = _Frame(self._programs_for(view), self._targets_for(view), visible, regions)
         reach = max(float(np.abs(part.corners).max()) for part in self._geometry.parts)
@@ -193,7 +194,7 @@ class Rasterizer:
         for region in regions:
             for tile in region.tiles(_TILE):
                 self._finish(frame, tile)
-        display = blank_display(view.height, view.width)
+        display = self._blank(view)
         for image, pixels in enumerate(display):
             targets.display.read_into(pixels, image, regions)
         return ObjectLayers.displayed(display, behind)
@@ -245,6 +246,8 @@ class Rasterizer:
         }
         if geometry.displacements is not None:
             textures["displacements"] = geometry.displacements
+        if geometry.tangents is not None:
+            textures["tangents"] = geometry.tangents
         for layer in layers:
             which = {"back_layer": layer is targets.back}
             bind_textures(programs.shade, textures)
@@ -252,9 +255,8 @@ class Rasterizer:
             for part, rects in frame.visible:
                 for index in range(part.materials.start, part.materials.stop):
                     if index in geometry.images:
-                        image = {"image": geometry.images[index]}
-                        bind_textures(programs.shade_textured, textures | image)
-                        textured = {"textured": index}
+                        bind_textures(programs.shade_textured, textures | geometry.images[index])
+                        textured = {"textured": index, **mirrored(geometry.materials[index])}
                         self._fill(programs.shade_textured, layer, rects, which | textured)
 
     def _finish(self, frame: _Frame, tile: Rect) -> None:
@@ -280,6 +282,8 @@ class Rasterizer:
         }
         if self._geometry.displacements is not None:
             textures["displaced_in"] = targets.front.images[2]
+        if self._needs.principled:
+            textures["finish_in"] = targets.front.images[-1]
         bind_textures(program, textures)
         self._fill(program, targets.display, [tile], {"samples_origin": (tile.x0, tile.y0)})
 
@@ -308,6 +312,7 @@ class Rasterizer:
                 view.projection,
                 samples=self._samples_a_side,
                 deforming=self._deforming,
+                needs=self._needs,
             )
         return self._programs[view.projection]
 
@@ -319,17 +324,24 @@ class Rasterizer:
             return held
         if held is not None:
             held.release()
-        targets = Targets.create(self._context, size, deforming=self._deforming)
+        targets = Targets.create(
+            self._context,
+            size,
+            deforming=self._deforming,
+            principled=self._needs.principled,
+        )
         self._targets[view.projection] = targets
         self.memory[f"OpenGL layers, {view.projection}"] = targets.nbytes
         return targets
 
+    def _blank(self, view: View) -> NDArray[np.float32]:
+        return blank_display(4 if self._needs.principled else 3, view.height, view.width)
 
-def _nothing(view: View, shade: bool) -> ObjectLayers:
-    empty = Layer(*np.zeros((2, view.height, view.width, 4), np.float32))
-    if not shade:
-        return ObjectLayers(empty, empty)
-    return ObjectLayers.displayed(blank_display(view.height, view.width), empty)
+    def _nothing(self, view: View, *, shade: bool) -> ObjectLayers:
+        empty = Layer(*np.zeros((2, view.height, view.width, 4), np.float32))
+        if not shade:
+            return ObjectLayers(empty, empty)
+        return ObjectLayers.displayed(self._blank(view), empty)
 
 
 def _view_uniforms(view: View) -> dict[str, Any]:

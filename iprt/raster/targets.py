@@ -82,9 +82,9 @@ class Targets:
         1 + index of the nearest front-facing and of the nearest back-facing triangle.
     front, back : Target
         The arrays of `Layer`. If meshes deform, the front also has (displacement, 0) in world
-        space.
+        space; with principled materials (metalness, alpha, 0, 0) last.
     display : Target
-        The three arrays of `ObjectLayers.display`.
+        The arrays of `ObjectLayers.display`.
     """
 
     size: tuple[int, int]
@@ -97,7 +97,7 @@ class Targets:
 
     @classmethod
     def create(
-        cls, context: moderngl.Context, size: tuple[int, int], *, deforming: bool
+        cls, context: moderngl.Context, size: tuple[int, int], *, deforming: bool, principled: bool
     ) -> Targets:
         """Create all targets for a size (width, height)."""
         depth = context.depth_renderbuffer(size)
@@ -106,9 +106,9 @@ class Targets:
             depth,
             facing=Target.create(context, size, images=1, channels=1, depth=depth),
             away=Target.create(context, size, images=1, channels=1, depth=depth),
-            front=Target.create(context, size, images=3 if deforming else 2),
+            front=Target.create(context, size, images=2 + deforming + principled),
             back=Target.create(context, size, images=2),
-            display=Target.create(context, size, images=3),
+            display=Target.create(context, size, images=3 + principled),
         )
 
     @property

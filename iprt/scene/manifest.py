@@ -100,7 +100,29 @@ class PlasticTable(Table):
         return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
 
 
-MaterialTable = Annotated[DiffuseTable | ConductorTable | PlasticTable, Field(discriminator="kind")]
+class PrincipledTable(Table):
+    """A mixture of a plastic and a metal, as in glTF."""
+
+    kind: Literal["principled"]
+    albedo: Color
+    metallic: Unit = 0.0
+    alpha: Unit = 0.1
+    ior: Ior = 1.5
+
+    def material(self) -> Material:
+        """Build the material."""
+        return Material(
+            "principled",
+            _triple(self.albedo),
+            alpha=self.alpha,
+            ior=self.ior,
+            metallic=self.metallic,
+        )
+
+
+MaterialTable = Annotated[
+    DiffuseTable | ConductorTable | PlasticTable | PrincipledTable, Field(discriminator="kind")
+]
 
 
 def allowed_transform(values: list[float]) -> list[float]:
@@ -350,6 +372,7 @@ _TABLES: dict[tuple[str, str], type[BaseModel]] = {
     ("objects", "diffuse"): DiffuseTable,
     ("objects", "conductor"): ConductorTable,
     ("objects", "plastic"): PlasticTable,
+    ("objects", "principled"): PrincipledTable,
     ("real_materials", "conductor"): RealConductorTable,
     ("real_materials", "plastic"): RealPlasticTable,
     ("real_materials", "plane"): PlaneTable,

@@ -77,7 +77,7 @@ class ObjectEdit:
     textured: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        textured = self.material is not None and self.material.texture is not None
+        textured = self.material is not None and self.material.textured
         object.__setattr__(self, "textured", textured)
 
 
@@ -284,10 +284,12 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
     written: dict[str, Any] = {"kind": material.kind, color: list(material.albedo)}
     if material.kind != "diffuse":
         written["alpha"] = material.alpha
-    if material.kind == "plastic":
+    if material.kind in ("plastic", "principled"):
         written["ior"] = material.ior
-    if material.texture is not None:
-        if material.kind != "diffuse":
+    if material.kind == "principled":
+        written["metallic"] = material.metallic
+    if material.textured:
+        if material.kind != "diffuse" or material.texture is None or material.maps[2] is not None:
             raise SceneError(
                 f"object {edit.name}: {material.kind} with a texture cannot be written; choose a "
                 "diffuse material, or one without a texture"

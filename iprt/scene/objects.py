@@ -116,8 +116,9 @@ def _require_readable(scene: str, meshes: list[Mesh]) -> None:
     for mesh in meshes:
         arrays[id(mesh.triangles)] = mesh.triangles
         for material in mesh.materials:
-            if material.texture is not None:
-                textures[id(material.texture)] = material.texture
+            for texture in material.maps:
+                if texture is not None:
+                    textures[id(texture)] = texture
     triangles = sum(len(array) for array in arrays.values())
     texels = sum(texture.shape[0] * texture.shape[1] for texture in textures.values())
     if triangles > MAX_TRIANGLES or texels > MAX_PIXELS:

@@ -11,7 +11,7 @@ from iprt.device.kernel_source import float_constant
 from iprt.device.program import Define
 from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
-from iprt.geometry.material import DIFFUSE_KINDS, SPECULAR_KINDS, Material
+from iprt.geometry.material import Lobe, Material, MaterialNeeds
 from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 
@@ -34,8 +34,10 @@ class Features:
         There are virtual objects. Without any, the picture is the resampled panorama.
     tracing : bool
         Rays are traced.
-    kinds : frozenset of str
-        Kinds of reflectance of the objects; a conductor without roughness is a "mirror".
+    lobes : frozenset of str
+        Lobes of the objects' reflectance (`Material.lobes`).
+    materials : MaterialNeeds
+        Needs of the objects' materials.
     deforming : bool
         Some object's mesh deforms.
     equirect_view : bool
@@ -63,7 +65,8 @@ class Features:
 
     objects: bool
     tracing: bool
-    kinds: frozenset[str]
+    lobes: frozenset[Lobe]
+    materials: MaterialNeeds
     deforming: bool
     equirect_view: bool
     opening_environment: bool
@@ -99,13 +102,14 @@ class Features:
         deforming : bool
             Some object's mesh deforms.
         """
-        kinds = frozenset("mirror" if m.is_mirror else m.kind for m in materials)
+        materials = list(materials)
         needs = method(settings.method).needs(settings)
-        tracing = bool(kinds) and needs.tracing
+        tracing = bool(materials) and needs.tracing
         return cls(
-            objects=bool(kinds),
+            objects=bool(materials),
             tracing=tracing,
-            kinds=kinds,
+            lobes=frozenset().union(*(material.lobes for material in materials)),
+            materials=MaterialNeeds.of(materials),
             deforming=deforming,
             equirect_view=view.projection == "equirect",
             opening_environment=tracing
@@ -113,14 +117,14 @@ class Features:
             and settings.trace.openings == "environment"
             and footage.openings,
             clipped=footage.clips,
-            color_map=bool(kinds) and footage.drifts,
+            color_map=bool(materials) and footage.drifts,
             video=footage.video,
             background=tracing
             and not (needs.distant or needs.impostor)
             and settings.trace.background
             and footage.static_camera,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
-            moving_camera=bool(kinds) and footage.poses,
+            moving_camera=bool(materials) and footage.poses,
             sun=tracing and needs.sun and settings.trace.light_sampling and footage.sun,
             needs=needs,
             settings=settings,
@@ -134,12 +138,12 @@ class Features:
     @property
     def diffuse_signal(self) -> bool:
         """True if objects have a diffuse lobe."""
-        return bool(self.kinds & DIFFUSE_KINDS)
+        return "diffuse" in self.lobes
 
     @property
     def specular_signal(self) -> bool:
         """True if objects have a specular lobe, glossy or mirror."""
-        return bool(self.kinds & SPECULAR_KINDS)
+        return bool(self.lobes - {"diffuse"})
 
     @property
     def relit(self) -> bool:
@@ -238,6 +242,7 @@ class Features:
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "IMPOSTOR": self.impostor,
             "SUN": self.sun,
+            **self.materials.defines(),
         }
 
     def gloss_defines(self) -> dict[str, Define]:
@@ -250,8 +255,8 @@ class Features:
             "relighting of real surfaces (shadows, bounce light)": self.relit,
             "shading of virtual surfaces": self.objects,
             "diffuse reflection": self.diffuse_signal,
-            "glossy reflection": bool(self.kinds & {"conductor", "plastic"}),
-            "mirror reflection": "mirror" in self.kinds,
+            "glossy reflection": "glossy" in self.lobes,
+            "mirror reflection": "mirror" in self.lobes,
             "reflections in glossy real surfaces": self.gloss,
             "distant environment behind windows": self.opening_environment,
             "drift of the video's exposure and white balance": self.color_map,

@@ -33,6 +33,7 @@ def cones_from_virtual(features: Features, voxels: VoxelWorld, cones: int) -> Ra
 
     defines = {
         "DELTA": voxels.delta is not None,
+        **features.materials.defines(),
         **_defines(features),
     }
     return RayKernel("trace/cone_virtual", defines, scene, {"cones": cones})

@@ -24,6 +24,7 @@ from iprt.trace.tracers import (
     RayKernel,
     RayKernels,
     RealTracer,
+    SurfacesArgs,
     VirtualTracer,
 )
 from iprt.view.object_layer import VisibleSurfaces
@@ -259,8 +260,11 @@ class ReflectingPixels:
 
         def trace(context: FrameContext) -> None:
             known = self._known(panorama.mean_radiance, context.reflected_fading)
-            albedo, steady = self._visible.albedo, context.steady
-            self.tracer.run(world, self.mask, context.view, albedo, known, steady=steady)
+            seen = self._visible
+            surfaces = SurfacesArgs(
+                albedo=seen.albedo, metallic=seen.metallic, roughness=seen.roughness
+            )
+            self.tracer.run(world, self.mask, context.view, surfaces, known, steady=context.steady)
 
         samples = ("reflected samples",)
         if self.gloss_mask is not None:

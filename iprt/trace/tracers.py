@@ -52,6 +52,22 @@ class PixelsArgs(Block):
 
 
 @dataclass(kw_only=True)
+class SurfacesArgs(Block):
+    """Visible virtual surfaces of the traced pixels.
+
+    Attributes
+    ----------
+    albedo : 3 planes
+    metallic, roughness : 1 plane or None
+        Metalness and alpha of GGX, where a material is principled.
+    """
+
+    albedo: Floats
+    metallic: Floats = when("PRINCIPLED")
+    roughness: Floats = when("PRINCIPLED")
+
+
+@dataclass(kw_only=True)
 class JitterArgs(Block):
     """Random positions in their pixel at which rays start.
 
@@ -317,7 +333,7 @@ class VirtualTracer(_Tracer):
         world: World,
         mask: Mask,
         view: cla.Array,
-        albedo: cla.Array,
+        surfaces: SurfacesArgs,
         known: KnownArgs,
         *,
         steady: bool,
@@ -326,7 +342,7 @@ class VirtualTracer(_Tracer):
 
         Parameters
         ----------
-        albedo : 3 planes
+        surfaces : SurfacesArgs
         known : KnownArgs
         steady : bool
             Nothing moves, or there is no history: rays of metals may start all over a pixel too.
@@ -334,7 +350,7 @@ class VirtualTracer(_Tracer):
         """
         jitters = self._features.jitter
         jitter = JitterArgs(metals=int(jitters and steady), others=int(jitters), view=view)
-        self._launch(world, mask, view, albedo=albedo, known=known, jitter=jitter)
+        self._launch(world, mask, view, surfaces=surfaces, known=known, jitter=jitter)
 
 
 class GlossTracer(_Tracer):

@@ -66,16 +66,21 @@ def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None) -> Any:
 
 
 def bsdf_of(material: Material) -> dict[str, Any]:
-    """Return the Mitsuba BSDF of a virtual object's material."""
-    mi = mitsuba()
+    """Return the Mitsuba BSDF of the front side of a virtual object's material, without holes.
+
+    A principled one is a blend of `roughplastic`, whose roughness is the mean of its map, and of
+    `principled`.
+    """
     color: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
-        tinted = material.texture[::-1] * np.array(material.albedo, np.float32)
-        color = {
-            "type": "bitmap",
-            "bitmap": mi.Bitmap(np.ascontiguousarray(tinted, np.float32)),
-            "raw": True,
-        }
+        color = _bitmap(material.texture * np.array(material.albedo, np.float32))
+    if material.normal_texture is not None:
+        # Mitsuba stores vectors as colors, 0.5 (1 + v).
+        bumps = _bitmap(0.5 + 0.5 * _unit(material.normal_texture))
+        plain = bsdf_of(replace(material, normal_texture=None))
+        return {"type": "normalmap", "normalmap": bumps, "bsdf": plain}
+    if material.kind == "principled":
+        return _principled(material, color)
     smooth = material.alpha < MIRROR_ALPHA
     if material.kind == "diffuse":
         return {"type": "diffuse", "reflectance": color}
@@ -95,6 +100,45 @@ def bsdf_of(material: Material) -> dict[str, Any]:
     return {"type": "roughplastic", "distribution": "ggx", "alpha": material.alpha, **coat}
 
 
+def _principled(material: Material, color: dict[str, Any]) -> dict[str, Any]:
+    surface, alpha = material.maps[1], material.alpha
+    metallic: Any = material.metallic
+    roughness: Any = float(np.sqrt(alpha))
+    if surface is not None:
+        alpha *= float(np.square(surface[..., 1]).mean())
+        metallic = _bitmap(metallic * surface[..., :1])
+        roughness = _bitmap(roughness * surface[..., 1:])
+    metal = {"type": "principled", "base_color": color, "metallic": 1.0, "roughness": roughness}
+    plastic = bsdf_of(Material("plastic", alpha=alpha, ior=material.ior))
+    return {
+        "type": "blendbsdf",
+        "weight": metallic,
+        "plastic": plastic | {"diffuse_reflectance": color},
+        "metal": metal,
+    }
+
+
+def _opacity(material: Material) -> Any:
+    """Return the opacity after the cutoff, which is applied texel by texel."""
+    opacity = material.opacity * np.ones((1, 1), np.float32)
+    if material.opacity_texture is not None:
+        opacity = material.opacity * material.opacity_texture
+    if material.cutoff > 0.0:
+        opacity = (opacity >= material.cutoff).astype(np.float32)
+    return _bitmap(opacity[..., None])
+
+
+def _unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(length, 1e-9), np.float32)
+
+
+def _bitmap(image: NDArray[np.float32]) -> dict[str, Any]:
+    """Return a texture of linear values, row 0 at v = 1."""
+    rows = np.ascontiguousarray(image[::-1], np.float32)
+    return {"type": "bitmap", "bitmap": mitsuba().Bitmap(rows), "raw": True}
+
+
 def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
     """Return Mitsuba shapes of placed meshes, one per material that triangles use."""
     shapes = {}
@@ -111,6 +155,8 @@ def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
             if len(triangles):
                 part = replace(placed, triangles=triangles)
                 bsdf = {"type": "twosided", "bsdf": bsdf_of(material)}
+                if material.has_holes:
+                    bsdf = {"type": "mask", "opacity": _opacity(material), "bsdf": bsdf}
                 # Mitsuba gives dots in names a meaning of their own.
                 shapes[f"object_{number}_{index}"] = mitsuba_mesh(part, bsdf)
     return shapes

@@ -37,6 +37,7 @@ class Composite:
         coverage: cla.Array | None = None,
         sides: cla.Array | None = None,
         albedo: cla.Array | None = None,
+        metallic: cla.Array | None = None,
         diffuse: cla.Array | None = None,
         specular: cla.Array | None = None,
         color_map: cla.Array | None = None,
@@ -56,6 +57,7 @@ class Composite:
         sides : (H * W, 2)
             `VisibleLayer.sides`, with objects.
         albedo, diffuse : 3 planes each, multiplied
+        metallic : 1 plane, share of objects' surfaces without diffuse reflection
         specular : 3 planes, radiance
         color_map : (6, 4)
             `ColorMap.rows`: all but `color` is in the reference's colors.
@@ -74,6 +76,7 @@ class Composite:
             coverage=coverage,
             sides=sides,
             albedo=albedo,
+            metallic=metallic,
             diffuse=diffuse,
             specular=specular,
         )

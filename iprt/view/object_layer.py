@@ -20,21 +20,28 @@ class VisibleSurfaces:
     ----------
     normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
         See `cl/view/unpack.cl`.
+    metallic : 1 plane or None
+        None without principled materials.
     """
 
-    def __init__(self, device: ComputeDevice, layout: PlaneLayout, *, name: str) -> None:
+    def __init__(
+        self, device: ComputeDevice, layout: PlaneLayout, *, name: str, principled: bool
+    ) -> None:
         """Allocate the planes; `name` prefixes their buffers."""
         self.normal = device.zeros(f"{name} normal", layout.shape(3))
         self.depth = device.zeros(f"{name} depth", layout.shape(1))
         self.id = device.zeros(f"{name} id", layout.shape(1))
         self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
+        self.metallic: cla.Array | None = None
+        if principled:
+            self.metallic = device.zeros(f"{name} metallic", layout.shape(1))
         self.albedo = device.zeros(f"{name} albedo", layout.shape(3))
         self.coverage = device.zeros(f"{name} coverage", layout.shape(1))
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
 
-    def planes(self, prefix: str = "") -> dict[str, cla.Array]:
+    def planes(self, prefix: str = "") -> dict[str, cla.Array | None]:
         """Return all planes by name, as kernel arguments."""
-        names = "normal", "depth", "id", "roughness", "albedo", "coverage", "motion"
+        names = "normal", "depth", "id", "roughness", "metallic", "albedo", "coverage", "motion"
         return {prefix + name: getattr(self, name) for name in names}
 
 
@@ -43,8 +50,8 @@ class VisibleLayer(VisibleSurfaces):
 
     Attributes
     ----------
-    display : (3, H, W, 4) float32
-        The drawn image: `ObjectLayers.display`.
+    display : (3 or 4, H, W, 4) float32
+        The drawn image (`cl/lib/gbuffer/display.h`); four images with principled materials.
     sides : (H * W, 2) float32
         Share of either real surface that objects hide, in pixels at depth edges.
     """
@@ -54,12 +61,16 @@ class VisibleLayer(VisibleSurfaces):
         device: ComputeDevice,
         layout: PlaneLayout,
         edges: Mapping[str, cla.Array],
+        *,
+        principled: bool,
     ) -> None:
         """Allocate the planes. `edges` is `RealLayer.edges` of the view, filled before this."""
-        super().__init__(device, layout, name="object")
+        super().__init__(device, layout, name="object", principled=principled)
         self._device = device
         self._layout = layout
-        self.display = device.empty("object display", (3, layout.height, layout.width, 4))
+        self.display = device.empty(
+            "object display", (4 if principled else 3, layout.height, layout.width, 4)
+        )
         self.sides = device.empty("object sides", (layout.height * layout.width, 2))
         self._kernel = device.kernel(
             "view/unpack.cl",

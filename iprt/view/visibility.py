@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.geometry.camera import View
+from iprt.geometry.material import MaterialNeeds
 from iprt.geometry.mesh import Instance, motion_between
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.settings.features import BVH_DEFINES
@@ -19,10 +20,11 @@ from iprt.view.object_layer import VisibleLayer
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.real.panorama import Panorama
 
-MOTION, FRONT, MATERIAL, MET, DISPLACED = BUFFERS = (
+MOTION, FRONT, MATERIAL, FINISH, MET, DISPLACED = BUFFERS = (
     "object motion rows",
     "traced front",
     "traced material",
+    "traced finish",
     "traced triangles",
     "traced displacement",
 )
@@ -57,11 +59,15 @@ class Visibility:
         materials = sum(len(instance.mesh.materials) for instance in instances)
         self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
         bvh.follow_vertices()
-        defines = {**BVH_DEFINES, "WIDE": device.wide}
+        needs = MaterialNeeds.of(m for instance in instances for m in instance.mesh.materials)
+        defines = {**BVH_DEFINES, "WIDE": device.wide, **needs.defines()}
         self._see = device.kernel("view/visibility.cl", "see_objects", defines)
         self._show = device.kernel("view/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
+        self._finish: cla.Array | None = None
+        if needs.principled:
+            self._finish = device.empty(FINISH, (view.height, view.width, 2))
         self._met = device.empty(MET, (view.height, view.width, 2), np.int32)
         # Output and regions of the last run.
         self._shown: tuple[VisibleLayer, list[Rect]] | None = None
@@ -120,6 +126,7 @@ class Visibility:
             "view": constants,
             "front": self.front,
             "material": self.material,
+            "finish": self._finish,
             "met": self._met,
             "samples": self._samples,
             "surface": panorama.surface,

@@ -50,7 +50,10 @@ def actions(ui: UiState) -> dict[str, Action]:
     engine = ui.engine
 
     def textured() -> bool:
-        return ui.state is not None and ui.state.materials[0].texture is not None
+        return ui.state is not None and ui.state.materials[0].textured
+
+    def bare() -> None:
+        ui.paint(texture=None, surface_texture=None, normal_texture=None, opacity_texture=None)
 
     def selected() -> bool:
         return ui.state is not None
@@ -74,7 +77,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         ),
         Action("save", PARTS["save"], ui.save, "Ctrl+S", enabled=lambda: bool(engine.unsaved)),
         Action("remove", PARTS["remove"], ui.remove, "Delete", visible=selected),
-        Action("texture", PARTS["texture"], lambda: ui.paint(texture=None), visible=textured),
+        Action("texture", PARTS["texture"], bare, visible=textured),
         Action("play", PARTS["play"], ui.toggle_playing, "Space"),
     )
     return {action.name: action for action in found}

@@ -281,15 +281,17 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         )
 
     alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
-    rough, coated = (
+    rough, coated, mixed = (
         {"enabled": lambda: material().kind != "diffuse"},
-        {"enabled": lambda: material().kind == "plastic"},
+        {"enabled": lambda: material().kind in ("plastic", "principled")},
+        {"enabled": lambda: material().kind == "principled"},
     )
     return (
         field("material", "choice", "kind", options=lambda: MATERIALS),
         field("color", "color", "albedo", label=color),
         field("alpha", "number", "alpha", slider=alphas, **rough),
         field("ior", "number", "ior", slider=indices, **coated),
+        field("metallic", "number", "metallic", slider=alphas, **mixed),
     )
 
 

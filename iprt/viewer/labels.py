@@ -54,6 +54,7 @@ MATERIALS: Mapping[MaterialKind, Label] = {
     "plastic": Label(
         "Plastic", "A clear coat over a matte base, like plastic, paint or glazed pottery."
     ),
+    "principled": Label("Plastic and metal", "A mixture of both, as in glTF files."),
 }
 
 PLAYBACK: Mapping[PlaybackMode, Label] = {
@@ -93,6 +94,7 @@ PARTS: Mapping[str, Label] = {
     "albedo": Label("Color", "Diffuse albedo in red, green and blue."),
     "reflectance": Label("Color", "Specular reflectance in red, green and blue."),
     "alpha": Label("Roughness", "0 is polished, 1 is dull (GGX alpha)."),
+    "metallic": Label("Metalness", "0 is plastic, 1 is metal."),
     "ior": Label("Index of refraction", "How strongly the coat reflects. Plastic has about 1.5."),
     "texture": Label(
         "Remove texture", "A texture of a mesh file can be saved only with the file's own material."

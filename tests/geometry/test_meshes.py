@@ -122,12 +122,18 @@ def test_gltf_node_texture_and_roughness(tmp_path: Path, suffix: str) -> None:
     assert np.allclose(material.texture[0, 0], [0, 0.5, 0], atol=3e-3), "row 0 is v = 1"
     top_left = np.argmin(np.abs(mesh.positions - [5, 2, 0]).sum(axis=1))
     assert np.allclose(mesh.uvs[top_left], [0, 1])
-    assert "normal map" in mesh.dropped
+    assert material.normal_texture is not None
+    assert mesh.dropped == ()
 
 
 @pytest.mark.parametrize(
     ("metallic", "roughness", "kind", "alpha"),
-    [(1.0, 0.3, "conductor", 0.09), (0.4, 0.3, "plastic", 0.09), (0.0, 1.0, "diffuse", None)],
+    [
+        (1.0, 0.3, "principled", 0.09),
+        (0.4, 1.0, "principled", 1.0),
+        (0.0, 0.3, "plastic", 0.09),
+        (0.0, 1.0, "diffuse", None),
+    ],
 )
 def test_pbr_to_kind(
     tmp_path: Path, metallic: float, roughness: float, kind: str, alpha: float | None
@@ -135,6 +141,7 @@ def test_pbr_to_kind(
     path = gltf(tmp_path / "q.glb", metallicFactor=metallic, roughnessFactor=roughness)
     (material,) = load_mesh(path).materials
     assert material.kind == kind
+    assert material.metallic == metallic
     if alpha is not None:
         assert material.alpha == pytest.approx(alpha)
 

@@ -48,6 +48,7 @@ def call(
         inputs,
         OUTPUTS[function],
         {"materials": material_table([material])},
+        ("PRINCIPLED",) if material.kind == "principled" else (),
     )
 
 

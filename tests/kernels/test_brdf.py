@@ -17,6 +17,9 @@ MATERIALS = [
     Material("plastic", (0.5, 0.1, 0.2), 0.1, 1.5),
     Material("plastic", (0.0, 0.0, 0.0), 0.3, 1.8),
     Material("plastic", (0.5, 0.1, 0.2), 0.0, 1.5),
+    Material("principled", (0.5, 0.1, 0.2), 0.3, 1.5, metallic=0.0),
+    Material("principled", (0.9, 0.6, 0.2), 0.1, 1.8, metallic=0.4),
+    Material("principled", (0.9, 0.6, 0.2), 0.2, metallic=1.0),
 ]
 rng = np.random.default_rng(7)
 
@@ -144,7 +147,7 @@ def test_the_coat_table_interpolates_the_integral():
         np.testing.assert_allclose(oracle.transmittance(material, cosine), exact, atol=2e-3)
 
 
-@pytest.mark.parametrize("kind", ["diffuse", "conductor", "plastic"])
+@pytest.mark.parametrize("kind", ["diffuse", "conductor", "plastic", "principled"])
 @pytest.mark.parametrize("ior", [1.0, 1.5, 3.0])
 def test_extreme_inputs_stay_finite(device, kind, ior):
     cosines = np.float64([1, 0.5, 1e-3, 1e-7, 0, -1e-3, -0.3, -1])
@@ -154,7 +157,7 @@ def test_extreme_inputs_stay_finite(device, kind, ior):
     n, tangent = np.array(planes)[u[:, 4].astype(int)].transpose(1, 0, 2)
     wo = u[:, 3:4] * n + np.sqrt(1 - u[:, 3:4] ** 2) * tangent
     for alpha in (0.0, 1e-5, 1e-4, 1e-3, 0.01, 0.5, 1.0):
-        material = Material(kind, WHITE, alpha, ior)
+        material = Material(kind, WHITE, alpha, ior, metallic=0.5)
         drawn = call(device, "sample", material, wo, u[:, :3], n)
         assert np.all(np.isfinite(drawn["weight"]))
         assert drawn["weight"].min() >= 0

@@ -7,6 +7,7 @@ height-correlated G2, so the specular lobes are compared after exchanging the on
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,8 @@ MATERIALS = [
     Material("plastic", (0.55, 0.06, 0.05), 0.2, 1.5),
     Material("plastic", (0.5, 0.4, 0.3), 0.5, 1.9),
     Material("plastic", (0.5, 0.4, 0.3), 0.0, 1.5),
+    Material("principled", (0.9, 0.5, 0.2), 0.2, metallic=1.0),
+    Material("principled", (0.9, 0.5, 0.2), 0.1, metallic=0.3),
 ]
 
 # In a process of its own: a variant is global to the process, and the truth tests choose theirs.
@@ -48,6 +51,12 @@ def plugin(material):
     rgb = {"type": "rgb", "value": list(material.albedo)}
     if material.kind == "diffuse":
         return {"type": "diffuse", "reflectance": rgb}
+    if material.kind == "principled":
+        metal = {"type": "principled", "base_color": rgb, "metallic": 1.0}
+        metal["roughness"] = material.alpha**0.5
+        plastic = plugin(replace(material, kind="plastic"))
+        weight = material.metallic
+        return {"type": "blendbsdf", "weight": weight, "plastic": plastic, "metal": metal}
     rough = {"distribution": "ggx", "alpha": material.alpha} if material.alpha else {}
     prefix = "rough" if rough else ""
     if material.kind == "conductor":
@@ -92,7 +101,7 @@ def test_reflectance_equals_mitsubas(device, mitsuba_values, material):
     value = call(device, "eval", material, o, i)
     lambda_o, lambda_i = (oracle.smith_lambda(v, material.alpha) for v in (o, i))
     separable = (1 + lambda_o + lambda_i) / ((1 + lambda_o) * (1 + lambda_i))
-    ours = value["diffuse"][:, None] * np.array(material.albedo)
+    ours = (1 - material.metallic) * value["diffuse"][:, None] * np.array(material.albedo)
     ours = ours + value["specular"] * separable[:, None]
     np.testing.assert_allclose(ours, truth, rtol=4e-3, atol=1e-5)
     # Mitsuba fits the internal reflectance of a smooth coat by a polynomial, 0.1% off the integral.

@@ -11,12 +11,21 @@ from tests.oracles import brdf as oracle
 SAMPLES = 1 << 17
 BINS = 20
 NODES = 20  # quadrature nodes per bin and axis
-CASES = [
-    (Material(kind, (0.4, 0.3, 0.2), alpha, 1.5), angle)
-    for kind in ("conductor", "plastic")
-    for alpha in (0.05, 0.125, 0.5, 1.0)
-    for angle in (0, 30, 60, 85)
-] + [(Material("diffuse"), 60), (Material("plastic", (0.4, 0.3, 0.2), 0.0, 1.5), 60)]
+CASES = (
+    [
+        (Material(kind, (0.4, 0.3, 0.2), alpha, 1.5), angle)
+        for kind in ("conductor", "plastic")
+        for alpha in (0.05, 0.125, 0.5, 1.0)
+        for angle in (0, 30, 60, 85)
+    ]
+    + [
+        (Material("principled", (0.4, 0.3, 0.2), alpha, 1.5, metallic=metallic), angle)
+        for alpha in (0.125, 0.5)
+        for metallic in (0.0, 0.3, 1.0)
+        for angle in (30, 85)
+    ]
+    + [(Material("diffuse"), 60), (Material("plastic", (0.4, 0.3, 0.2), 0.0, 1.5), 60)]
+)
 SIGNIFICANCE = 1 - (1 - 0.01) ** (1 / len(CASES))
 """Šidák: all cases together reject a right sampler once in 100 sets of samples."""
 

@@ -63,9 +63,14 @@ def half(o: Array, i: Array) -> Array:
 
 
 def reflectance(material: Material, cos_h: Array) -> Array:
+    coat = np.broadcast_to(fresnel(cos_h, material.ior)[..., None], (*cos_h.shape, 3))
     if material.kind == "plastic":
-        return np.broadcast_to(fresnel(cos_h, material.ior)[..., None], (*cos_h.shape, 3))
-    return np.broadcast_to(np.array(material.albedo), (*cos_h.shape, 3))
+        return coat
+    albedo = np.broadcast_to(np.array(material.albedo), (*cos_h.shape, 3))
+    if material.kind == "principled":
+        metal = albedo + (1 - albedo) * (1 - cos_h[..., None]) ** 5
+        return material.metallic * metal + (1 - material.metallic) * coat
+    return albedo
 
 
 def evaluate_specular(material: Material, o: Array, i: Array, separable: bool = False) -> Array:
@@ -86,7 +91,7 @@ def table(material: Material) -> Array:
 
 def transmittance(material: Material, cosine: Array) -> Array:
     """The table's piecewise linear transmittance at these cosines."""
-    nodes = table(material)[1:].ravel()
+    nodes = table(material)[1:9].ravel()
     return np.interp(np.sqrt(cosine), np.linspace(0, 1, len(nodes)), nodes)
 
 
@@ -98,19 +103,27 @@ def evaluate_diffuse(material: Material, o: Array, i: Array) -> Array:
     """f of the diffuse lobe, without the albedo."""
     if material.kind == "diffuse":
         return np.full(i.shape[:-1], 1 / np.pi)
-    if material.kind == "conductor":
+    if is_metal(material):
         return np.zeros(i.shape[:-1])
     crossed = transmittance(material, o[..., 2]) * transmittance(material, i[..., 2])
     return crossed * base(material) / np.pi
 
 
+def is_metal(material: Material) -> bool:
+    return material.kind == "conductor" or (
+        material.kind == "principled" and material.metallic == 1
+    )
+
+
 def specular_probability(material: Material, o: Array) -> float:
-    if material.kind != "plastic":
-        return float(material.kind == "conductor")
+    if material.kind == "diffuse" or is_metal(material):
+        return float(is_metal(material))
     crossed = float(transmittance(material, o[..., 2]))
     luminance = float(np.dot([0.2126, 0.7152, 0.0722], material.albedo))
-    share = (1 - crossed) / (1 - crossed + luminance * base(material) * crossed)
-    return float(np.clip(share, MIN_LOBE, 1 - MIN_LOBE))
+    metallic = material.metallic if material.kind == "principled" else 0.0
+    specular = (1 - metallic) * (1 - crossed) + metallic * luminance
+    diffuse = (1 - metallic) * luminance * base(material) * crossed
+    return float(np.clip(specular / (specular + diffuse), MIN_LOBE, 1 - MIN_LOBE))
 
 
 def density(material: Material, o: Array, i: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 
 from iprt.errors import DeviceError, SceneError
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material
+from iprt.geometry.material import Material, Sampler, Wrap
 from iprt.geometry.mesh import Instance
 from iprt.raster.rasterizer import Rasterizer
 from tests.oracles.raster import cast, gather
@@ -67,6 +67,27 @@ def test_minified_textures_are_averaged(view: View) -> None:
     albedo = layers.front.material[layers.front.geometry[..., 3] > 0.0][:, :3]
     assert len(albedo) > 100
     assert np.abs(albedo - 0.5).max() < 0.02
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("wrap", ["clamp", "mirror"])
+def test_textures_beyond_their_borders(wrap: Wrap) -> None:
+    """Coordinates from -1 to 2, of a texture whose value is u, 1 - v."""
+    sampler = Sampler((wrap, wrap))
+    material = Material(albedo=(1, 1, 1), texture=ramp(), samplers=(sampler, Sampler(), Sampler()))
+    shape = quad((material,))
+    instance = placed(replace(shape, uvs=3.0 * shape.uvs - 1.0), (0.0, 0.0, -2.5))
+    with rasterizer([instance]) as opened:
+        layers = opened.render(PERSPECTIVE, shade=False)
+    soup = gather([instance])
+    hits = cast(soup, PERSPECTIVE.directions())
+    seen = (hits.triangle >= 0) & (layers.front.geometry[..., 3] > 0.0)
+    uv = np.einsum("nk,nkc->nc", hits.weights[seen], soup.uvs[hits.triangle[seen]])
+    inside = np.clip(uv, 0, 1) if wrap == "clamp" else 1.0 - np.abs(1.0 - uv % 2.0)
+    assert ((uv < -0.3) | (uv > 1.3)).any(axis=1).sum() > 100
+    found = layers.front.material[seen][:, :2]
+    # A ramp is flat within half a texel of its ends, and a mipmap's texels are wider.
+    np.testing.assert_allclose(found, inside, atol=0.04)
 
 
 @pytest.mark.gl

@@ -29,7 +29,7 @@ from iprt.settings.filter import MaskSettings
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.trace.pixels import listed_arguments
-from iprt.trace.tracers import KnownArgs, RealTracer, VirtualTracer
+from iprt.trace.tracers import KnownArgs, RealTracer, SurfacesArgs, VirtualTracer
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS
@@ -165,11 +165,11 @@ class Kernels:
         guide, mask, nothing = self._virtual
         kernel, features = renderer.method.kernels().virtual, self._features(seed, rays)
         trace = VirtualTracer(self.device, guide, features, kernel)
-        albedo = renderer.visible.albedo
+        surfaces = SurfacesArgs(albedo=renderer.visible.albedo)
         known = KnownArgs(
             certainty=nothing, specular=None, diffuse=None, mean_radiance=1.0, fading=0.0
         )
-        trace.run(renderer.world, mask, self.view, albedo, known, steady=True)
+        trace.run(renderer.world, mask, self.view, surfaces, known, steady=True)
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}
         return {kind: self._planes(p) for kind, p in planes.items() if p is not None}
 

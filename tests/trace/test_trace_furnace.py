@@ -75,8 +75,9 @@ def test_furnace_lights_real_surfaces_evenly(
     [
         pytest.param(Material("conductor", (0.9, 0.6, 0.3), alpha=0.3), marks=pytest.mark.thorough),
         Material("plastic", (0.8, 0.5, 0.2), alpha=0.2),
+        Material("principled", (0.8, 0.5, 0.2), alpha=0.3, metallic=0.6),
     ],
-    ids=["conductor", "plastic"],
+    ids=["conductor", "plastic", "principled"],
 )
 def test_furnace_loses_what_the_brdf_loses(device: ComputeDevice, material: Material) -> None:
     """Radiance by viewing angle is the albedo by quadrature, and never more than the furnace's."""
@@ -88,8 +89,9 @@ def test_furnace_loses_what_the_brdf_loses(device: ComputeDevice, material: Mate
         mid = float(cosine[ring].mean())
         o = np.array([np.sqrt(1.0 - mid * mid), 0.0, mid])
         albedo = specular_albedo(material, o)
-        if material.kind == "plastic":
-            albedo = albedo + np.array(material.albedo) * diffuse_albedo(material, o)
+        if material.kind != "conductor":
+            base = (1.0 - material.metallic) * np.array(material.albedo)
+            albedo = albedo + base * diffuse_albedo(material, o)
         shown = picture.color[ring].mean(0) / RADIANCE
         np.testing.assert_allclose(shown, albedo, rtol=0.02)
         assert (shown < 1.0).all()

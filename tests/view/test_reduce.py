@@ -19,6 +19,7 @@ PLANES = {
     "depth": 1,
     "id": 1,
     "roughness": 1,
+    "metallic": 1,
     "albedo": 3,
     "coverage": 1,
     "motion": 2,
@@ -48,6 +49,7 @@ def layer(view: View) -> dict[str, Float]:
         "depth": np.where(covered, -1.2 / np.minimum(d[..., 1], -0.01), 0.0),
         "id": np.where(covered, random.integers(1, 5, shape), 0.0),
         "roughness": random.random(shape),
+        "metallic": random.random(shape),
         "albedo": random.random((*shape, 3)),
         "coverage": np.where(covered, random.uniform(0.1, 1.0, shape), 0.0),
         "motion": np.where(covered[..., None], motion, NOWHERE),
@@ -109,7 +111,7 @@ def test_each_block_shows_its_covered_pixel_nearest_to_the_centre(
             pick = min(
                 candidates, key=lambda c: abs(full["coverage"][tuple(c)] - block["coverage"])
             )
-            for name in ("normal", "id", "roughness", "albedo"):
+            for name in ("normal", "id", "roughness", "metallic", "albedo"):
                 np.testing.assert_allclose(block[name], full[name][tuple(pick)], rtol=1e-6)
             assert block["coverage"] == pytest.approx(full["coverage"][tuple(pick)])
             moved = (full["motion"][tuple(pick)] - (pick[::-1] + 0.5)) * (x_scale, y_scale)

@@ -38,14 +38,15 @@ PLANES = ("normal", "depth", "id", "roughness", "albedo", "coverage", "motion")
 
 def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
     """Return a plane of a layer, (H, W) or (H, W, C)."""
-    _, height, width, _ = layer.display.shape
+    height, width = layer.display.shape[1:3]
     planes = PlaneLayout(width, height).interior(device.read(getattr(layer, name)))
     channels = np.moveaxis(planes.astype(np.float64), 0, -1)
     return channels[..., 0] if channels.shape[-1] == 1 else channels
 
 
-def layer_of(device: ComputeDevice, view: View) -> VisibleLayer:
-    return VisibleLayer(device, PlaneLayout.of(view), no_edges(device, view))
+def layer_of(device: ComputeDevice, view: View, *, principled: bool = False) -> VisibleLayer:
+    edges = no_edges(device, view)
+    return VisibleLayer(device, PlaneLayout.of(view), edges, principled=principled)
 
 
 class Drawn:
@@ -114,7 +115,9 @@ class Both:
         now, then = (device.upload("view", v.kernel_constants()) for v in (view, turned))
         materials = [m for i in instances for m in i.mesh.materials]
         table = device.upload("materials", material_table(materials))
-        self.drawn, self.traced = layer_of(device, view), layer_of(device, view)
+        principled = picture.kind == "principled"
+        self.drawn = layer_of(device, view, principled=principled)
+        self.traced = layer_of(device, view, principled=principled)
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
             opened.move(instances)
@@ -193,6 +196,75 @@ def test_albedo_with_textures(both: Both) -> None:
     assert np.ptp(drawn[..., 0][same]) > 0.3
     assert np.abs(drawn - traced)[same].max() < 0.06
     assert np.abs(drawn - traced)[same].mean() < 5e-3
+
+
+@views
+def test_finish_with_textures(device: ComputeDevice, view: View) -> None:
+    """Its map has the values of the albedo's, so that one is known from the other."""
+    colored = pattern()
+    assert colored.texture is not None
+    both = Both(
+        device,
+        view,
+        replace(
+            colored,
+            kind="principled",
+            alpha=0.64,
+            metallic=0.5,
+            surface_texture=np.ascontiguousarray(colored.texture[..., :2]),
+        ),
+    )
+    ids = both.images("id")[0]
+    picture = inner(ids) & (ids == 2.0)
+    assert picture.sum() > 60
+    scale = both.images("albedo")[0][picture] / np.array(colored.albedo)
+    expected = {"metallic": 0.5 * scale[:, 0], "roughness": 0.64 * scale[:, 1] ** 2}
+    for name, values in expected.items():
+        assert np.ptp(values) > 0.2
+        for found in both.images(name):
+            np.testing.assert_allclose(found[picture], values, atol=0.03)
+    for name, value in (("metallic", 0.0), ("roughness", 1.0)):
+        for found in both.images(name):
+            np.testing.assert_array_equal(found[ids == 1.0], value)
+
+
+@views
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_normal_maps(device: ComputeDevice, view: View, mirrored: bool) -> None:
+    """A map of one direction tilts the normal of the square along u, v and its own."""
+    tilt = np.float32([0.3, 0.5, 0.8])
+    material = Material(normal_texture=np.tile(tilt, (4, 4, 1)))
+    along_u = np.tile([1.0, 0.0, 0.0, 1.0], (4, 1)).astype(np.float32)
+    square = replace(quad((material,)), tangents=along_u)
+    turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    u, v, n = turn.T
+    if mirrored:
+        u, turn = -u, turn * [-1.0, 1.0, 1.0]
+    instances = [placed(square, (-0.2, 0.0, -1.5), 0.5, turn)]
+    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
+    constants = device.upload("view", view.kernel_constants())
+    table = device.upload("materials", material_table([material]))
+    drawn, traced = layer_of(device, view), layer_of(device, view)
+    with rasterizer(instances) as opened:
+        opened.set_surface(device.read(panorama.surface))
+        drawn.load(opened.render(view, shade=True), constants, table)
+    bvh = ObjectBvh(device, instances)
+    bvh.load(instances)
+    visibility = Visibility(device, view, bvh, instances, SAMPLES)
+    visibility.follow(instances)
+    bounds = object_bounds(instances, margin=1e-3)
+    boxes = device.upload("boxes", bounds)
+    visibility.run(traced, view, constants, constants, panorama, bounds, boxes, table)
+    expected = tilt[0] * u + tilt[1] * v + tilt[2] * n
+    expected /= np.linalg.norm(expected)
+    for layer in (drawn, traced):
+        seen = image(device, layer, "coverage") == 1.0
+        assert seen.sum() > 200
+        # Where the tilted normal faces away, it is turned to the viewer.
+        facing = seen & (view.directions() @ expected < -0.05)
+        assert facing.sum() > 100
+        normals = image(device, layer, "normal")[facing]
+        np.testing.assert_allclose(normals, np.tile(expected, (len(normals), 1)), atol=2e-3)
 
 
 def test_coverage(both: Both) -> None:

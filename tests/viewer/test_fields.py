@@ -72,6 +72,7 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "color": (0.25, 0.5, 0.75),
         "alpha": 0.5,
         "ior": 1.25,
+        "metallic": 0.75,
         "fps": 30,
     }
     fields = by_key((*lens_fields(ui), *place_fields(ui), *material_fields(ui), rate_field(ui)))

@@ -45,6 +45,7 @@ typedef struct {
     float3 n;
     float3 viewer;
     float3 albedo;
+    float2 finish;       // as in Scatterer
     int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
 } PathSurface;
 
@@ -65,7 +66,7 @@ static inline Scatter scatter_along(const World world, const PathSurface at, flo
         s.density = fmax(s.diffuse, 1e-20f);
         return s;
     }
-    const Material material = load_material(world.materials, at.material);
+    const Material material = load_surface_material(world.materials, at.material, at.finish);
     const BrdfValue value = brdf_eval(material, at.albedo, at.n, at.viewer, wi);
     const float2 density = brdf_pdf(material, at.albedo, at.n, at.viewer, wi);
     s.diffuse = value.diffuse * cosine;
@@ -79,7 +80,7 @@ static inline Scatter scatter_sampled(const World world, const PathSurface at, f
 {
     if (at.material < 0)
         return scatter_along(world, at, frame_to_world(build_frame(at.n), sample_cosine(u.xy)));
-    const Material material = load_material(world.materials, at.material);
+    const Material material = load_surface_material(world.materials, at.material, at.finish);
     const BrdfSample sample = brdf_sample(material, at.albedo, at.n, at.viewer, u);
     if (sample.specular && !(material.alpha > 0.0f)) {
         Scatter s = no_scatter(sample.wi);
@@ -191,7 +192,11 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
         // Where an object's face coincides with the surface that it stands on, the object is hit.
         const int at_object = object && (is_aimed(s) || !(real.t < hit.t - world.real.bias));
         met |= bounce == 0 && at_object;
-        const float3 passed = bounce == 0 ? (float3)(1.0f) : at.albedo * s.diffuse + s.specular;
+        float3 passed = (float3)(1.0f);
+        if (bounce > 0) {
+            const Material material = load_surface_material(world.materials, at.material, at.finish);
+            passed = diffuse_albedo(material, at.albedo) * s.diffuse + s.specular;
+        }
         if (aimed_at && (delta || !at_object)) {
             const float3 arriving =
                 inverse * throughput * passed * PATH_RADIANCE(real, at.o, s.wi);
@@ -220,6 +225,7 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
         at.n = next.normal;
         at.viewer = -s.wi;
         at.albedo = next.albedo;
+        at.finish = next.finish;
         at.material = next.material;
     }
     return met;

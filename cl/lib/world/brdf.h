@@ -2,9 +2,12 @@
 //
 // All directions are unit vectors that point away from the surface: wo to the viewer, wi to the light; n is
 // the shading normal. A BRDF has two lobes that callers accumulate separately:
-//   diffuse    WITHOUT the albedo, so that irradiance can be filtered and the albedo multiplied
+//   diffuse    WITHOUT the diffuse albedo, so that irradiance can be filtered and the albedo multiplied
 //              afterwards
 //   specular   complete: a conductor's reflectance (its albedo) or a coat's Fresnel term included
+//
+// -D PRINCIPLED adds the principled material, a mixture of a plastic and a metal whose base color is the albedo
+// (Khronos glTF 2.0, appendix B). Its parameters may vary over a surface: load_surface_material().
 //
 // Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
 // JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub, "Sampling Visible GGX
@@ -16,26 +19,27 @@
 #include "maths/maths.h"
 #include "maths/sampling.h"
 
-#define BRDF_DIFFUSE_LOBE
-#define BRDF_METAL
-#define BRDF_SPECULAR_LOBE
-#define BRDF_GGX
-
 // Layout of the table made by material_table(): MATERIAL_ROWS float4 per material.
-//   row 0      kind, alpha (GGX; 0: perfectly smooth, else >= 1e-3), index of refraction,
+//   row 0      kind, alpha (GGX; 0: perfectly smooth, else >= MIN_ALPHA), index of refraction,
 //              1 / (ior^2 (1 - internal reflectance))
 //   rows 1-8   rough transmittance of the coat at cosines (i / 31)^2, i = 0..31
-#define MATERIAL_ROWS 9
+//   row 9      metalness; index of the first of COAT_LEVELS further entries, coats of roughness
+//              (i / (COAT_LEVELS - 1))^2 for maps of roughness, or 0
+#define MATERIAL_ROWS 10
 #define MATERIAL_NODES 32
 #define KIND_DIFFUSE 0
 #define KIND_CONDUCTOR 1
 #define KIND_PLASTIC 2
+#define KIND_PRINCIPLED 3
+#define COAT_LEVELS 32
 
 // Interpolated normals can turn away from the viewer: wo is bent to at least this cosine.
 #define BRDF_MIN_COSINE 1e-3f
 // Least share of the samples for either lobe of plastic. The reflection of the coat is faint, but a filter
 // can blur it far less than the irradiance below it.
 #define BRDF_MIN_LOBE 0.25f
+// Least GGX roughness of surfaces that are not mirrors; single precision cannot resolve a narrower lobe.
+#define MIN_ALPHA 1e-3f
 
 typedef struct {
     int kind;
@@ -43,6 +47,10 @@ typedef struct {
     float ior;
     float base;                              // scale of the base below the coat, row 0's w
     __global const float *transmittance;     // MATERIAL_NODES values
+#ifdef PRINCIPLED
+    float metallic;
+    float rougher;                           // share of the next rougher coat's values
+#endif
 } Material;
 
 // A direction sampled from one lobe. `weight` is f cos / density of that lobe, including the probability of
@@ -63,7 +71,64 @@ static inline Material load_material(__global const float4 *restrict materials, 
 {
     __global const float *row = (__global const float *)(materials + index * MATERIAL_ROWS);
     Material material = {(int)row[0], row[1], row[2], row[3], row + 4};
+#ifdef PRINCIPLED
+    material.metallic = row[4 + MATERIAL_NODES];
+    material.rougher = 0.0f;
+#endif
     return material;
+}
+
+// Return a material with the finish of a point of a surface: its metalness and alpha. A negative one stands for the
+// means of the material.
+static inline Material load_surface_material(
+    __global const float4 *restrict materials, int index, float2 finish)
+{
+    Material material = load_material(materials, index);
+#ifdef PRINCIPLED
+    if (material.kind != KIND_PRINCIPLED || finish.x < 0.0f)
+        return material;
+    const int levels = (int)material.transmittance[MATERIAL_NODES + 1];
+    if (levels > 0) {
+        const float at = sqrt(clamp(finish.y, 0.0f, 1.0f)) * (COAT_LEVELS - 1);
+        const int level = min((int)at, COAT_LEVELS - 2);
+        const Material next = load_material(materials, levels + level + 1);
+        material = load_material(materials, levels + level);
+        material.rougher = at - level;
+        material.base = mix(material.base, next.base, material.rougher);
+        material.alpha = fmax(finish.y, MIN_ALPHA);
+    }
+    material.metallic = finish.x;
+#endif
+    return material;
+}
+
+// Return the factor of the diffuse lobe.
+static inline float3 diffuse_albedo(const Material material, float3 albedo)
+{
+#ifdef PRINCIPLED
+    albedo *= 1.0f - material.metallic;
+#endif
+    return albedo;
+}
+
+// Return whether a material has no diffuse lobe.
+static inline int is_metal(const Material material)
+{
+#ifdef PRINCIPLED
+    if (material.kind == KIND_PRINCIPLED)
+        return !(material.metallic < 1.0f);
+#endif
+    return material.kind == KIND_CONDUCTOR;
+}
+
+// Return whether a material has a diffuse base below a dielectric coat.
+static inline int is_coated(const Material material)
+{
+#ifdef PRINCIPLED
+    if (material.kind == KIND_PRINCIPLED)
+        return 1;
+#endif
+    return material.kind == KIND_PLASTIC;
 }
 
 static inline float3 brdf_local_wo(Frame frame, float3 wo)
@@ -78,7 +143,13 @@ static inline float coat_transmittance(const Material material, float cosine)
 {
     const float x = sqrt(cosine) * (MATERIAL_NODES - 1);
     const int i = min((int)x, MATERIAL_NODES - 2);
-    return mix(material.transmittance[i], material.transmittance[i + 1], x - (float)i);
+    float crossed = mix(material.transmittance[i], material.transmittance[i + 1], x - (float)i);
+#ifdef PRINCIPLED
+    __global const float *next = material.transmittance + 4 * MATERIAL_ROWS;
+    if (material.rougher > 0.0f)
+        crossed = mix(crossed, mix(next[i], next[i + 1], x - (float)i), material.rougher);
+#endif
+    return crossed;
 }
 
 // Return the unpolarized reflectance of a smooth dielectric boundary, for light from the ior = 1 side.
@@ -94,21 +165,33 @@ static inline float fresnel_dielectric(float cosine, float ior)
 // Return the probability of sampling the specular lobe: its share of the reflected luminance.
 static inline float specular_probability(const Material material, float3 albedo, float cos_o)
 {
-    if (material.kind == KIND_PLASTIC) {
-        const float crossed = coat_transmittance(material, cos_o);
-        const float specular = 1.0f - crossed;
-        const float diffuse = luminance(albedo) * material.base * crossed;
-        const float share = specular / fmax(specular + diffuse, 1e-6f);
-        return clamp(share, BRDF_MIN_LOBE, 1.0f - BRDF_MIN_LOBE);
-    }
-    return material.kind == KIND_CONDUCTOR ? 1.0f : 0.0f;
+    if (is_metal(material))
+        return 1.0f;
+    if (!is_coated(material))
+        return 0.0f;
+    const float crossed = coat_transmittance(material, cos_o);
+    float specular = 1.0f - crossed;
+    float diffuse = luminance(albedo) * material.base * crossed;
+#ifdef PRINCIPLED
+    specular = mix(specular, luminance(albedo), material.metallic);
+    diffuse *= 1.0f - material.metallic;
+#endif
+    const float share = specular / fmax(specular + diffuse, 1e-6f);
+    return clamp(share, BRDF_MIN_LOBE, 1.0f - BRDF_MIN_LOBE);
 }
 
 static inline float3 specular_reflectance(const Material material, float3 albedo, float cos_h)
 {
-    if (material.kind == KIND_PLASTIC)
-        return (float3)(fresnel_dielectric(cos_h, material.ior));
-    return albedo;
+    if (!is_coated(material))
+        return albedo;
+    const float3 coat = (float3)(fresnel_dielectric(cos_h, material.ior));
+#ifdef PRINCIPLED
+    // Schlick, "An Inexpensive BRDF Model for Physically-based Rendering", 1994, equation 15.
+    const float grazing = 1.0f - clamp(cos_h, 0.0f, 1.0f), grazing2 = grazing * grazing;
+    return mix(coat, mix(albedo, (float3)(1.0f), grazing2 * grazing2 * grazing), material.metallic);
+#else
+    return coat;
+#endif
 }
 
 // Return z (1 + 2 Lambda(v)) of Smith's masking function.
@@ -142,7 +225,7 @@ static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
 // Return pi times the diffuse lobe, without the albedo.
 static inline float diffuse_factor(const Material material, float cos_i, float cos_o)
 {
-    if (material.kind == KIND_PLASTIC)
+    if (is_coated(material))
         return coat_transmittance(material, cos_i) * coat_transmittance(material, cos_o) *
                material.base;
     return 1.0f;
@@ -179,10 +262,8 @@ static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, c
     BrdfSample sample;
     sample.specular = 1;
     sample.wi = frame_to_world(frame, (float3)(-o.x, -o.y, o.z));
-    float unshadowed = 1.0f;
-    *solid_angle = 0.0f;
     const float slope = ggx_slope(o, material.alpha);
-    unshadowed = 0.5f * (o.z + slope) / slope;
+    const float unshadowed = 0.5f * (o.z + slope) / slope;
     *solid_angle = 2.0f * IPRT_PI * material.alpha * material.alpha * (o.z + slope);
     sample.weight = specular_reflectance(material, albedo, o.z) * unshadowed;
     return sample;
@@ -197,11 +278,9 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     sample.specular = 0;
     sample.wi = n;
     sample.weight = (float3)(0.0f);
-    float diffuse_probability = 1.0f;
 
     const float3 o = brdf_local_wo(frame, wo);
     const float probability = specular_probability(material, albedo, o.z);
-    diffuse_probability = 1.0f - probability;
     if (u.z < probability) {
         sample = sample_specular(material, albedo, frame, o, u.xy);
         sample.weight /= probability;
@@ -209,10 +288,8 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     }
 
     const float3 i = sample_cosine(u.xy);
-    float cos_o = 1.0f;
-    cos_o = o.z;
     sample.wi = frame_to_world(frame, i);
-    sample.weight = (float3)(diffuse_factor(material, i.z, cos_o) / diffuse_probability);
+    sample.weight = (float3)(diffuse_factor(material, i.z, o.z) / (1.0f - probability));
     return sample;
 }
 
@@ -225,7 +302,7 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
     BrdfValue value = {0.0f, (float3)(0.0f)};
     if (!(i.z > 0.0f))
         return value;
-    if (material.kind != KIND_CONDUCTOR)
+    if (!is_metal(material))
         value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
     if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f) {
         // G2 / (4 cos_i cos_o), which stays finite at grazing angles.
@@ -250,9 +327,8 @@ static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, 
     float2 density = (float2)(0.0f);
     if (!(i.z > 0.0f))
         return density;
-    float probability = 0.0f;
     const float3 o = brdf_local_wo(frame, wo);
-    probability = specular_probability(material, albedo, o.z);
+    const float probability = specular_probability(material, albedo, o.z);
     if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
         density.y = probability * ggx_distribution(i, o, material.alpha) /
                     (2.0f * (o.z + ggx_slope(o, material.alpha)));

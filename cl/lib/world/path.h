@@ -29,7 +29,7 @@ static inline float light_share(const World world, const Material material)
         return 0.0f;
     if (material.kind == KIND_DIFFUSE)
         return 0.5f;
-    return material.kind == KIND_PLASTIC ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
+    return !is_metal(material) ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
 }
 
 #ifdef SUN
@@ -52,7 +52,7 @@ static inline ALWAYS_INLINE Scatter scatter(
     float rest = 1.0f - s.light_share;
 #ifdef SUN
     // Mirrors and lobes hardly wider than the sun find it themselves.
-    const int aims_at_sun = material.kind != KIND_CONDUCTOR || material.alpha > AIMED_ALPHA;
+    const int aims_at_sun = !is_metal(material) || material.alpha > AIMED_ALPHA;
     if (aims_at_sun && sun_may_reach(world.objects, x)) {
         s.sun_share = SUN_SHARE * rest;
         rest -= s.sun_share;
@@ -95,7 +95,12 @@ typedef struct {
     volatile float *arriving;    // objects included, times `of_arriving`
     volatile float *specular;    // the same, times `of_specular`; null: nowhere
     volatile float *real;        // without objects
-    float of_arriving, of_specular;
+    float of_arriving;
+#ifdef PRINCIPLED
+    float3 of_specular;
+#else
+    float of_specular;
+#endif
 } PathSums;
 
 // The first hit of a path.
@@ -322,9 +327,9 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         const uint stream = hash_combine(seed, 2 * bounce + 2);
         const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
         o = o_object = at.position;
-        s = scatter(world, load_material(world.materials, at.material), at.albedo, o, at.normal, -d,
-                    (float4)(u, v));
-        throughput *= at.albedo * s.diffuse + s.specular;
+        const Material material = load_surface_material(world.materials, at.material, at.finish);
+        s = scatter(world, material, at.albedo, o, at.normal, -d, (float4)(u, v));
+        throughput *= diffuse_albedo(material, at.albedo) * s.diffuse + s.specular;
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             return first;
     }

@@ -90,7 +90,7 @@ TRACING_KERNEL void trace_cached(
         if (!(s.diffuse > 0.0f))
             continue;
         const float3 o = real_start(world.real, at.p, at.n);
-        const PathSums sums = {bounce, 0, blocked, 1.0f, 0.0f};
+        const PathSums sums = {bounce, 0, blocked, 1.0f};
         trace_path(world, o, o_object, s, (float3)(s.diffuse), at.seed, first + next - 1, sums);
     }
     const TracedPixel at = traced_pixel(pixels, item, CACHED);

@@ -27,8 +27,9 @@ from iprt.device.block import (
     when,
 )
 from iprt.device.compute import ComputeDevice
+from iprt.device.kernel_source import constant
 from iprt.device.vectors import float4
-from iprt.geometry.material import Material
+from iprt.geometry.material import Material, MaterialNeeds
 from iprt.geometry.mesh import Instance, same_places
 from iprt.world.objects.object_layers import ObjectLayerArgs
 
@@ -46,11 +47,16 @@ class BvhArgs(Block):
         4 per packet: three vertices, material of the mesh.
     normals : (V, 4) float32
         Object space.
-    albedos : (2 M, 4) float32
-        Per material: rgb; int bits of its texture's first texel, width (0: none) and height.
+    albedos : (2 M, 4), (4 M, 4) or (6 M, 4) float32
+        Per material: rgb, opacity; int bits of its texture's first texel, width (0: none) and
+        height, then the cutoff. With principled materials also metalness and alpha; the texture of
+        their factors. With normal maps also 0; the normal map.
     uvs : (V, 2) float32 or None
+    tangents : (V, 4) float32 or None
+        As in `Mesh`, object space.
     texels : (T, 4) float16 or None
-        rgb, linear.
+        Linear rgb and opacity; factors of metalness and of the square root of alpha; or directions
+        of normals.
     """
 
     nodes: Float4s
@@ -61,6 +67,7 @@ class BvhArgs(Block):
     normals: Float4s
     albedos: Float4s
     uvs: Float2s
+    tangents: Float4s = when("NORMAL_MAPS")
     texels: Halves
     work: Counters = when("COUNT_WORK", outer="work_counters")
 
@@ -107,6 +114,15 @@ class ObjectsArgs(Block):
             self.edges = float4(tuple(float(self.rectangle[axis]) for axis in "xyzw"))
 
 
+_HEADER = "lib/world/objects/objects_bvh.h"
+_WRAP, _NEAREST = constant(_HEADER, "TEXTURE_WRAP"), constant(_HEADER, "TEXTURE_NEAREST")
+_WRAPS = {
+    "repeat": 0,
+    "clamp": constant(_HEADER, "WRAP_CLAMP"),
+    "mirror": constant(_HEADER, "WRAP_MIRROR"),
+}
+
+
 class ObjectBvh:
     """Buffers of `cl/lib/world/objects/objects_bvh.h`.
 
@@ -134,7 +150,7 @@ class ObjectBvh:
         self._device = device
         self._builder = SceneBuilder()
         materials = [m for instance in instances for m in instance.mesh.materials]
-        self._textured = any(m.texture is not None for m in materials)
+        self._textured = any(material.textured for material in materials)
         self.deforming = any(instance.mesh.deforms for instance in instances)
         sizes = scene_sizes(shapes_of(instances))
         rows = {name: max(count, 1) for name, count in vars(sizes).items()}
@@ -145,7 +161,7 @@ class ObjectBvh:
         self._make("instances", (rows["instances"], INSTANCE_ROWS, 4))
         self._make("triangles", (4 * rows["packets"], 4), np.int32)
         self._make("normals", (rows["vertices"], 4))
-        table, texels = _albedo_table(materials)
+        table, texels = texture_table(materials)
         self._albedos = device.upload("bvh albedos", table)
         self._texels = None
         self._loaded: Sequence[Instance] | None = None
@@ -153,6 +169,8 @@ class ObjectBvh:
         if self._textured:
             self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
+        if MaterialNeeds.of(materials).normal_maps:
+            self._make("tangents", (rows["vertices"], 4))
 
     def _make(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> None:
         self._buffers[name] = self._device.empty(f"bvh {name}", shape, dtype)
@@ -219,25 +237,37 @@ class ObjectBvh:
             normals=self._buffers["normals"],
             albedos=self._albedos,
             uvs=self._buffers["uvs"] if self._textured else None,
+            tangents=self._buffers.get("tangents"),
             texels=self._texels if self._textured else None,
         )
         return ObjectsArgs(bounds=boxes, count=boxes.shape[0], bvh=bvh)
 
 
-def _albedo_table(
+def texture_table(
     materials: Sequence[Material],
 ) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
-    """Return (2 M, 4) rows of albedo and texture location, and (T, 4) texels of all textures."""
-    table = np.zeros((max(len(materials), 1), 2, 4), np.float32)
-    texels: list[NDArray[np.float16]] = []
-    first = 0
+    """Return `BvhArgs.albedos`, and the (T, 4) texels of all textures."""
+    needs = MaterialNeeds.of(materials)
+    rows = 6 if needs.normal_maps else 4 if needs.principled else 2
+    table = np.zeros((max(len(materials), 1), rows, 4), np.float32)
+    texels = [np.zeros((0, 4), np.float16)]
     for row, material in zip(table, materials, strict=False):
-        row[0, :3] = material.albedo
-        if material.texture is not None:
-            height, width = material.texture.shape[:2]
-            row[1].view(np.int32)[:3] = first, width, height
-            image = material.texture.reshape(-1, 3).astype(np.float16)
-            texels.append(np.pad(image, ((0, 0), (0, 1))))
-            first += width * height
-    packed = np.concatenate(texels) if texels else np.zeros((1, 4), np.float16)
-    return table.reshape(-1, 4), packed
+        row[0] = *material.albedo, material.opacity
+        row[1, 3] = material.cutoff
+        row[2:3, :2] = material.metallic, material.alpha
+        maps = zip(row[1::2], material.maps, material.samplers, strict=False)
+        for place, image, sampler in maps:
+            if image is not None:
+                height, width, channels = image.shape
+                wraps = [_WRAPS[wrap] << 2 * axis for axis, wrap in enumerate(sampler.wrap)]
+                first = sum(map(len, texels)) | sum(wraps) << _WRAP
+                read = width | sampler.nearest << _NEAREST
+                place.view(np.uint32)[:3] = first, read, height
+                flat = np.ones((height * width, 4), np.float16)
+                flat[:, :channels] = image.reshape(-1, channels)
+                if image is material.texture and material.opacity_texture is not None:
+                    flat[:, 3] = material.opacity_texture.ravel()
+                texels.append(flat)
+    if len(texels) == 1:
+        texels.append(np.zeros((1, 4), np.float16))
+    return table.reshape(-1, 4), np.concatenate(texels)

@@ -5,6 +5,7 @@
 #include "maths/kernel_attributes.h"
 #include "maths/grid.h"
 #include "maths/maths.h"
+#include "maths/rng.h"
 #include "world/objects/scatterer.h"
 
 #ifdef OBJECTS_BVH
@@ -18,17 +19,38 @@
 // The same for surfaces in the view, whose position comes from a depth picture.
 #define OBJECT_DEPTH_ERROR 0x1p-14f
 
+// Least cosine between the normal of a map and the triangle's.
+#define MIN_RISE 0.01f
+
 typedef BvhHit ObjectHit;
 
-static inline ALWAYS_INLINE int trace_objects(
-    const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
+// Bits of an image's first texel: its place, and from TEXTURE_WRAP on how it is read beyond 0 and 1 along u and v, two
+// bits each. Bit of its width: the nearest texel is read.
+#define TEXTURE_WRAP 28
+#define TEXTURE_NEAREST 30
+#define WRAP_CLAMP 1
+#define WRAP_MIRROR 2
+
+// Return a coordinate of a texture of `size` texels in the range of their centres.
+static inline float wrapped(float u, uint wrap, float size)
 {
-    return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, any, hit);
+    const float half_texel = 0.5f / size, turned = u - 2.0f * floor(0.5f * u);
+    u = wrap == WRAP_MIRROR ? 1.0f - fabs(1.0f - turned) : u;
+    return clamp(u, half_texel, 1.0f - half_texel);
 }
 
-// Return the bilinear value of a repeated texture; row 0 is at v = 1.
-static inline float3 object_texture(__global const half *texels, int4 image, float2 uv)
+// Return the bilinear value of a texture; row 0 is at v = 1.
+static inline float4 object_texture(__global const half *texels, int4 image, float2 uv)
 {
+    const uint wrap = (uint)image.x >> TEXTURE_WRAP;
+    const int nearest = image.y >> TEXTURE_NEAREST;
+    image.xy &= (int2)((1 << TEXTURE_WRAP) - 1, (1 << TEXTURE_NEAREST) - 1);
+    if (wrap & 3u)
+        uv.x = wrapped(uv.x, wrap & 3u, image.y);
+    if (wrap >> 2)
+        uv.y = wrapped(uv.y, wrap >> 2, image.z);
+    if (nearest)
+        uv = (floor(uv * (float2)(image.y, image.z)) + 0.5f) / (float2)(image.y, image.z);
     const float2 at = (uv - floor(uv)) * (float2)(image.y, -image.z) - 0.5f;
     const float2 low = floor(at), part = at - low;
     int x = (int)low.x, y = (int)low.y + image.z;
@@ -38,20 +60,48 @@ static inline float3 object_texture(__global const half *texels, int4 image, flo
     const int row0 = image.x + y * image.y, row1 = image.x + below * image.y;
     const float4 upper = mix(vload_half4(row0 + x, texels), vload_half4(row0 + right, texels), part.x);
     const float4 lower = mix(vload_half4(row1 + x, texels), vload_half4(row1 + right, texels), part.x);
-    return mix(upper, lower, part.y).xyz;
+    return mix(upper, lower, part.y);
+}
+
+// Rows per material of the table of albedos and textures (iprt/world/objects/object_bvh.py).
+#if defined(NORMAL_MAPS)
+#define TEXTURED_ROWS 6
+#elif defined(PRINCIPLED)
+#define TEXTURED_ROWS 4
+#else
+#define TEXTURED_ROWS 2
+#endif
+
+static inline float2 object_uv(const Objects world, int4 vertices, float3 weights)
+{
+    return weights.x * world.bvh.uvs[vertices.x] + weights.y * world.bvh.uvs[vertices.y]
+        + weights.z * world.bvh.uvs[vertices.z];
 }
 
 // Return a material's albedo at barycentric weights of a triangle; `material` counts all instances'.
 static inline float3 object_albedo(const Objects world, int material, int4 vertices, float3 weights)
 {
-    float3 albedo = world.bvh.albedos[2 * material].xyz;
-    const int4 image = as_int4(world.bvh.albedos[2 * material + 1]);
-    if (image.y > 0) {
-        const float2 uv = weights.x * world.bvh.uvs[vertices.x] + weights.y * world.bvh.uvs[vertices.y]
-            + weights.z * world.bvh.uvs[vertices.z];
-        albedo *= object_texture(world.bvh.texels, image, uv);
-    }
+    float3 albedo = world.bvh.albedos[TEXTURED_ROWS * material].xyz;
+    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 1]);
+    if (image.y > 0)
+        albedo *= object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xyz;
     return albedo;
+}
+
+// Return metalness and alpha of a principled material there.
+static inline float2 object_finish(const Objects world, int material, int4 vertices, float3 weights)
+{
+    float2 finish = (float2)(0.0f);
+#ifdef PRINCIPLED
+    finish = world.bvh.albedos[TEXTURED_ROWS * material + 2].xy;
+    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 3]);
+    if (image.y > 0) {
+        // Textures scale the square root of alpha.
+        const float2 scale = object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xy;
+        finish *= (float2)(scale.x, scale.y * scale.y);
+    }
+#endif
+    return finish;
 }
 
 static inline float3 packet_corner(__global const float4 *rows, int corner, int column)
@@ -80,17 +130,89 @@ static inline ALWAYS_INLINE int object_material(const Objects world, const Objec
     return as_int(rows[6].y) + world.bvh.triangles[hit.triangle].w;
 }
 
+#ifdef HOLES
+// Most surfaces that a ray passes through.
+#define MOST_HOLES 64
+
+// Return whether a ray from o along d meets the surface of a hit, rather than passing through it. Where a share of the
+// rays passes, it is chosen by a hash of the ray.
+static inline int is_met(const Objects world, const ObjectHit hit, float3 o, float3 d)
+{
+    const int material = object_material(world, hit);
+    __global const float4 *rows = world.bvh.albedos + TEXTURED_ROWS * material;
+    const int4 image = as_int4(rows[1]);
+    float opacity = rows[0].w;
+    if (image.y > 0) {
+        const float3 weights = (float3)(1.0f - hit.u - hit.v, hit.u, hit.v);
+        const float2 uv = object_uv(world, world.bvh.triangles[hit.triangle], weights);
+        opacity *= object_texture(world.bvh.texels, image, uv).w;
+    }
+    const float cutoff = rows[1].w;
+    if (cutoff > 0.0f)
+        return opacity >= cutoff;
+    if (opacity >= 1.0f)
+        return 1;
+    const uint ray = hash_combine(hash_combine(as_uint(d.x), as_uint(d.y)), as_uint(d.z));
+    const uint from = hash_combine(hash_combine(as_uint(o.x), as_uint(o.y)), as_uint(o.z));
+    return u01(hash_combine(hash_combine(ray, from), (uint)hit.triangle)) < opacity;
+}
+
+static inline ALWAYS_INLINE int trace_objects(
+    const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
+{
+    if (!is_ray(o, d))
+        return 0;
+    float start = 0.0f;
+    for (int i = 0; i < MOST_HOLES; i++) {
+        // Any hit may be a hole: the nearest one is needed to go on from.
+        if (!bvh_trace(world.bvh, o + start * d, d, t_max - start, 0, hit))
+            return 0;
+        hit->t += start;
+        if (is_met(world, *hit, o, d))
+            return 1;
+        start = hit->t + OBJECT_ULPS * (largest(o) + hit->t);
+    }
+    return 0;
+}
+#else
+static inline ALWAYS_INLINE int trace_objects(
+    const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
+{
+    return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, any, hit);
+}
+#endif
+
 // The triangle that a ray along d has hit, in world space.
 typedef struct {
     float3 position;
     float3 flat_normal;   // of the plane, towards the viewer
-    float3 normal;        // interpolated, outward in the mesh; flat_normal without normals
+    float3 normal;        // of the map, or interpolated, outward in the mesh; flat_normal without normals
     float3 bulge;         // from position to the curved surface implied by the normals, if outside
     float reach;          // the largest coordinate in its computation
     int4 vertices;        // w: the material of the mesh
     float3 weights;
     int material;         // index among all instances' materials
 } ObjectSurface;
+
+#ifdef NORMAL_MAPS
+// Return the normal that a map gives at a surface, on the same side as its interpolated one.
+static inline float3 mapped_normal(
+    const Objects world, __global const float4 *rows, int material, int4 vertices, float3 weights, float3 n)
+{
+    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 5]);
+    if (image.y == 0)
+        return n;
+    const float4 tangent = weights.x * world.bvh.tangents[vertices.x]
+        + weights.y * world.bvh.tangents[vertices.y] + weights.z * world.bvh.tangents[vertices.z];
+    const float3 own = weights.x * world.bvh.normals[vertices.x].xyz
+        + weights.y * world.bvh.normals[vertices.y].xyz + weights.z * world.bvh.normals[vertices.z].xyz;
+    const float3 bitangent = copysign(1.0f, tangent.w) * cross(own, tangent.xyz);
+    const float3 x = safe_normalize(bvh_transform(rows + 3, tangent.xyz, 0.0f), (float3)(0.0f));
+    const float3 y = safe_normalize(bvh_transform(rows + 3, bitangent, 0.0f), (float3)(0.0f));
+    const float3 at = object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xyz;
+    return safe_normalize(at.x * x + at.y * y + fmax(at.z, 0.0f) * n, n);
+}
+#endif
 
 // Return the offset from x up to the plane through the origin with normal n, 0 if x is above it.
 static inline float3 above_plane(float3 x, float3 n) { return fmax(-dot(x, n), 0.0f) * n; }
@@ -122,6 +244,12 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(const Objects world, co
     at.bulge = at.weights.x * above_plane(at.position - a, side * na)
         + at.weights.y * above_plane(at.position - b, side * nb)
         + at.weights.z * above_plane(at.position - c, side * nc);
+#ifdef NORMAL_MAPS
+    at.normal = mapped_normal(world, rows, at.material, at.vertices, at.weights, at.normal);
+    // It does not turn to the other side of the triangle.
+    const float3 up = side * at.flat_normal;
+    at.normal = safe_normalize(at.normal + fmax(MIN_RISE - dot(at.normal, up), 0.0f) * up, up);
+#endif
     return at;
 }
 
@@ -139,6 +267,7 @@ static inline ALWAYS_INLINE Scatterer object_point(
     const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -at.normal : at.normal;
     point.normal = n - 2.0f * fmax(dot(n, d), 0.0f) * d;
     point.albedo = object_albedo(world, at.material, at.vertices, at.weights);
+    point.finish = object_finish(world, at.material, at.vertices, at.weights);
     point.material = at.material;
     return point;
 }

@@ -320,6 +320,7 @@ static inline Scatterer object_point(const Objects world, const ObjectHit hit, f
     point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
     point.position = o + hit.t * d + OBJECT_LIFT * OF_LAYER(footprint) * geometry.w * point.normal;
     point.albedo = material.xyz;
+    point.finish = (float2)(-1.0f);
     point.material = (int)material.w - 1;
     return point;
 }

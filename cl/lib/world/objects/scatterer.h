@@ -6,4 +6,5 @@ typedef struct {
     float3 normal;     // towards the viewer
     float3 albedo;
     int material;
+    float2 finish;     // of a principled material: metalness, and alpha of GGX; negative: the material's means
 } Scatterer;
