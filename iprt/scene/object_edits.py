@@ -288,12 +288,13 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
         written["ior"] = material.ior
     if material.kind == "principled":
         written["metallic"] = material.metallic
-    if material.textured:
-        if material.kind != "diffuse" or material.texture is None or material.maps[2] is not None:
-            raise SceneError(
-                f"object {edit.name}: {material.kind} with a texture cannot be written; choose a "
-                "diffuse material, or one without a texture"
-            )
+    others = material.has_holes or any(image is not None for image in material.maps[1:])
+    if others or (material.texture is not None and material.kind != "diffuse"):
+        raise SceneError(
+            f"object {edit.name}: {material.kind} with its textures cannot be written; remove the "
+            "textures, or choose a diffuse material with a color texture alone"
+        )
+    if material.texture is not None:
         written["texture"] = _texture_name(edit.name, material.texture, scene)
     return written
 

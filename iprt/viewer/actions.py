@@ -50,10 +50,12 @@ def actions(ui: UiState) -> dict[str, Action]:
     engine = ui.engine
 
     def textured() -> bool:
-        return ui.state is not None and ui.state.materials[0].textured
+        material = None if ui.state is None else ui.state.materials[0]
+        return material is not None and (material.textured or material.has_holes)
 
     def bare() -> None:
-        ui.paint(texture=None, surface_texture=None, normal_texture=None, opacity_texture=None)
+        maps = "texture", "surface_texture", "normal_texture", "opacity_texture"
+        ui.paint(**dict.fromkeys(maps), opacity=1.0, cutoff=0.0)
 
     def selected() -> bool:
         return ui.state is not None

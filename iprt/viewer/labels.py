@@ -107,8 +107,8 @@ PARTS: Mapping[str, Label] = {
     ),
     "gloss": Label(
         "Find reflections",
-        "Glossy real surfaces are looked for in the video. Otherwise only those that scene.toml "
-        "declares reflect objects.",
+        "Glossy real surfaces are looked for in the video. Otherwise only surfaces that "
+        "scene.toml declares reflect objects.",
     ),
     "sky": Label(
         "Estimate the sky",

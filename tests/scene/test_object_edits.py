@@ -187,7 +187,9 @@ def test_what_cannot_be_written_changes_nothing(scene: Scene, tmp_path: Path) ->
     flattened = np.diag([1.0, 1.0, 0.0, 1.0])
     before = snapshot(scene.root)
     for edit, problem in (
-        (ObjectEdit("tiles", material=replace(PAINT, texture=texture)), "conductor with a texture"),
+        (ObjectEdit("tiles", material=replace(PAINT, texture=texture)), "conductor with its tex"),
+        (ObjectEdit("tiles", material=Material(opacity=0.5)), "diffuse with its textures"),
+        (ObjectEdit("tiles", material=Material(normal_texture=texture)), "remove the textures"),
         (ObjectEdit("last", material=Material(texture=np.ones((2, 2, 3), "f4"))), "mesh file"),
         (ObjectEdit("last", flat(flattened)), "singular"),
         (gone, "no such mesh file"),
