@@ -131,8 +131,8 @@ class SceneBvh:
         Three vertices and the mesh's material, per place of a packet.
     normals : (V, 4) float32
     uvs : (V, 2) float32
-    tangents : (V, 4) float32
-        As in `Mesh`, in the space of their tree; 0 without.
+    tangents : (V, 4) float32 or None
+        As in `Mesh`, in the space of their tree. None if no mesh has any.
     displacements : (V, 4) float32 or None
         Offsets to the previous state's vertices, in the space of their tree. None if no mesh
         deformed.
@@ -148,7 +148,7 @@ class SceneBvh:
     triangles: NDArray[np.int32]
     normals: Floats
     uvs: Floats
-    tangents: Floats
+    tangents: Floats | None
     displacements: Floats | None
     instance_of: NDArray[np.int32]
     slots: NDArray[np.int32]
@@ -283,7 +283,6 @@ def _assemble(
     nodes, packets = [upper], [np.zeros((0, PACKET_ROWS, 4), np.float32)]
     triangles, normals = [np.zeros((0, 4), np.int32)], [np.zeros((0, 4), np.float32)]
     uvs, slots = [np.zeros((0, 2), np.float32)], [np.zeros(0, np.int32)]
-    tangents = [np.zeros((0, 4), np.float32)]
     roots = []
     for shape, tree in trees:
         mesh = shape.mesh
@@ -297,11 +296,11 @@ def _assemble(
         triangles.append(corners)
         normals.append(np.pad(shape.normals(), ((0, 0), (0, 1))))
         uvs.append(mesh.uvs)
-        tangents.append(shape.tangents())
         slots.append(tree.slots)
         first_node += len(tree.nodes)
         first_packet += len(tree.packets)
         first_vertex += len(mesh.positions)
+    bumpy = any(shape.mesh.tangents is not None for shape, _ in trees)
     first_material = np.cumsum([0, *(len(i.mesh.materials) for i in instances)])
     rows = np.zeros((len(present), INSTANCE_ROWS, 4), np.float32)
     for row, index, number in zip(rows, present, numbers, strict=True):
@@ -317,7 +316,7 @@ def _assemble(
         np.concatenate(triangles),
         np.concatenate(normals),
         np.concatenate(uvs),
-        np.concatenate(tangents),
+        np.concatenate([shape.tangents() for shape, _ in trees]) if bumpy else None,
         None,
         np.array(present, np.int32),
         np.concatenate(slots),
