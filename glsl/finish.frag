@@ -18,6 +18,9 @@ uniform sampler2D displaced_in;
 #ifdef PRINCIPLED
 uniform sampler2D finish_in;
 #endif
+#ifdef EMISSION
+uniform sampler2D emission_in;
+#endif
 uniform sampler2D samples;           // encoded depth, SAMPLES x SAMPLES texels per pixel
 uniform ivec2 samples_origin;        // pixel of its corner
 uniform sampler2D surface;           // tangent planes of the real scene, equirect
@@ -33,6 +36,9 @@ layout(location = 1) out vec4 material;
 layout(location = 2) out vec4 display;   // coverage, previous image point, fraction with any object
 #ifdef PRINCIPLED
 layout(location = 3) out vec4 finish;    // metalness, alpha, 0, 0
+#endif
+#ifdef EMISSION
+layout(location = 4) out vec4 emission;  // radiance, 0
 #endif
 
 const float NOWHERE = -1e9;
@@ -123,6 +129,9 @@ void main()
         covered = borrow(pixel, d);
 #ifdef PRINCIPLED
     finish = texelFetch(finish_in, covered, 0);
+#endif
+#ifdef EMISSION
+    emission = texelFetch(emission_in, covered, 0);
 #endif
     if (geometry.w == 0.0) {
         display = vec4(0.0, NOWHERE, NOWHERE, 0.0);

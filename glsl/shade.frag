@@ -2,7 +2,8 @@
 //
 // Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is interpolated by
 // the rasterizer. With TEXTURED, only the pixels of one textured material. With DEFORMING, also the
-// deformation since the previous frame. With PRINCIPLED, also metalness and alpha.
+// deformation since the previous frame. With PRINCIPLED, also metalness and alpha. With EMISSION,
+// also emitted radiance.
 #version 330
 #include "view.glsl"
 #include "mesh.glsl"
@@ -11,7 +12,7 @@
 uniform sampler2D seen_facing; // nearest triangle that faces the capture centre: 1 + number, or 0
 uniform sampler2D seen_away;   // nearest triangle that faces away
 uniform bool back_layer;       // the nearest that faces away, else the nearest of either
-uniform sampler2D table;       // per material: albedo; three rows of its object's motion; metalness, alpha
+uniform sampler2D table;       // per material: albedo; three rows of its object's motion; metalness, alpha; emission
 #ifdef TEXTURED
 uniform sampler2D image;       // factors of the albedo
 uniform bvec2 image_mirrored;  // it is mirrored beyond 0 and 1
@@ -19,6 +20,10 @@ uniform int textured;          // index of the textured material
 #ifdef PRINCIPLED
 uniform sampler2D finish_image; // factors of metalness and of the square root of alpha
 uniform bvec2 finish_image_mirrored;
+#endif
+#ifdef EMISSION
+uniform sampler2D emission_image; // factors of the emission
+uniform bvec2 emission_image_mirrored;
 #endif
 #ifdef NORMAL_MAPS
 uniform sampler2D normal_image; // directions along tangent, bitangent and normal
@@ -34,6 +39,9 @@ layout(location = 2) out vec4 displaced;  // world space, to the mesh's shape be
 #endif
 #ifdef PRINCIPLED
 layout(location = FINISH_IMAGE) out vec4 finish;   // metalness, alpha, 0, 0
+#endif
+#ifdef EMISSION
+layout(location = EMISSION_IMAGE) out vec4 emission;   // radiance, 0
 #endif
 
 #ifdef TEXTURED
@@ -71,6 +79,9 @@ void main()
 #ifdef PRINCIPLED
     finish = vec4(0.0);
 #endif
+#ifdef EMISSION
+    emission = vec4(0.0);
+#endif
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec2 at = image_point(gl_FragCoord.xy);
     vec3 d = world_from_view * view_direction(at);
@@ -101,6 +112,9 @@ void main()
 #ifdef PRINCIPLED
     finish.xy = texelFetch(table, ivec2(4, triangle.w), 0).xy;
 #endif
+#ifdef EMISSION
+    emission.rgb = texelFetch(table, ivec2(5, triangle.w), 0).rgb;
+#endif
 #ifdef TEXTURED
     if (triangle.w != textured)
         discard;
@@ -117,6 +131,9 @@ void main()
 #ifdef PRINCIPLED
     vec2 scale = textureGrad(finish_image, mirror(uv * weights, finish_image_mirrored), across, down).rg;
     finish.xy *= vec2(scale.x, scale.y * scale.y);
+#endif
+#ifdef EMISSION
+    emission.rgb *= textureGrad(emission_image, mirror(uv * weights, emission_image_mirrored), across, down).rgb;
 #endif
 #ifdef NORMAL_MAPS
     vec4 tangent = weights.x * tangent_side(triangle.x) + weights.y * tangent_side(triangle.y)

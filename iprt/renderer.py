@@ -177,9 +177,7 @@ class Renderer:
         self.method: Method | None = None
         self._objects: Objects | None = None
         if features.objects:
-            self.visible = VisibleLayer(
-                device, self.layout, self.real.edges, principled=features.materials.principled
-            )
+            self.visible = VisibleLayer(device, self.layout, self.real.edges, features.materials)
             gbuffer = GBuffer(self.real, self.visible)
             setup = Setup(device, view, self.layout, features, gbuffer, camera)
             if self.settings.light_scale > 1:
@@ -336,6 +334,7 @@ class Renderer:
             metallic=None if visible is None else visible.metallic,
             diffuse=signals.diffuse,
             specular=signals.specular,
+            emission=None if visible is None else visible.emission,
             color_map=self.real_world.color_map,
         )
 

@@ -23,8 +23,19 @@
 #include "world/real/sun.h"
 
 // Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured color
-// is too dark to be reliable.
+// is too dark to be reliable. -D EMISSION: a lamp brightens dark corners much more.
+#ifdef EMISSION
+#define MAX_RATIO 1e4f
+#else
 #define MAX_RATIO 4.0f
+#endif
+// Largest reflectance of surfaces for the light that objects add. Below 1, so that the light that surfaces pass on to
+// each other from picture to picture ends.
+#ifdef EMISSION
+#define MOST_REFLECTED 0.9f
+#else
+#define MOST_REFLECTED 1.0f
+#endif
 
 // Relative changes below this are applied without a lookup of E_R.
 #define SLIGHT 0.004f
@@ -32,6 +43,13 @@
 // to the change.
 #define FAINT 0.015f
 #define STRONG 0.06f
+
+// Return the share of a channel's radiance that E_R explains.
+static inline ALWAYS_INLINE float explained_share(float real, float seen, float black)
+{
+    const float most = MOST_REFLECTED * real;
+    return most / fmax(fmax(most, seen), black);
+}
 
 static inline ALWAYS_INLINE float channel_ratio(
     float real, float both, float seen, float passing, float explained, float black)
@@ -155,9 +173,9 @@ __kernel void relight(
         const float lit = luminance((float3)(real[0][i], real[1][i], real[2][i]));
         const float relit = luminance((float3)(both[0][i], both[1][i], both[2][i]));
         const float passing = fmin(fmax(relit / fmax(lit, black), 0.0f), 1.0f);
-        const float of_red = real[0][i] / fmax(fmax(real[0][i], red), black);
-        const float of_green = real[1][i] / fmax(fmax(real[1][i], green), black);
-        const float of_blue = real[2][i] / fmax(fmax(real[2][i], blue), black);
+        const float of_red = explained_share(real[0][i], red, black);
+        const float of_green = explained_share(real[1][i], green, black);
+        const float of_blue = explained_share(real[2][i], blue, black);
         const float explained = fmin(fmax(fmin(of_red, fmin(of_green, of_blue)), 0.0f), 1.0f);
         float r = channel_ratio(real[0][i], both[0][i], red, passing, explained, black);
         float g = channel_ratio(real[1][i], both[1][i], green, passing, explained, black);

@@ -15,7 +15,8 @@
 #include "trace/traced.h"
 
 // Shares of rays aimed at boxes, from outside and from inside of one. Half of the rest is aimed at lights, if
-// there are any; the others follow the cosine, which covers close objects.
+// there are any; the others follow the cosine, which covers close objects. With emitting objects, these are shares of
+// the rays that are not aimed at emitting triangles.
 #define BOX_SHARE 0.5f
 #define BOX_SHARE_INSIDE 0.2f
 
@@ -27,9 +28,18 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
                                    float2 v)
 {
     Scatter s = no_scatter(boxes.n);
+    float left = 1.0f;
+#ifdef LAMPS
+    s.lamp_share = lamps_shine(world.objects) ? LAMP_SHARE : 0.0f;
+    left -= s.lamp_share;
+    if (v.x >= left) {
+        s.texel = LAMP_TEXEL;
+        s.wi = towards_lamp(world.objects, boxes.x, u, v.y, &s.lamp_distance);
+    }
+#endif
     const float box_share = !(boxes.total > 0.0f) ? 0.0f
-        : boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE;
-    s.light_share = lights_shine(world.lights) ? 0.5f * (1.0f - box_share) : 0.0f;
+        : left * (boxes.inside ? BOX_SHARE_INSIDE : BOX_SHARE);
+    s.light_share = lights_shine(world.lights) ? 0.5f * (left - box_share) : 0.0f;
     if (v.x < box_share) {
         s.wi = sample_boxes(world.objects.bounds, world.objects.count, boxes, u,
                             v.x / box_share);
@@ -37,12 +47,12 @@ static inline Scatter sample_delta(const World world, const BoxView boxes, float
         const float3 light = sample_light(world.lights, u);
         s.texel = texel_towards(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, o);
-    } else {
+    } else if (!is_at_lamp(s)) {
         s.wi = frame_to_world(build_frame(boxes.n), sample_cosine(u));
     }
     const float cosine = fmax(dot(boxes.n, s.wi), 0.0f);
     s.diffuse = cosine / IPRT_PI;
-    s.density = fmax((1.0f - box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
+    s.density = fmax((left - box_share - s.light_share) * cosine / IPRT_PI, 1e-20f);
     // Rays that hit no object do not need the density, but computing it after the traversal would keep `boxes`
     // in registers meanwhile.
     if (box_share > 0.0f)

@@ -32,7 +32,7 @@ TRACING_KERNEL void trace_gloss(
     for (int ray = 0; ray < pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
         const float3 o_object = at.p + world.real.bias * at.n;
-        if (!view_boxes(world.objects.bounds, world.objects.count, o_object, at.n).above)
+        if (!PASSES_ON && !view_boxes(world.objects.bounds, world.objects.count, o_object, at.n).above)
             break;
         const uint number = READ_AGAIN(samples + at.pixel) + ray;
         const Frame frame = build_frame(at.n);

@@ -22,7 +22,7 @@
 //        maps (lib/world/real/color_map.h),
 //        coverage (1 plane, [0, 1]) and sides (float2 per pixel) of unpack.cl, with objects,
 //        albedo (3 planes), diffuse (3 planes: to multiply by the albedo),
-//        specular (3 planes, radiance)
+//        specular and emission (3 planes each, radiance)
 //   out  picture (height x width x 4, row 0 the top): linear rgb, a = coverage
 //
 // Where coverage is 0, the ratio 1 and the change 0, the output has the bits of the input.
@@ -95,6 +95,7 @@ __kernel void composite(
     __global const float *restrict metallic, // 1 plane
     __global const float *restrict diffuse,  // 3 planes
     __global const float *restrict specular, // 3 planes
+    __global const float *restrict emission, // 3 planes
     __global float4 *restrict picture,       // out: rgba per pixel
     int width,
     int height)
@@ -149,6 +150,8 @@ __kernel void composite(
         }
         if (specular)
             object.xyz += load_planes(specular, size, p);
+        if (emission)
+            object.xyz += load_planes(emission, size, p);
         if (maps)
             object.xyz = fmax(map_color(maps, TO_FRAME, object.xyz), 0.0f);
         object.w = 1.0f;

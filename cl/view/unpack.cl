@@ -74,6 +74,7 @@ __kernel void unpack_objects(
     __global float *restrict id,
     __global float *restrict roughness,
     __global float *restrict metallic,
+    __global float *restrict emission,
     __global float *restrict albedo,
     __global float *restrict coverage,
     __global float2 *restrict sides,
@@ -116,6 +117,8 @@ __kernel void unpack_objects(
         metallic[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.x : 0.0f;
         roughness[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.y : roughness[pixel];
     }
+    if (emission)
+        store_planes(emission, size, pixel, visible ? image[DISPLAY_EMISSION * width * height].xyz : (float3)(0.0f));
     albedo[pixel] = surface.x;
     albedo[size + pixel] = surface.y;
     albedo[2 * size + pixel] = surface.z;

@@ -5,16 +5,18 @@
 //   see_objects   objects (objects_bvh.h);                 front: world normal as in the mesh,
 //                 displacements: per vertex, to its        radial distance (0: no surface); material:
 //                 previous position, object space, or      albedo, 1 + material index; finish, with -D
-//                 null; surface, as below                  PRINCIPLED, else null: metalness, alpha; met:
-//                                                          instance, -1: none, -2 - instance: behind the
-//                                                          real surface, and triangle; displaced: the
+//                 null; surface, as below                  PRINCIPLED, else null: metalness, alpha;
+//                                                          emission, with -D EMISSION, else null: radiance;
+//                                                          met: instance, -1: none, -2 - instance: behind
+//                                                          the real surface, and triangle; displaced: the
 //                                                          surface's displacement, world space
-//   show_objects  objects; front, material, finish and     display: four images (lib/gbuffer/display.h),
-//                 met, not read elsewhere; surface:        edge pixels with a borrowed surface
-//                 tangent planes of the panorama; previous
-//                 view (lib/gbuffer/view.h); moved: 3
-//                 float4 per material, rows of this
-//                 frame's world to the previous frame's
+//   show_objects  objects; front, material, finish,        display: images (lib/gbuffer/display.h), edge
+//                 emission and met, not read elsewhere;    pixels with a borrowed surface
+//                 surface: tangent planes of the panorama;
+//                 previous view (lib/gbuffer/view.h);
+//                 moved: 3 float4 per material, rows of
+//                 this frame's world to the previous
+//                 frame's
 //
 // Pixel centres are at integer + 0.5. Both kernels run over a rectangle and write nothing outside. Coverage
 // takes samples x samples rays a pixel. With fewer than 4 per side and no textures, only pixels beside
@@ -71,6 +73,7 @@ TRACING_KERNEL void see_objects(
     __global float4 *restrict front,
     __global float4 *restrict material,
     __global float2 *restrict finish,
+    __global float4 *restrict emission,
     __global int2 *restrict met,
     __global float4 *restrict displaced,
     const Work work)
@@ -85,6 +88,8 @@ TRACING_KERNEL void see_objects(
     front[pixel] = material[pixel] = (float4)(0.0f);
     if (finish)
         finish[pixel] = (float2)(0.0f);
+    if (emission)
+        emission[pixel] = (float4)(0.0f);
     met[pixel] = (int2)(-1, 0);
     if (!trace_objects(world, (float3)(0.0f), d, INFINITY, 0, &hit))
         return;
@@ -100,6 +105,9 @@ TRACING_KERNEL void see_objects(
                                at.material + 1);
     if (finish)
         finish[pixel] = object_finish(world, at.material, at.vertices, at.weights);
+#ifdef EMISSION
+    emission[pixel] = (float4)(object_emission(world, at.material, at.vertices, at.weights), 0.0f);
+#endif
     if (!displacements)
         return;
     const float3 step = at.weights.x * displacements[at.vertices.x].xyz
@@ -218,18 +226,21 @@ static inline ALWAYS_INLINE int2 meet_nearby(const Objects world, __global const
 }
 
 // Return the number of rays that meet an object in front of the real surface, and of rays that meet any.
-// `albedo` and `finish` get the means over rays that meet material `index` - 1, which average textures finer
-// than pixels. `ahead`: direction of the pixel.
+// `albedo`, `finish` and `emission` get the means over rays that meet material `index` - 1, which average textures
+// finer than pixels. `ahead`: direction of the pixel.
 static inline int2 visible_samples(const Objects world, __global const float *restrict view,
                                    __global const int2 *restrict met, int4 rectangle, int x, int y,
                                    int width, float3 ahead, int samples, int index,
                                    __global const float4 *restrict surface, int surface_width,
-                                   int surface_height, float3 *albedo, float2 *finish)
+                                   int surface_height, float3 *albedo, float2 *finish, float3 *emission)
 {
     int2 count = (int2)(0);
     int same = 0;
     float3 sum = (float3)(0.0f);
     float2 finish_sum = (float2)(0.0f);
+#ifdef EMISSION
+    float3 emission_sum = (float3)(0.0f);
+#endif
     for (int first = 0; first < samples * samples; first += LANES) {
         Samples rays = aim_samples(view, x, y, samples, first, surface, surface_width, surface_height);
         // Most rays meet triangles that rays nearby meet. Any object in front of them is in front of the real
@@ -256,6 +267,9 @@ static inline int2 visible_samples(const Objects world, __global const float *re
             if (at.material + 1 == index) {
                 sum += object_albedo(world, at.material, at.vertices, at.weights);
                 finish_sum += object_finish(world, at.material, at.vertices, at.weights);
+#ifdef EMISSION
+                emission_sum += object_emission(world, at.material, at.vertices, at.weights);
+#endif
                 same++;
             }
         }
@@ -263,6 +277,9 @@ static inline int2 visible_samples(const Objects world, __global const float *re
     if (same > 0) {
         *albedo = sum / (float)same;
         *finish = finish_sum / (float)same;
+#ifdef EMISSION
+        *emission = emission_sum / (float)same;
+#endif
     }
     return count;
 }
@@ -309,6 +326,7 @@ TRACING_KERNEL void show_objects(
     __global const float4 *restrict front,
     __global const float4 *restrict material,
     __global const float2 *restrict finish,
+    __global const float4 *restrict emission,
     const int samples,
     __global const int2 *restrict met,
     __global const float4 *restrict displaced,   // or null
@@ -330,16 +348,19 @@ TRACING_KERNEL void show_objects(
         image[DISPLAY_COVERAGE * size] = (float4)(0.0f, -1e9f, -1e9f, 0.0f);
         if (finish)
             image[DISPLAY_FINISH * size] = (float4)(0.0f);
+        if (emission)
+            image[DISPLAY_EMISSION * size] = (float4)(0.0f);
         return;
     }
     COUNT_ITEM;
     float3 albedo = its_material.xyz;
     float2 its_finish = finish ? finish[pixel] : (float2)(0.0f);
+    float3 its_emission = emission ? emission[pixel].xyz : (float3)(0.0f);
     int2 visible = (int2)(samples * samples);
     if (!(outlines_only(world, samples) && is_inside(met, rectangle, x, y, width)))
         visible = visible_samples(world, view, met, rectangle, x, y, width, d, samples,
                                   (int)its_material.w, surface, surface_width, surface_height, &albedo,
-                                  &its_finish);
+                                  &its_finish, &its_emission);
     its_material.xyz = albedo;
     from = visible.y > 0 ? from : -1;
     if (from >= 0) {
@@ -351,6 +372,7 @@ TRACING_KERNEL void show_objects(
         seen = (float4)(lent.xyz, lent.w * (ratio > 0.0f ? moderate : 1.0f));
         its_material = material[from];
         its_finish = finish ? finish[from] : its_finish;
+        its_emission = emission ? emission[from].xyz : its_emission;
     }
     float2 coverage = convert_float2(visible) / (float)(samples * samples);
     coverage = seen.w > 0.0f ? coverage : (float2)(0.0f);
@@ -367,4 +389,6 @@ TRACING_KERNEL void show_objects(
     image[DISPLAY_COVERAGE * size] = (float4)(coverage.x, motion, coverage.y);
     if (finish)
         image[DISPLAY_FINISH * size] = (float4)(its_finish, 0.0f, 0.0f);
+    if (emission)
+        image[DISPLAY_EMISSION * size] = (float4)(its_emission, 0.0f);
 }

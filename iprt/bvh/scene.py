@@ -138,6 +138,8 @@ class SceneBvh:
         deformed.
     instance_of : (I,) int32
         Index of each in the given instances.
+    places_of : (I, 2) int32
+        First place in the packets of each one's triangles, and the end.
     slots : (4 L,) int32
         Triangle of the mesh per place of a packet, or -1.
     """
@@ -151,6 +153,7 @@ class SceneBvh:
     tangents: Floats | None
     displacements: Floats | None
     instance_of: NDArray[np.int32]
+    places_of: NDArray[np.int32]
     slots: NDArray[np.int32]
 
 
@@ -283,7 +286,7 @@ def _assemble(
     nodes, packets = [upper], [np.zeros((0, PACKET_ROWS, 4), np.float32)]
     triangles, normals = [np.zeros((0, 4), np.int32)], [np.zeros((0, 4), np.float32)]
     uvs, slots = [np.zeros((0, 2), np.float32)], [np.zeros(0, np.int32)]
-    roots = []
+    roots, places = [], []
     for shape, tree in trees:
         mesh = shape.mesh
         nodes.append(relocated(tree.nodes, first_node, first_packet))
@@ -297,6 +300,7 @@ def _assemble(
         normals.append(np.pad(shape.normals(), ((0, 0), (0, 1))))
         uvs.append(mesh.uvs)
         slots.append(tree.slots)
+        places.append((4 * first_packet, 4 * (first_packet + len(tree.packets))))
         first_node += len(tree.nodes)
         first_packet += len(tree.packets)
         first_vertex += len(mesh.positions)
@@ -319,6 +323,7 @@ def _assemble(
         np.concatenate([shape.tangents() for shape, _ in trees]) if bumpy else None,
         None,
         np.array(present, np.int32),
+        np.reshape([places[number] for number in numbers], (-1, 2)).astype(np.int32),
         np.concatenate(slots),
     )
 

@@ -298,7 +298,7 @@ def add(
     scene
         Scene folder.
     mesh
-        PLY, OBJ, STL, glTF or GLB file.
+        PLY, OBJ, STL, glTF or GLB file; or sphere, cube, cylinder or square, 1 m wide.
     look
         Direction in which the surface is seen: degrees to the right, and degrees up.
     height
@@ -313,8 +313,8 @@ def add(
     animation
         Name or number of the glTF animation to play.
     material
-        diffuse:R,G,B, conductor:R,G,B:ALPHA, plastic:R,G,B:ALPHA (ALPHA: roughness) or mirror.
-        Default: the mesh file's own.
+        diffuse:R,G,B, conductor:R,G,B:ALPHA, plastic:R,G,B:ALPHA (ALPHA: roughness), mirror, or
+        lamp:R,G,B, the radiance that it emits. Default: the mesh file's own.
     name
         Name of the object. Default: the mesh file's.
     json
@@ -330,6 +330,7 @@ def add(
     from iprt.commands.findings import Findings
     from iprt.scene.mesh_pose import MeshPose, parse_unit
     from iprt.scene.new_object import add_object, parse_material
+    from iprt.scene.shapes import mesh_file
 
     yaw, pitch = look
     if not (abs(yaw) <= 360.0 and abs(pitch) <= 90.0):
@@ -338,17 +339,19 @@ def add(
         )
     pose = MeshPose(up, rotate, height, None if unit is None else parse_unit(unit))
     table = None if material is None else parse_material(material)
-    added = add_object(
-        scene,
-        mesh,
-        yaw,
-        pitch,
-        pose=pose,
-        material=table,
-        animation=int(animation) if animation is not None and animation.isdecimal() else animation,
-        name=name,
-        allow_outside=allow_outside,
-    )
+    clip = int(animation) if animation is not None and animation.isdecimal() else animation
+    with mesh_file(mesh) as path:
+        added = add_object(
+            scene,
+            path,
+            yaw,
+            pitch,
+            pose=pose,
+            material=table,
+            animation=clip,
+            name=name,
+            allow_outside=allow_outside,
+        )
     x, y, z = added.base
     next_words = ["iprt", "render", str(scene), "--view", added.view, "-o", f"{added.view}.png"]
     findings = Findings(name=added.name, view=added.view, hints=added.hints)

@@ -181,6 +181,27 @@ class SpecularGlossiness(Part):
     diffuse_texture: TextureReference | None = None
 
 
+class EmissiveStrength(Part):
+    """The factor of a material's emission."""
+
+    emissive_strength: Number = 1.0
+
+
+class IndexOfRefraction(Part):
+    """The index of refraction of a material."""
+
+    ior: Number = 1.5
+
+
+class Specular(Part):
+    """The strength of a dielectric's reflection; textures are named, not read."""
+
+    specular_factor: Number = 1.0
+    specular_color_factor: Triple = Field(default=[1.0, 1.0, 1.0])
+    specular_texture: Any = None
+    specular_color_texture: Any = None
+
+
 class GltfMaterial(Part):
     """A material."""
 
@@ -190,9 +211,13 @@ class GltfMaterial(Part):
     emissive_factor: Triple = Field(default=[0.0, 0.0, 0.0])
     normal_texture: NormalTexture | None = None
     occlusion_texture: Any = None
-    emissive_texture: Any = None
+    emissive_texture: TextureReference | None = None
     pbr_metallic_roughness: PbrMetallicRoughness = Field(default=PbrMetallicRoughness())
     glossiness: SpecularGlossiness | None = _extension("KHR_materials_pbrSpecularGlossiness")
+    strength: EmissiveStrength | None = _extension("KHR_materials_emissive_strength")
+    refraction: IndexOfRefraction | None = _extension("KHR_materials_ior")
+    specular: Specular | None = _extension("KHR_materials_specular")
+    unlit: Any = _extension("KHR_materials_unlit")
 
     def color_textures(self) -> list[TextureReference]:
         """Return the color textures of this material."""
@@ -205,7 +230,10 @@ class GltfMaterial(Part):
         surface = None
         if self.glossiness is None:
             surface = self.pbr_metallic_roughness.metallic_roughness_texture
-        others = [surface, self.normal_texture]
+        glow = self.emissive_texture if max(self.emissive_factor) > 0.0 else None
+        others = [surface, self.normal_texture, glow]
+        if self.unlit is not None:
+            return self.color_textures()[:1]
         return self.color_textures()[:1] + [one for one in others if one is not None]
 
     @property

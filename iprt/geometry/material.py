@@ -17,6 +17,8 @@ from iprt.geometry.coat import internal_reflectance, rough_transmittance
 MaterialKind = Literal["diffuse", "conductor", "plastic", "principled"]
 MIRROR_ALPHA = 1e-4
 """GGX roughness below which a surface is a perfect mirror."""
+MAX_EMISSION = 1e6
+"""Upper limit of emitted radiance."""
 _BRDF = "lib/world/brdf.h"
 MIN_ALPHA = float_constant(_BRDF, "MIN_ALPHA")
 MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
@@ -85,8 +87,13 @@ class Material:
         any length.
     opacity_texture : (H, W) float32 or None
         Factors of `opacity`, of the size of `texture`, which must exist.
-    samplers : tuple of three Sampler
-        Of `texture` and `opacity_texture`, `surface_texture`, and `normal_texture`.
+    emission : (r, g, b)
+        Emitted radiance, the same in all directions and on both sides, in the panorama's unit.
+    emission_texture : (H, W, 3) float32 or None
+        Factors of `emission`.
+    samplers : tuple of four Sampler
+        Of `texture` and `opacity_texture`, `surface_texture`, `normal_texture`, and
+        `emission_texture`.
     """
 
     kind: MaterialKind = "diffuse"
@@ -100,13 +107,29 @@ class Material:
     surface_texture: NDArray[np.float32] | None = field(default=None, compare=False)
     normal_texture: NDArray[np.float32] | None = field(default=None, compare=False)
     opacity_texture: NDArray[np.float32] | None = field(default=None, compare=False)
-    samplers: tuple[Sampler, Sampler, Sampler] = (PLAIN, PLAIN, PLAIN)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission_texture: NDArray[np.float32] | None = field(default=None, compare=False)
+    samplers: tuple[Sampler, Sampler, Sampler, Sampler] = (PLAIN, PLAIN, PLAIN, PLAIN)
 
     @property
     def maps(self) -> tuple[NDArray[np.float32] | None, ...]:
-        """The textures of albedo, of a principled surface, and of normals."""
+        """The textures of albedo, of a principled surface, of normals, and of emission."""
         surface = self.surface_texture if self.kind == "principled" else None
-        return self.texture, surface, self.normal_texture
+        glow = self.emission_texture if self.emits else None
+        return self.texture, surface, self.normal_texture, glow
+
+    @property
+    def emits(self) -> bool:
+        """True if the surface is a light."""
+        return max(self.emission) > 0.0
+
+    @property
+    def mean_emission(self) -> tuple[float, float, float]:
+        """Emitted radiance, the mean over the texture."""
+        if self.emission_texture is None:
+            return self.emission
+        r, g, b = self.emission_texture.mean(axis=(0, 1), dtype=np.float64) * self.emission
+        return float(r), float(g), float(b)
 
     @property
     def has_holes(self) -> bool:
@@ -147,11 +170,14 @@ class MaterialNeeds:
         Some material has a normal map.
     holes : bool
         Some material lets rays pass.
+    emission : bool
+        Some material emits light.
     """
 
     principled: bool
     normal_maps: bool
     holes: bool
+    emission: bool
 
     @classmethod
     def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
@@ -161,7 +187,13 @@ class MaterialNeeds:
             principled=any(material.kind == "principled" for material in every),
             normal_maps=any(material.normal_texture is not None for material in every),
             holes=any(material.has_holes for material in every),
+            emission=any(material.emits for material in every),
         )
+
+    @property
+    def display_images(self) -> int:
+        """Number of images of the drawn objects (`cl/lib/gbuffer/display.h`)."""
+        return 5 if self.emission else 4 if self.principled else 3
 
     def defines(self) -> dict[str, bool]:
         """Return `-D` defines of kernels that read the materials."""
@@ -169,6 +201,7 @@ class MaterialNeeds:
             "PRINCIPLED": self.principled,
             "NORMAL_MAPS": self.normal_maps,
             "HOLES": self.holes,
+            "EMISSION": self.emission,
         }
 
 
@@ -180,15 +213,16 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
     (MATERIAL_ROWS * N, 4) float32
         Per material, with the means of its maps: kind, alpha (0 or at least `MIN_ALPHA`), index of
         refraction, scale factor of the base below a coat; the coat's transmittance at cosines
-        (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness. Such entries
-        follow the materials, `COAT_LEVELS` for each index of refraction.
+        (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness; emission and
+        the mean of its channels. Entries for maps of roughness follow the materials, `COAT_LEVELS`
+        for each index of refraction.
     """
     mapped = [material.ior for material in materials if material.maps[1] is not None]
     levels = {ior: index for index, ior in enumerate(dict.fromkeys(mapped))}
     entries = [_entry(_mean_finish(material)) for material in materials]
     for material, entry in zip(materials, entries, strict=True):
         if material.maps[1] is not None:
-            entry[-1, 1] = len(materials) + COAT_LEVELS * levels[material.ior]
+            entry[-2, 1] = len(materials) + COAT_LEVELS * levels[material.ior]
     for ior in levels:
         roughness = np.linspace(0.0, 1.0, COAT_LEVELS)
         entries += [_entry(Material("principled", alpha=r * r, ior=ior)) for r in roughness]
@@ -211,8 +245,10 @@ def _entry(material: Material) -> NDArray[np.float32]:
     entry[0, :3] = _KINDS[material.kind], alpha, material.ior
     if material.kind in ("plastic", "principled"):
         coat = _coat(alpha, material.ior)
-        entry[0, 3], entry[1:-1] = coat["base"], coat["transmittance"]
-    entry[-1, 0] = material.metallic
+        entry[0, 3], entry[1:-2] = coat["base"], coat["transmittance"]
+    entry[-2, 0] = material.metallic
+    emission = material.mean_emission
+    entry[-1] = *emission, sum(emission) / 3.0
     return entry
 
 

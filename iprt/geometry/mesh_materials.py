@@ -17,7 +17,7 @@ from iprt.files.images import decode_srgb, has_alpha, texture_alpha, texture_pix
 from iprt.files.message_text import printable
 from iprt.files.safe_reading import MAX_PIXELS
 from iprt.geometry.gltf_document import GltfMaterial, TextureReference
-from iprt.geometry.material import PLAIN, Material, Sampler, Wrap
+from iprt.geometry.material import MAX_EMISSION, PLAIN, Material, Sampler, Wrap
 from iprt.geometry.mesh_files import MeshFile
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
@@ -32,8 +32,10 @@ NEARLY = 1e-3
 """Distance from 0 or 1 below which metalness counts as exact, for converters' rounding."""
 GLOSSY_SPECULAR = 0.04
 """Least specular reflectance (Ks) of an MTL material that gets a coat."""
-MAX_IOR = 4.0
-"""Upper limit of the index of refraction, the same as in `scene.toml`."""
+LEAST_IOR, MAX_IOR = 1.001, 4.0
+"""Limits of the index of refraction; the upper one is the same as in `scene.toml`."""
+MAX_REFLECTANCE = 0.36
+"""Reflectance of `MAX_IOR` at normal incidence."""
 _READ_KEYS = {"map_kd", "kd", "ks", "ns", "ni", "pr", "pm", "name", "image", "diffuse", "specular"}
 _MAPS = {"bump", "norm", "disp", "refl"}
 _SAYS_NOTHING = {"ambient", "ka", "glossiness", "illum"}
@@ -141,8 +143,22 @@ def tinted(material: Material, color: tuple[float, float, float] | None) -> Mate
     """Return a material multiplied by a color, or unchanged if the color is None."""
     if color is None:
         return material
+    if _is_unlit(material):
+        tint = np.multiply(material.emission, color)
+        return replace(material, emission=_triple(tint, MAX_EMISSION))
     own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
     return replace(material, albedo=_color(np.multiply(own, color)))
+
+
+def colored(material: Material, texture: NDArray[np.float32]) -> Material:
+    """Return a material with a color texture."""
+    if _is_unlit(material):
+        return replace(material, emission_texture=texture)
+    return replace(material, texture=texture)
+
+
+def _is_unlit(material: Material) -> bool:
+    return material.emits and max(material.albedo) == 0.0
 
 
 def _from_gltf(
@@ -150,13 +166,8 @@ def _from_gltf(
 ) -> Material:
     """Convert a glTF material; alpha = roughness²."""
     pbr = source.pbr_metallic_roughness
-    for used, phrase in (
-        (source.occlusion_texture, "occlusion map"),
-        (source.emissive_texture, "emission map"),
-        (max(source.emissive_factor) > 0.0 or None, "emission"),
-    ):
-        if used is not None:
-            dropped.append(phrase)
+    if source.occlusion_texture is not None:
+        dropped.append("occlusion map")
     factor, metallic, roughness = (
         pbr.base_color_factor,
         pbr.metallic_factor,
@@ -173,24 +184,42 @@ def _from_gltf(
         image = None if reference is None else file.gltf.textures[reference.index].image
         return None if image is None else file.picture(image)
 
-    colored, surface, normals = next(iter(source.color_textures()), None), None, None
+    base, surface, normals = next(iter(source.color_textures()), None), None, None
     if source.glossiness is None:
         surface = textures.surface(picture(pbr.metallic_roughness_texture))
     if source.normal_texture is not None:
         bumps = picture(source.normal_texture)
         normals = textures.normals(bumps, source.normal_texture.scale)
-    texture = textures.linear(picture(colored))
-    material = _metal_or_not(_color(color), metallic, roughness, texture, surface)
-    references = colored, pbr.metallic_roughness_texture, source.normal_texture
-    first, second, third = (_sampler(file, reference) for reference in references)
-    material = replace(material, samplers=(first, second, third))
+    texture = textures.linear(picture(base))
+    if source.unlit is not None:
+        surface = normals = None
+        material = Material(
+            "diffuse", (0.0, 0.0, 0.0), emission=_color(color), emission_texture=texture
+        )
+    else:
+        ior = _index_of_refraction(source, dropped)
+        material = _metal_or_not(_color(color), metallic, roughness, texture, surface, ior)
+    references = (
+        base,
+        pbr.metallic_roughness_texture,
+        source.normal_texture,
+        source.emissive_texture if source.unlit is None else base,
+    )
+    first, second, third, fourth = (_sampler(file, reference) for reference in references)
+    material = replace(material, samplers=(first, second, third, fourth))
+    if max(source.emissive_factor) > 0.0 and source.unlit is None:
+        strength = 1.0 if source.strength is None else source.strength.emissive_strength
+        glow = textures.linear(picture(source.emissive_texture))
+        emission = _triple(np.multiply(source.emissive_factor, strength), MAX_EMISSION)
+        material = replace(material, emission=emission, emission_texture=glow)
     material = material if normals is None else replace(material, normal_texture=normals)
     if source.alpha_mode not in ("MASK", "BLEND"):
         return material
     return replace(
         material,
+        texture=texture,  # opacity is in its fourth channel
         opacity=float(np.clip(opacity, 0.0, 1.0)),
-        opacity_texture=None if texture is None else textures.opacity(picture(colored)),
+        opacity_texture=None if texture is None else textures.opacity(picture(base)),
         cutoff=max(source.alpha_cutoff, LEAST_CUTOFF) if source.alpha_mode == "MASK" else 0.0,
     )
 
@@ -212,10 +241,12 @@ def _metal_or_not(
     roughness: float,
     texture: NDArray[np.float32] | None,
     surface: NDArray[np.float32] | None = None,
+    ior: float = Material.ior,
 ) -> Material:
     """Return the simplest material of glTF's parameters (glTF 2.0, section 3.9.2).
 
-    It is plastic without metalness and maps of it, and diffuse if that is rough.
+    It is plastic without metalness and maps of it, and diffuse if that is rough or reflects
+    nothing.
     """
     metallic, roughness = float(np.clip(metallic, 0.0, 1.0)), float(np.clip(roughness, 0.0, 1.0))
     alpha = roughness**2
@@ -225,16 +256,45 @@ def _metal_or_not(
             "principled",
             albedo,
             alpha=alpha,
+            ior=ior,
             texture=texture,
             metallic=metallic,
             surface_texture=surface,
         )
-    if roughness >= MATTE_ROUGHNESS:
+    if roughness >= MATTE_ROUGHNESS or ior <= LEAST_IOR:
         return Material("diffuse", albedo, texture=texture)
-    return Material("plastic", albedo, alpha=alpha, texture=texture)
+    return Material("plastic", albedo, alpha=alpha, ior=ior, texture=texture)
+
+
+def _index_of_refraction(source: GltfMaterial, dropped: list[str]) -> float:
+    """Return the index of refraction whose reflectance at normal incidence is the material's.
+
+    KHR_materials_specular multiplies that reflectance. A colored one becomes grey, which `dropped`
+    names, as it does maps.
+    """
+    ior = Material.ior if source.refraction is None else source.refraction.ior
+    ior = MAX_IOR if ior == 0.0 else ior  # 0 stands for a reflectance of 1
+    given = source.specular
+    if given is not None and ior > 0.0:
+        color = given.specular_color_factor
+        if given.specular_texture is not None or given.specular_color_texture is not None:
+            dropped.append("map of specular strength")
+        if max(color) - min(color) > NEARLY:
+            dropped.append("color of the specular reflection")
+        factor = given.specular_factor * sum(color) / 3.0
+        reflectance = factor * ((ior - 1.0) / (ior + 1.0)) ** 2
+        root = float(np.sqrt(np.clip(reflectance, 0.0, MAX_REFLECTANCE)))
+        ior = (1.0 + root) / (1.0 - root)
+    return min(max(ior, LEAST_IOR), MAX_IOR)
 
 
 def _from_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
+    """Convert an MTL material, with its emission (Ke)."""
+    emission = _triple(source.kwargs.get("ke", [0.0, 0.0, 0.0]), MAX_EMISSION)
+    return replace(_reflectance_of_mtl(source, textures, dropped), emission=emission)
+
+
+def _reflectance_of_mtl(source: Any, textures: Textures, dropped: list[str]) -> Material:
     """Convert an MTL material: diffuse (Kd), with a coat if Ks and the exponent Ns are glossy.
 
     A Phong exponent n is about as wide as GGX with alpha = sqrt(2 / (n + 2)) (Walter et al.,
@@ -266,8 +326,6 @@ def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
     opaque = _first(values.get("d"), 1.0) >= 1.0 and _first(values.get("tr"), 0.0) <= 0.0
     if not opaque or "map_d" in values:  # map_d is often the color texture
         yield "transparency"
-    if max(_color(values.get("ke", [0.0, 0.0, 0.0]))) > 0.0:
-        yield "emission"
     for key in sorted(set(values) - _READ_KEYS - _SAYS_NOTHING - {"d", "map_d", "tr", "ke"}):
         if key.startswith("map_") or key in _MAPS:
             yield f"texture {printable(key)}"
@@ -278,14 +336,19 @@ def _unread_mtl(values: dict[str, Any]) -> Iterator[str]:
             yield f"'{printable(key)}' of its materials"
 
 
-def _color(values: Any) -> tuple[float, float, float]:
-    """Return an RGB color; MTL may give one value for all channels, or no numbers (black)."""
+def _triple(values: Any, most: float) -> tuple[float, float, float]:
+    """Return three numbers in [0, most]."""
     try:
         given = np.asarray(values, np.float64)
     except (ValueError, TypeError):
         given = np.zeros(3)
-    r, g, b = np.clip(np.nan_to_num(np.resize(given, 3)), 0.0, 1.0)
+    r, g, b = np.clip(np.nan_to_num(np.resize(given, 3)), 0.0, most)
     return float(r), float(g), float(b)
+
+
+def _color(values: Any) -> tuple[float, float, float]:
+    """Return an RGB color; MTL may give one value for all channels, or no numbers (black)."""
+    return _triple(values, 1.0)
 
 
 def _first(value: Any, default: float) -> float:

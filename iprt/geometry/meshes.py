@@ -17,7 +17,7 @@ from iprt.geometry.creases import have_normals, same_position, with_normals
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.mesh_materials import Textures, convert_material, has_texture, tinted
+from iprt.geometry.mesh_materials import Textures, colored, convert_material, has_texture, tinted
 from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes
 from iprt.geometry.tangents import moved_tangents, with_tangents
 from iprt.geometry.vertex_colors import color_texture
@@ -229,7 +229,7 @@ def _materials(
         if varied:
             texture = _shared_colors(members)
             textures.count(texture.shape[0] * texture.shape[1])
-            material = replace(tinted(material, (1.0, 1.0, 1.0)), texture=texture)
+            material = colored(tinted(material, (1.0, 1.0, 1.0)), texture)
         for number in numbers:
             index[number] = len(materials)
         materials.append(tinted(material, color))

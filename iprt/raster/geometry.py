@@ -22,10 +22,10 @@ _TRIANGLES_WIDTH = 2048
 _VERTICES_WIDTH = 2048
 """Size in texels; `glsl/mesh.glsl` has their logarithms. A vertex takes two texels."""
 
-IMAGES = "image", "finish_image", "normal_image"
+IMAGES = "image", "finish_image", "normal_image", "emission_image"
 """Textures of `glsl/shade.frag`, in the order of `Material.maps`."""
 
-_TABLE_WIDTH = 5
+_TABLE_WIDTH = 6
 """Texels per material."""
 
 _VERTICES_PER_ROW = _VERTICES_WIDTH // 2
@@ -224,6 +224,7 @@ class WorldGeometry:
         for row, material in zip(table, self.materials, strict=False):
             row[0, :3] = material.albedo
             row[4, :2] = material.metallic, material.alpha
+            row[5, :3] = material.emission
         for part in self.parts:
             table[part.materials, 1:4] = part.motion
         self.table.write(table)
@@ -310,7 +311,7 @@ def _padded(array: NDArray[np.generic], width: int) -> bytes:
 
 def _images(context: moderngl.Context, material: Material) -> dict[str, moderngl.Texture]:
     """Upload a material's textures; a missing one is a single texel without effect."""
-    flat = (1.0, 1.0, 1.0), (1.0, 1.0), (0.0, 0.0, 1.0)
+    flat = (1.0, 1.0, 1.0), (1.0, 1.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
     named = zip(IMAGES, flat, material.maps, material.samplers, strict=True)
     return {
         name: _mipmapped(context, np.array([[plain]], np.float32) if one is None else one, sampler)

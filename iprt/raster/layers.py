@@ -19,7 +19,7 @@ NO_MOTION = -1e9
 
 
 def blank_display(images: int, height: int, width: int) -> NDArray[np.float32]:
-    """Return `ObjectLayers.display` of 3 or 4 images for a picture without objects."""
+    """Return `ObjectLayers.display` for a picture without objects."""
     display = np.zeros((images, height, width, 4), np.float32)
     display[2, ..., 1:3] = NO_MOTION
     return display
@@ -54,10 +54,10 @@ class ObjectLayers:
 
     Attributes
     ----------
-    display : (3 or 4, H, W, 4) float32 or None
+    display : (3 to 5, H, W, 4) float32 or None
         The arrays of `front`; (coverage, motion x, motion y, fraction of the pixel covered by
-        objects, occluded or not); with principled materials (metalness, alpha, 0, 0). None for
-        layers that are only traced.
+        objects, occluded or not); with principled or emitting materials (metalness, alpha, 0, 0);
+        with emitting ones (emitted radiance, 0). None for layers that are only traced.
     coverage : (H, W) float32 or None
         Fraction of the pixel in which an object is in front of the real surface (1 - M of IPRT Eq.
         2). Every pixel touched by an object has a surface in `front`, borrowed from a neighbour if

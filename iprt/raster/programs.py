@@ -52,8 +52,10 @@ class Programs:
         """
         defines = {"EQUIRECT": 1} if projection == "equirect" else {}
         more = {"DEFORMING": 1} if deforming else {}
-        if needs.principled:
+        if needs.display_images > 3:
             more |= {"PRINCIPLED": 1, "FINISH_IMAGE": 3 if deforming else 2}
+        if needs.emission:
+            more |= {"EMISSION": 1, "EMISSION_IMAGE": 4 if deforming else 3}
         bumps = {"NORMAL_MAPS": 1} if needs.normal_maps else {}
         stages = f"visibility_{projection}"
 

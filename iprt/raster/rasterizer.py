@@ -282,8 +282,10 @@ class Rasterizer:
         }
         if self._geometry.displacements is not None:
             textures["displaced_in"] = targets.front.images[2]
-        if self._needs.principled:
-            textures["finish_in"] = targets.front.images[-1]
+        if self._needs.display_images > 3:
+            textures["finish_in"] = targets.front.images[2 + self._deforming]
+        if self._needs.emission:
+            textures["emission_in"] = targets.front.images[-1]
         bind_textures(program, textures)
         self._fill(program, targets.display, [tile], {"samples_origin": (tile.x0, tile.y0)})
 
@@ -324,18 +326,13 @@ class Rasterizer:
             return held
         if held is not None:
             held.release()
-        targets = Targets.create(
-            self._context,
-            size,
-            deforming=self._deforming,
-            principled=self._needs.principled,
-        )
+        targets = Targets.create(self._context, size, deforming=self._deforming, needs=self._needs)
         self._targets[view.projection] = targets
         self.memory[f"OpenGL layers, {view.projection}"] = targets.nbytes
         return targets
 
     def _blank(self, view: View) -> NDArray[np.float32]:
-        return blank_display(4 if self._needs.principled else 3, view.height, view.width)
+        return blank_display(self._needs.display_images, view.height, view.width)
 
     def _nothing(self, view: View, *, shade: bool) -> ObjectLayers:
         empty = Layer(*np.zeros((2, view.height, view.width, 4), np.float32))

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.geometry.material import MaterialNeeds
 from iprt.raster.region import Rect
 
 DEPTH_BYTES = 4
@@ -82,7 +83,8 @@ class Targets:
         1 + index of the nearest front-facing and of the nearest back-facing triangle.
     front, back : Target
         The arrays of `Layer`. If meshes deform, the front also has (displacement, 0) in world
-        space; with principled materials (metalness, alpha, 0, 0) last.
+        space. With principled or emitting materials (metalness, alpha, 0, 0) follows, and with
+        emitting ones (emitted radiance, 0).
     display : Target
         The arrays of `ObjectLayers.display`.
     """
@@ -97,7 +99,12 @@ class Targets:
 
     @classmethod
     def create(
-        cls, context: moderngl.Context, size: tuple[int, int], *, deforming: bool, principled: bool
+        cls,
+        context: moderngl.Context,
+        size: tuple[int, int],
+        *,
+        deforming: bool,
+        needs: MaterialNeeds,
     ) -> Targets:
         """Create all targets for a size (width, height)."""
         depth = context.depth_renderbuffer(size)
@@ -106,9 +113,9 @@ class Targets:
             depth,
             facing=Target.create(context, size, images=1, channels=1, depth=depth),
             away=Target.create(context, size, images=1, channels=1, depth=depth),
-            front=Target.create(context, size, images=2 + deforming + principled),
+            front=Target.create(context, size, images=needs.display_images - 1 + deforming),
             back=Target.create(context, size, images=2),
-            display=Target.create(context, size, images=3 + principled),
+            display=Target.create(context, size, images=needs.display_images),
         )
 
     @property

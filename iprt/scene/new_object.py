@@ -14,6 +14,7 @@ from iprt.errors import SceneError
 from iprt.files.safe_reading import MAX_OBJECTS, anywhere, require_inside
 from iprt.geometry.animated_mesh import load_animated_mesh
 from iprt.geometry.gltf_clip import animation_names
+from iprt.geometry.material import MAX_EMISSION
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.meshes import load_mesh
@@ -34,6 +35,7 @@ from iprt.scene.placement import RealSurfaces, bounds, metres, set_down
 from iprt.scene.scene import Scene
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
+LAMP_ALBEDO = 0.5
 
 
 @dataclass(frozen=True)
@@ -143,29 +145,34 @@ def add_object(
 def parse_material(text: str) -> dict[str, Any]:
     """Parse a material into a manifest table.
 
-    The forms are `diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]` and `mirror`.
+    The forms are `diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]`, `mirror` and
+    `lamp:R,G,B`, the emitted radiance.
 
     Raises
     ------
     SceneError
-        The text has another form or numbers outside [0, 1].
+        The text has another form, or numbers out of range.
     """
     if text == "mirror":
         return {"kind": "conductor", "reflectance": [0.95, 0.95, 0.95], "alpha": 0.0}
     kind, *fields = text.split(":")
-    most = {"diffuse": 1, "conductor": 2, "plastic": 2}.get(kind, 0)
+    most = {"diffuse": 1, "conductor": 2, "plastic": 2, "lamp": 1}.get(kind, 0)
+    brightest = MAX_EMISSION if kind == "lamp" else 1.0
     try:
         color = [float(value) for value in fields[0].split(",")]
         alpha = [float(value) for value in fields[1:]]
         if not (len(color) == 3 and 1 <= len(fields) <= most):
             raise ValueError
-        if not all(0.0 <= value <= 1.0 for value in [*color, *alpha]):
+        if not all(0.0 <= value <= brightest for value in [*color, *alpha]):
             raise ValueError
     except (ValueError, IndexError):
         raise SceneError(
             f"--material {text}: expected diffuse:R,G,B or conductor:R,G,B:ALPHA or "
-            "plastic:R,G,B:ALPHA with numbers from 0 to 1, or mirror"
+            "plastic:R,G,B:ALPHA with numbers from 0 to 1, lamp:R,G,B with the radiance that it "
+            "emits, or mirror"
         ) from None
+    if kind == "lamp":
+        return {"kind": "diffuse", "albedo": [LAMP_ALBEDO] * 3, "emission": color}
     key = "reflectance" if kind == "conductor" else "albedo"
     return {"kind": kind, key: color} | ({"alpha": alpha[0]} if alpha else {})
 

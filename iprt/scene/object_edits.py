@@ -23,7 +23,6 @@ from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.light_edits import UNEDITED, LightEdit, write_light
 from iprt.scene.manifest import (
     MANIFEST_NAME,
-    DiffuseTable,
     allowed_transform,
     manifest_text,
     parse_manifest,
@@ -39,6 +38,7 @@ from iprt.scene.manifest_writing import (
     table_text,
     write_manifest,
 )
+from iprt.scene.material_tables import DiffuseTable
 from iprt.scene.objects import AnyMesh, SceneObject, painted
 from iprt.scene.scene import Scene
 
@@ -288,6 +288,8 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
         written["ior"] = material.ior
     if material.kind == "principled":
         written["metallic"] = material.metallic
+    if material.emits:
+        written["emission"] = list(material.emission)
     others = material.has_holes or any(image is not None for image in material.maps[1:])
     if others or (material.texture is not None and material.kind != "diffuse"):
         raise SceneError(

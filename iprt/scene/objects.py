@@ -19,7 +19,8 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.manifest import DiffuseTable, Manifest
+from iprt.scene.manifest import Manifest
+from iprt.scene.material_tables import DiffuseTable
 
 AnyMesh = Mesh | AnimatedMesh
 
@@ -85,14 +86,14 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
 
     objects: list[SceneObject] = []
     for table in manifest.objects:
-        own, material = table.material, None
-        if isinstance(own, DiffuseTable):
-            material = own.material(None if own.texture is None else texture(own.texture))
-        elif own is not None:
-            material = own.material()
+        own = table.material
         loaded = mesh(table.mesh, table.animation, None if own is None else DEFAULT_MATERIAL)
-        if material is not None:
-            loaded = painted(loaded, material)
+        if own is not None:
+            if isinstance(own, DiffuseTable):
+                material = own.material(None if own.texture is None else texture(own.texture))
+            else:
+                material = own.material()
+            loaded = painted(loaded, own.emitting(material))
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         motion = ObjectMotion.of(to_world, table.keyframes)
         objects.append(SceneObject(table.name, loaded, motion))

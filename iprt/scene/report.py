@@ -22,6 +22,7 @@ from iprt.footage.prepare.remarks import depth_doubts, video_notices
 from iprt.footage.prepare.steady import bad_frames
 from iprt.footage.video.picture_tracks import frame_path
 from iprt.footage.video.tracks import depth_code
+from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, transformed
 from iprt.scene.light_report import LightReport, Share, Shares, describe_light
 from iprt.scene.manifest import MANIFEST_NAME
@@ -209,6 +210,12 @@ def _collect(problems: list[str], scene: Scene, action: Callable[[], Any]) -> An
         return None
 
 
+def _material_name(material: Material) -> str:
+    if material.emits:
+        return "lamp"
+    return "mirror" if material.is_mirror else material.kind
+
+
 def _describe_object(
     instance: Instance, entry: SceneObject, surfaces: RealSurfaces
 ) -> ObjectReport:
@@ -218,7 +225,7 @@ def _describe_object(
     return ObjectReport(
         name=instance.name,
         triangles=len(mesh.triangles),
-        materials=tuple("mirror" if m.is_mirror else m.kind for m in mesh.materials),
+        materials=tuple(map(_material_name, mesh.materials)),
         low=(float(low[0]), float(low[1]), float(low[2])),
         high=(float(high[0]), float(high[1]), float(high[2])),
         moves=entry.describe(),

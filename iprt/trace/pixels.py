@@ -31,6 +31,10 @@ from iprt.view.object_layer import VisibleSurfaces
 from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
+EVERYWHERE = -1.0
+"""Least solid angle with which objects matter at all surfaces, also where they are out of sight:
+real surfaces pass the light of lamps on."""
+
 
 def listed_arguments(guide: Guide, mask: Mask) -> dict[str, Any]:
     """Return the pixels that a mask lists, as arguments of `IrradianceCache.run`."""
@@ -67,12 +71,13 @@ class RealPixels:
         Parameters
         ----------
         min_solid_angle : float
-            Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
+            Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there,
+            unless they emit light.
         """
         settings = features.settings
         self._features = features
         self.layer = layer
-        self._min_solid_angle = min_solid_angle
+        self._min_solid_angle = EVERYWHERE if features.materials.emission else min_solid_angle
         self.guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
         self._trace = RealTracer(device, guide, features, kernel, name=name)
@@ -91,6 +96,7 @@ class RealPixels:
             next(iter(self._filter.variances), None),
             delta=features.delta,
             sun=features.sun,
+            emission=features.materials.emission,
             name=name,
         )
 

@@ -17,9 +17,10 @@ class Relight:
     Attributes
     ----------
     ratio : (H * W, 4) float32
-        Factor per color channel of the real layer's radiance, in [0, 4]; row by row, without
-        border. Exactly 1 where E_R and E_RV are equal, where E_R is black or not finite, and where
-        no surface is lit.
+        Factor per color channel of the real layer's radiance, in [0, 4], or up to 10⁴ where
+        objects emit light; row by row, without border. Exactly 1 where E_R and E_RV are equal,
+        where E_R is black or not finite, and where no
+        surface is lit.
     """
 
     def __init__(
@@ -30,6 +31,7 @@ class Relight:
         *,
         delta: bool,
         sun: bool,
+        emission: bool,
         name: str,
     ) -> None:
         """Build the kernel and its output.
@@ -42,6 +44,8 @@ class Relight:
             Signals are relative to a cached E_R.
         sun : bool
             There is a sun that the panorama does not show; it is not part of the cached E_R.
+        emission : bool
+            Objects emit light.
         """
         self._guide = guide
         noise = variance if delta else None
@@ -49,6 +53,7 @@ class Relight:
             DELTA=delta,
             NOISE=noise is not None,
             SUN=sun,
+            EMISSION=emission,
             HALF_PLANES=device.half_planes,
         )
         pixels = guide.layout.width * guide.layout.height

@@ -118,6 +118,13 @@ def _principled(material: Material, color: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _emission(material: Material) -> dict[str, Any]:
+    """Return the radiance that a material emits, in Mitsuba only from its front."""
+    if material.emission_texture is None:
+        return {"type": "rgb", "value": list(material.emission)}
+    return _bitmap(material.emission_texture * np.array(material.emission, np.float32))
+
+
 def _opacity(material: Material) -> Any:
     """Return the opacity after the cutoff, which is applied texel by texel."""
     opacity = material.opacity * np.ones((1, 1), np.float32)
@@ -157,6 +164,9 @@ def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
                 bsdf = {"type": "twosided", "bsdf": bsdf_of(material)}
                 if material.has_holes:
                     bsdf = {"type": "mask", "opacity": _opacity(material), "bsdf": bsdf}
+                emitter = {"type": "area", "radiance": _emission(material)}
                 # Mitsuba gives dots in names a meaning of their own.
-                shapes[f"object_{number}_{index}"] = mitsuba_mesh(part, bsdf)
+                shapes[f"object_{number}_{index}"] = mitsuba_mesh(
+                    part, bsdf, emitter if material.emits else None
+                )
     return shapes

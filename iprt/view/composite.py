@@ -40,6 +40,7 @@ class Composite:
         metallic: cla.Array | None = None,
         diffuse: cla.Array | None = None,
         specular: cla.Array | None = None,
+        emission: cla.Array | None = None,
         color_map: cla.Array | None = None,
     ) -> None:
         """Fill `picture`. Arguments that are None have no effect.
@@ -58,7 +59,7 @@ class Composite:
             `VisibleLayer.sides`, with objects.
         albedo, diffuse : 3 planes each, multiplied
         metallic : 1 plane, share of objects' surfaces without diffuse reflection
-        specular : 3 planes, radiance
+        specular, emission : 3 planes each, radiance
         color_map : (6, 4)
             `ColorMap.rows`: all but `color` is in the reference's colors.
         """
@@ -79,4 +80,5 @@ class Composite:
             metallic=metallic,
             diffuse=diffuse,
             specular=specular,
+            emission=emission,
         )

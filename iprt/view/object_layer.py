@@ -9,6 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.gbuffer.layout import PlaneLayout
+from iprt.geometry.material import MaterialNeeds
 from iprt.raster.layers import ObjectLayers
 from iprt.raster.region import Rect
 
@@ -50,8 +51,10 @@ class VisibleLayer(VisibleSurfaces):
 
     Attributes
     ----------
-    display : (3 or 4, H, W, 4) float32
-        The drawn image (`cl/lib/gbuffer/display.h`); four images with principled materials.
+    display : (3 to 5, H, W, 4) float32
+        The drawn image (`cl/lib/gbuffer/display.h`), as `MaterialNeeds.display_images`.
+    emission : 3 planes or None
+        Emitted radiance. None if no material emits light.
     sides : (H * W, 2) float32
         Share of either real surface that objects hide, in pixels at depth edges.
     """
@@ -61,22 +64,31 @@ class VisibleLayer(VisibleSurfaces):
         device: ComputeDevice,
         layout: PlaneLayout,
         edges: Mapping[str, cla.Array],
-        *,
-        principled: bool,
+        needs: MaterialNeeds,
     ) -> None:
         """Allocate the planes. `edges` is `RealLayer.edges` of the view, filled before this."""
-        super().__init__(device, layout, name="object", principled=principled)
+        super().__init__(device, layout, name="object", principled=needs.principled)
         self._device = device
         self._layout = layout
         self.display = device.empty(
-            "object display", (4 if principled else 3, layout.height, layout.width, 4)
+            "object display", (needs.display_images, layout.height, layout.width, 4)
         )
+        self.emission: cla.Array | None = None
+        if needs.emission:
+            self.emission = device.zeros("object emission", layout.shape(3))
         self.sides = device.empty("object sides", (layout.height * layout.width, 2))
         self._kernel = device.kernel(
             "view/unpack.cl",
             "unpack_objects",
             {"VIEW_EQUIRECT": layout.equirect},
-        ).fixed(layout.arguments(), self.planes(), edges, display=self.display, sides=self.sides)
+        ).fixed(
+            layout.arguments(),
+            self.planes(),
+            edges,
+            display=self.display,
+            sides=self.sides,
+            emission=self.emission,
+        )
 
     def load(self, layers: ObjectLayers, view: cla.Array, materials: cla.Array) -> None:
         """Upload and unpack layers rasterized with `shade=True`."""

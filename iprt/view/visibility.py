@@ -20,11 +20,12 @@ from iprt.view.object_layer import VisibleLayer
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.real.panorama import Panorama
 
-MOTION, FRONT, MATERIAL, FINISH, MET, DISPLACED = BUFFERS = (
+MOTION, FRONT, MATERIAL, FINISH, EMISSION, MET, DISPLACED = BUFFERS = (
     "object motion rows",
     "traced front",
     "traced material",
     "traced finish",
+    "traced emission",
     "traced triangles",
     "traced displacement",
 )
@@ -68,6 +69,9 @@ class Visibility:
         self._finish: cla.Array | None = None
         if needs.principled:
             self._finish = device.empty(FINISH, (view.height, view.width, 2))
+        self._emission: cla.Array | None = None
+        if needs.emission:
+            self._emission = device.empty(EMISSION, (view.height, view.width, 4))
         self._met = device.empty(MET, (view.height, view.width, 2), np.int32)
         # Output and regions of the last run.
         self._shown: tuple[VisibleLayer, list[Rect]] | None = None
@@ -127,6 +131,7 @@ class Visibility:
             "front": self.front,
             "material": self.material,
             "finish": self._finish,
+            "emission": self._emission,
             "met": self._met,
             "samples": self._samples,
             "surface": panorama.surface,

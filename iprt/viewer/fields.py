@@ -40,6 +40,9 @@ OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
 NONE = Label("none", "")
 MOST_FPS = 240
+MOST_EMISSION = 100.0
+LEAST_COLOR = 1e-3
+"""Brightest channel that a color counts as having at least, where a light takes it over."""
 PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
@@ -280,6 +283,15 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             **more,
         )
 
+    def brightness() -> float:
+        return float(f"{max(material().emission):.3g}")
+
+    def shine(brightness: float) -> None:
+        """Emit the color of the light, or the material's until there is one."""
+        own = material().emission if material().emits else material().albedo
+        r, g, b = (brightness * part / max(*own, LEAST_COLOR) for part in own)
+        ui.paint(emission=(r, g, b))
+
     alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
     rough, coated, mixed = (
         {"enabled": lambda: material().kind != "diffuse"},
@@ -292,6 +304,15 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         field("alpha", "number", "alpha", slider=alphas, **rough),
         field("ior", "number", "ior", slider=indices, **coated),
         field("metallic", "number", "metallic", slider=alphas, **mixed),
+        Field(
+            "emission",
+            "number",
+            lambda: PARTS["emission"],
+            brightness,
+            shine,
+            slider=Slider(0.0, MOST_EMISSION, False, 0.1),
+            beyond=True,
+        ),
     )
 
 

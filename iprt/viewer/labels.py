@@ -95,6 +95,9 @@ PARTS: Mapping[str, Label] = {
     "reflectance": Label("Color", "Specular reflectance in red, green and blue."),
     "alpha": Label("Roughness", "0 is polished, 1 is dull (GGX alpha)."),
     "metallic": Label("Metalness", "0 is plastic, 1 is metal."),
+    "emission": Label(
+        "Emission", "Radiance that it emits in its color, where 1 is the white of the video."
+    ),
     "ior": Label("Index of refraction", "How strongly the coat reflects. Plastic has about 1.5."),
     "texture": Label(
         "Remove texture", "A texture of a mesh file can be saved only with the file's own material."

@@ -18,12 +18,13 @@ from tests.films import planned_kernels
 MOST_BUFFERS = 31
 """What Apple's GPUs let a kernel take."""
 MORE_BUFFERS = {
+    "trace_delta": 32,
     "trace_virtual": 42,
     "trace_gloss": 40,
     "path_trace_real": 33,
     "path_trace_virtual": 33,
 }
-"""Kernels with variants that do not run there: reflections of `iprt2023`, paths of `oil`."""
+"""Kernels with variants that do not run there: lamps, reflections of `iprt2023`, paths of `oil`."""
 ELEMENTS = re.compile(r"(uchar|int|uint|float)[234]?")
 
 SOURCE = """

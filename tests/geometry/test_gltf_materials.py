@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.geometry.material import Material, Sampler
+from iprt.geometry.material import MAX_EMISSION, Material, Sampler
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from tests.geometry.gltf_files import GltfFile
@@ -131,8 +131,18 @@ def test_textures_that_lie_differently_are_named(tmp_path: Path) -> None:
 def test_samplers(tmp_path: Path) -> None:
     pbr = {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 1}}
     samplers = [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}, {"magFilter": 9729}]
-    (material,) = quad(tmp_path, pbr, noise(2, 2), noise(2, 2), samplers=samplers).materials
-    assert material.samplers == (Sampler(("clamp", "mirror"), nearest=True), Sampler(), Sampler())
+    mesh = quad(
+        tmp_path,
+        pbr,
+        noise(2, 2),
+        noise(2, 2),
+        samplers=samplers,
+        emissiveFactor=[1, 1, 1],
+        emissiveTexture={"index": 0},
+    )
+    (material,) = mesh.materials
+    clamped = Sampler(("clamp", "mirror"), nearest=True)
+    assert material.samplers == (clamped, Sampler(), Sampler(), clamped)
 
 
 @pytest.mark.parametrize(
@@ -164,3 +174,105 @@ def sorted_uvs(mesh: Mesh) -> np.ndarray:
     """Return the texture coordinates of the corners in the order of `CORNERS`."""
     order = [int(np.abs(mesh.positions - corner).sum(axis=1).argmin()) for corner in CORNERS]
     return mesh.uvs[order]
+
+
+def test_emission(tmp_path: Path) -> None:
+    """Its texture is a color; the extension multiplies its factor."""
+    stored = noise(3, 2)
+    mesh = quad(
+        tmp_path,
+        {},
+        stored,
+        emissiveFactor=[1.0, 0.5, 0.25],
+        emissiveTexture={"index": 0},
+        extensions={"KHR_materials_emissive_strength": {"emissiveStrength": 40.0}},
+    )
+    (material,) = mesh.materials
+    assert material.emission == pytest.approx((40.0, 20.0, 10.0))
+    assert material.emission_texture is not None
+    linear = np.where(stored > 10, ((stored / 255 + 0.055) / 1.055) ** 2.4, stored / 255 / 12.92)
+    np.testing.assert_allclose(material.emission_texture, linear, atol=1e-3)
+    np.testing.assert_allclose(sorted_uvs(mesh), UVS * [1, -1] + [0, 1], atol=1e-6)
+    assert mesh.dropped == ()
+
+
+@pytest.mark.parametrize("strength", [-1.0, 1e30])
+def test_emission_is_bounded(tmp_path: Path, strength: float) -> None:
+    mesh = quad(
+        tmp_path,
+        {},
+        emissiveFactor=[1.0, 0.0, 0.0],
+        extensions={"KHR_materials_emissive_strength": {"emissiveStrength": strength}},
+    )
+    (material,) = mesh.materials
+    assert material.emission == ((0.0 if strength < 0.0 else MAX_EMISSION), 0.0, 0.0)
+
+
+def test_a_map_without_a_factor_emits_nothing(tmp_path: Path) -> None:
+    (material,) = quad(tmp_path, {}, noise(2, 2), emissiveTexture={"index": 0}).materials
+    assert not material.emits
+    assert not material.textured
+
+
+def extended(folder: Path, name: str, values: dict[str, Any], **pbr: Any) -> Mesh:
+    """Load a plastic square with a KHR_materials extension."""
+    given = {"metallicFactor": 0.0, "roughnessFactor": 0.5, **pbr}
+    return quad(folder, given, extensions={f"KHR_materials_{name}": values})
+
+
+@pytest.mark.parametrize(("given", "ior"), [(1.2, 1.2), (1.5, 1.5), (9.0, 4.0), (0.0, 4.0)])
+def test_the_index_of_refraction(tmp_path: Path, given: float, ior: float) -> None:
+    """The largest stands for larger ones, and for 0, which means that all is reflected."""
+    (material,) = extended(tmp_path, "ior", {"ior": given}).materials
+    assert (material.kind, material.ior) == ("plastic", ior)
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.0, 2.0])
+def test_specular_multiplies_the_reflectance_at_normal_incidence(
+    tmp_path: Path, factor: float
+) -> None:
+    mesh = extended(tmp_path, "specular", {"specularFactor": factor})
+    (material,) = mesh.materials
+    reflectance = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2
+    assert reflectance == pytest.approx(0.04 * factor)
+    assert mesh.dropped == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("ior", {"ior": 1.0}), ("specular", {"specularFactor": 0.0})]
+)
+def test_without_a_reflection_it_is_diffuse(
+    tmp_path: Path, name: str, values: dict[str, Any]
+) -> None:
+    (material,) = extended(tmp_path, name, values).materials
+    assert material.kind == "diffuse"
+
+
+def test_a_colored_reflection_is_named(tmp_path: Path) -> None:
+    mesh = extended(tmp_path, "specular", {"specularColorFactor": [1.0, 0.5, 0.0]})
+    assert mesh.dropped == ("color of the specular reflection",)
+
+
+def test_unlit_shows_its_color(tmp_path: Path) -> None:
+    """It reflects nothing, whatever else the material has."""
+    stored = noise(2, 3)
+    pbr = {"baseColorFactor": [0.5, 0.2, 1.0, 1.0], "baseColorTexture": {"index": 0}}
+    mesh = quad(tmp_path, pbr, stored, extensions={"KHR_materials_unlit": {}})
+    (material,) = mesh.materials
+    assert (material.kind, material.albedo) == ("diffuse", (0.0, 0.0, 0.0))
+    assert material.emission == (0.5, 0.2, 1.0)
+    assert material.emission_texture is not None
+    assert material.emission_texture.shape == (2, 3, 3)
+    assert material.texture is None
+    assert mesh.dropped == ()
+
+
+def test_holes_of_unlit_surfaces(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(6).integers(0, 256, (3, 4, 4), dtype=np.uint8)
+    pbr = {"baseColorTexture": {"index": 0}}
+    mesh = quad(tmp_path, pbr, pixels, extensions={"KHR_materials_unlit": {}}, alphaMode="MASK")
+    (material,) = mesh.materials
+    assert material.emits
+    assert material.opacity_texture is not None
+    assert material.texture is not None
+    assert material.opacity_texture.shape == material.texture.shape[:2]

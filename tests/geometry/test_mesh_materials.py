@@ -54,7 +54,6 @@ def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> No
 @pytest.mark.parametrize(
     ("line", "phrase"),
     [
-        ("Ke 2 2 2", "emission"),
         ("d 0.5", "transparency"),
         ("Tr 0.5", "transparency"),
         ("map_d t.png", "transparency"),
@@ -67,6 +66,13 @@ def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> No
 )
 def test_what_mtl_says_and_is_not_read_is_named(tmp_path: Path, line: str, phrase: str) -> None:
     assert of_mtl(tmp_path, "Kd 1 0 0", line).dropped == (phrase,)
+
+
+def test_mtl_emits(tmp_path: Path) -> None:
+    mesh = of_mtl(tmp_path, "Kd 0.5 0.5 0.5", "Ks 0.5 0.5 0.5", "Ns 100", "Ke 2 0.5 30")
+    (material,) = mesh.materials
+    assert (material.kind, material.emission) == ("plastic", (2.0, 0.5, 30.0))
+    assert mesh.dropped == ()
 
 
 @pytest.mark.parametrize(

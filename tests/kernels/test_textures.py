@@ -55,7 +55,7 @@ def expected(uv: Float, sampler: Sampler) -> Float:
 def test_texels(device: ComputeDevice, wrap: tuple[Wrap, Wrap], nearest: bool) -> None:
     sampler = Sampler(wrap, nearest=nearest)
     other = Material(texture=np.zeros((2, 2, 3), np.float32))
-    material = Material(texture=IMAGE, samplers=(sampler, Sampler(), Sampler()))
+    material = Material(texture=IMAGE, samplers=(sampler, Sampler(), Sampler(), Sampler()))
     table, texels = texture_table([other, material])
     uv = rng.uniform(-2.5, 3.5, (3000, 2)).astype(np.float32)
     # Rounding may choose either texel where two meet.

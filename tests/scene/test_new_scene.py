@@ -18,6 +18,7 @@ from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.new_object import add_object, parse_material
 from iprt.scene.new_scene import new_scene
 from iprt.scene.scene import Scene
+from iprt.scene.shapes import SHAPES
 from tests.scene.files import (
     CUBE,
     HIGH,
@@ -271,9 +272,32 @@ def test_check_names_what_was_not_read(tmp_path: Path, capsys: pytest.CaptureFix
     assert "note: cube: not read from its file: lines" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("shape", list(SHAPES))
+def test_a_shape_needs_no_file(tmp_path: Path, footage: Path, shape: str) -> None:
+    own = make(tmp_path, footage)
+    run("add", str(own), shape, "--look", "0", "-45", "--height", "0.5", "--name", "thing")
+    (thing,) = Scene.open(own).objects
+    mesh = thing.bound
+    size = np.ptp(mesh.positions, axis=0)
+    np.testing.assert_allclose(size, (1.0, 0.0 if shape == "square" else 1.0, 1.0), atol=0.01)
+    # Normals point outward, and up on the square.
+    normals = mesh.normals[mesh.triangles].mean(axis=1)
+    outward = mesh.positions[mesh.triangles].mean(axis=1) + np.array([0.0, 1e-3, 0.0])
+    assert ((normals * outward).sum(axis=1) > 0.0).all()
+
+
+def test_a_lamp(tmp_path: Path, footage: Path) -> None:
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", 0, -45, material=parse_material("lamp:30,22.5,14"))
+    (cube,) = Scene.open(own).objects
+    (material,) = cube.bound.materials
+    assert (material.kind, material.emission) == ("diffuse", (30.0, 22.5, 14.0))
+
+
 @pytest.mark.parametrize(
     "text", ["", "glass:1,1,1", "diffuse", "diffuse:1,1", "diffuse:1,1,2", "diffuse:1,1,1:0.1",
-             "plastic:0,0,0:nan", "plastic:0,0,0:2", "conductor:a,b,c", "mirror:1"],
+             "plastic:0,0,0:nan", "plastic:0,0,0:2", "conductor:a,b,c", "mirror:1",
+             "lamp:1,1,1:0.1", "lamp:-1,0,0", "lamp:1e9,1,1"],
 )  # fmt: skip
 def test_materials_that_make_no_sense(text: str) -> None:
     with pytest.raises(SceneError, match="--material"):

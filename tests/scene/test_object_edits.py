@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
-from iprt.geometry.material import Material
+from iprt.geometry.material import Material, MaterialKind
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.manifest_writing import free_name
 from iprt.scene.object_edits import ObjectEdit, edited_objects, flat, require_place, save_edits
@@ -178,6 +178,13 @@ def test_an_object_of_another_ones_texture(scene: Scene) -> None:
     save_edits(scene, [ObjectEdit("last", material=Material(texture=texture.copy()))])
     material = Scene.open(scene.root).objects[2].bound.materials[0]
     assert np.array_equal(material.texture, texture)
+
+
+@pytest.mark.parametrize("kind", ["diffuse", "conductor", "plastic", "principled"])
+def test_a_lamp_is_written(scene: Scene, kind: MaterialKind) -> None:
+    lamp = Material(kind, (0.2, 0.3, 0.4), emission=(30.0, 0.0, 1.5))
+    save_edits(scene, [ObjectEdit("last", material=lamp)])
+    assert Scene.open(scene.root).objects[2].bound.materials == (lamp,)
 
 
 def test_what_cannot_be_written_changes_nothing(scene: Scene, tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ from tests.worlds import Float, landscape_frame, sphere_frame
 Estimator = Literal[
     "delta, aimed", "delta, even", "ratio", "em, aimed", "em, even",
     "dpt, aimed", "dpt, even", "pt-diff, aimed", "pt-diff, even", "oil, aimed",
-    "dit, aimed", "dit, even", "vct, even", "dvct, even",
+    "dit, aimed", "dit, even", "vct, even", "dvct, even", "iprt2023",
 ]  # fmt: skip
 Around = Literal["plain", "sphere"]
 ESTIMATORS: tuple[Estimator, ...] = ("delta, aimed", "delta, even", "ratio")
@@ -184,16 +184,17 @@ def kernels(
     aim_at: Float | None = None,
     view: View = VIEW,
     own: Mapping[str, Any] | None = None,
+    trace: Mapping[str, Any] | None = None,
 ) -> Iterator[Kernels]:
     """`aim_at`: (H, W, 3) picture whose bright parts rays are aimed at, in place of the frame's.
 
-    `own`: settings of the estimator's method, where it has the method's name.
+    `own`: settings of the estimator's method, where it has the method's name. `trace`: of its rays.
     """
     name, _, way = estimator.partition(", ")
     others: dict[str, Any] = {
         "gbuffer": "cl", "mask": {"sparse": False}, "atrous": {"levels": 0},
         "irradiance": {"rows": 64}, "iprt": {"relight_reflections": False},
-        "trace": {"light_sampling": way == "aimed", "jitter": False},
+        "trace": {"light_sampling": way == "aimed", "jitter": False, **(trace or {})},
     }  # fmt: skip
     if name in methods():
         chosen = Settings.model_validate(others | {"method": name, name: own or {}})

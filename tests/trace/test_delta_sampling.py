@@ -37,7 +37,7 @@ def shares(
     """A device whose kernels choose directions in other proportions."""
     text = (CL / "trace/trace_delta.cl").read_text()
     text, replaced = re.subn(r"(#define BOX_SHARE(?:_INSIDE)?) .*", rf"\1 {box}", text)
-    text, more = re.subn(r"0\.5f \* \(1\.0f - box_share\)", light, text)
+    text, more = re.subn(r"0\.5f \* \(left - box_share\)", light, text)
     assert (replaced, more) == (2, 1)
     file = folder / "trace_delta.cl"
     file.write_text(text)

@@ -71,6 +71,25 @@ def test_furnace(
     np.testing.assert_allclose(result.background[outside], 2.0, rtol=1e-5)
 
 
+def test_a_lamp_shines_and_lights_the_wall(mi: Any) -> None:
+    """Its map multiplies its radiance; the wall gets the closed form of a ball's irradiance."""
+    half = np.full((2, 2, 3), 0.5, np.float32)
+    lamp = Material(albedo=(0.0, 0.0, 0.0), emission=(60.0, 20.0, 8.0), emission_texture=half)
+    centre, radius = np.array([0.0, 0.0, -2.0]), 0.2
+    frame = sphere_frame(np.ones((32, 64, 3), np.float32), 3.0)
+    view = View(48, 48, fov_y_deg=60.0)
+    result = shot(frame, [ball(lamp, tuple(centre), radius)], view, 256)
+    inside, beside = result.coverage == 1.0, result.coverage == 0.0
+    assert inside.sum() > 30
+    np.testing.assert_allclose(result.objects[inside].mean(axis=0), (30.0, 10.0, 4.0), rtol=1e-3)
+    d = view.directions()[beside]
+    away = centre - 3.0 * d
+    distance = np.linalg.norm(away, axis=-1)
+    factor = (radius / distance) ** 2 * -(away * d).sum(-1) / distance
+    added = (result.ratio[beside] - 1.0).mean(axis=0)
+    np.testing.assert_allclose(added, np.array([29.0, 9.0, 3.0]) * factor.mean(), rtol=0.05)
+
+
 def test_white_objects_that_shade_and_light_each_other_are_invisible(mi: Any) -> None:
     frame = sphere_frame(np.full((32, 64, 3), 0.7, np.float32), 3.0)
     white = Material("diffuse", (1.0, 1.0, 1.0))

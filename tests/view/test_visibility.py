@@ -12,7 +12,7 @@ from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material, material_table
+from iprt.geometry.material import Material, MaterialNeeds, material_table
 from iprt.geometry.mesh import Instance
 from iprt.raster.layers import SAMPLES, ObjectLayers
 from iprt.view.object_layer import VisibleLayer
@@ -44,9 +44,9 @@ def image(device: ComputeDevice, layer: VisibleLayer, name: str) -> Float:
     return channels[..., 0] if channels.shape[-1] == 1 else channels
 
 
-def layer_of(device: ComputeDevice, view: View, *, principled: bool = False) -> VisibleLayer:
-    edges = no_edges(device, view)
-    return VisibleLayer(device, PlaneLayout.of(view), edges, principled=principled)
+def layer_of(device: ComputeDevice, view: View, *materials: Material) -> VisibleLayer:
+    edges, needs = no_edges(device, view), MaterialNeeds.of(materials)
+    return VisibleLayer(device, PlaneLayout.of(view), edges, needs)
 
 
 class Drawn:
@@ -115,9 +115,8 @@ class Both:
         now, then = (device.upload("view", v.kernel_constants()) for v in (view, turned))
         materials = [m for i in instances for m in i.mesh.materials]
         table = device.upload("materials", material_table(materials))
-        principled = picture.kind == "principled"
-        self.drawn = layer_of(device, view, principled=principled)
-        self.traced = layer_of(device, view, principled=principled)
+        self.drawn = layer_of(device, view, picture)
+        self.traced = layer_of(device, view, picture)
         with rasterizer(before) as opened:
             opened.set_surface(device.read(panorama.surface))
             opened.move(instances)
@@ -226,6 +225,20 @@ def test_finish_with_textures(device: ComputeDevice, view: View) -> None:
     for name, value in (("metallic", 0.0), ("roughness", 1.0)):
         for found in both.images(name):
             np.testing.assert_array_equal(found[ids == 1.0], value)
+
+
+@views
+def test_emission_with_textures(device: ComputeDevice, view: View) -> None:
+    colored = pattern()
+    glowing = replace(colored, emission=(7.0, 0.5, 30.0), emission_texture=colored.texture)
+    both = Both(device, view, glowing)
+    ids = both.images("id")[0]
+    picture = inner(ids) & (ids == 2.0)
+    assert picture.sum() > 60
+    for found, albedo in zip(both.images("emission"), both.images("albedo"), strict=True):
+        scale = albedo[picture] / np.array(colored.albedo)
+        np.testing.assert_allclose(found[picture] / glowing.emission, scale, atol=1e-3)
+        np.testing.assert_array_equal(found[ids == 1.0], 0.0)
 
 
 @views

@@ -73,6 +73,7 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "alpha": 0.5,
         "ior": 1.25,
         "metallic": 0.75,
+        "emission": 12.5,
         "fps": 30,
     }
     fields = by_key((*lens_fields(ui), *place_fields(ui), *material_fields(ui), rate_field(ui)))

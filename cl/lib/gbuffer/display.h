@@ -6,9 +6,11 @@
 //   2   coverage: fraction of the pixel in which an object is in front of the real surface; image point in the
 //       previous view, pixels ((-1e9, -1e9): nowhere); fraction in which there is any object
 //   3   metalness, alpha of GGX, 0, 0: only where a material is principled
+//   4   emitted radiance, 0: only where a material emits light
 #pragma once
 
 #define DISPLAY_NORMAL 0
 #define DISPLAY_MATERIAL 1
 #define DISPLAY_COVERAGE 2
 #define DISPLAY_FINISH 3
+#define DISPLAY_EMISSION 4

@@ -9,12 +9,14 @@
 // -D LIGHT_SAMPLING: aim rays at the environment. Without it, all rays are sampled by the BRDF.
 // -D LEARNED_RADIANCE: real surfaces have their learned radiance (lib/world/real/learned.h), or the
 // panorama's where none was learned.
+// -D EMISSION: some virtual surfaces emit light, which paths find by chance.
 #pragma once
 
 #include "maths/sampling.h"
 #include "trace/sums.h"
 #include "world/brdf.h"
 #include "world/direction.h"
+#include "world/emission.h"
 #include "world/real/learned.h"
 #include <iprt.trace.paths>
 
@@ -221,6 +223,12 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
             throughput *= own * passed;
         }
         const Scatterer next = object_point(world.objects, hit, at.o_object, s.wi);
+#ifdef EMISSION
+        const float3 emission = throughput * emitted(world, next);
+        add_to(sums.diffuse, first_diffuse * emission);
+        if (sums.specular)
+            add_to(sums.specular, summed(first_specular) * emission);
+#endif
         at.o = at.o_object = next.position;
         at.n = next.normal;
         at.viewer = -s.wi;

@@ -18,10 +18,10 @@ typedef struct {
 } BoxView;
 
 // Return whether objects can affect the surface: a box lies above it, and all boxes span about
-// `min_solid_angle` sr or more.
+// `min_solid_angle` sr or more; or that is negative.
 static inline int boxes_matter(const BoxView at, float min_solid_angle)
 {
-    return at.above && (at.inside || at.total >= min_solid_angle);
+    return min_solid_angle < 0.0f || at.above && (at.inside || at.total >= min_solid_angle);
 }
 
 // Selected by bits: compilers for GPUs put indexed vectors on the stack.

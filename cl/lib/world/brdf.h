@@ -25,7 +25,8 @@
 //   rows 1-8   rough transmittance of the coat at cosines (i / 31)^2, i = 0..31
 //   row 9      metalness; index of the first of COAT_LEVELS further entries, coats of roughness
 //              (i / (COAT_LEVELS - 1))^2 for maps of roughness, or 0
-#define MATERIAL_ROWS 10
+//   row 10     emitted radiance, rgb; the mean of its channels
+#define MATERIAL_ROWS 11
 #define MATERIAL_NODES 32
 #define KIND_DIFFUSE 0
 #define KIND_CONDUCTOR 1

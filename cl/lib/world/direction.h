@@ -18,6 +18,10 @@ typedef struct {
 #ifdef SUN
     float sun_share;      // and at the sun
 #endif
+#ifdef LAMPS
+    float lamp_share;     // and at emitting objects
+    float lamp_distance;  // to the point of one that is aimed at
+#endif
     int texel;            // of the light aimed at: any other hit counts as 0; -1: not aimed
 } Scatter;
 
@@ -31,11 +35,24 @@ static inline Scatter no_scatter(float3 wi)
 #ifdef SUN
     s.sun_share = 0.0f;
 #endif
+#ifdef LAMPS
+    s.lamp_share = s.lamp_distance = 0.0f;
+#endif
     s.texel = -1;
     return s;
 }
 
-static inline int is_aimed(const Scatter s) { return s.texel >= 0; }
+static inline int is_at_lamp(const Scatter s)
+{
+#ifdef LAMPS
+    return s.texel == LAMP_TEXEL;
+#else
+    return 0;
+#endif
+}
+
+// Return whether a ray is aimed at a light of the panorama or at the sun.
+static inline int is_aimed(const Scatter s) { return s.texel >= 0 && !is_at_lamp(s); }
 
 // Return 1 / density of the hit of a ray; 0 if the ray was aimed at a light and met something else.
 static inline float inverse_density(const World world, const Scatter s, const RealHit hit)

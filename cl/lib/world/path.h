@@ -5,12 +5,14 @@
 // (Algorithm 1, lines 4-6).
 // -D GLOSS lets one glossy real surface per path reflect as well. The radiance of glossy surfaces is then
 // their diffuse part only (iprt/world/real/highlight.py).
+// -D EMISSION: some virtual surfaces emit light. A share of the rays is aimed at them, where they are triangles.
 // -D DISTANT_ENVIRONMENT treats the panorama as infinitely far: environment mapping.
 #pragma once
 
 #include "world/brdf.h"
 #include "world/boxes.h"
 #include "world/direction.h"
+#include "world/emission.h"
 #include "world/real/gloss.h"
 #include "maths/sampling.h"
 #include "trace/sums.h"
@@ -20,6 +22,7 @@
 #define AIMED_ALPHA 0.02f
 // Share of the rays that are not aimed at other lights.
 #define SUN_SHARE 0.4f
+#define LAMP_SHARE 0.4f
 // Least reflectance of a surface that counts as sunlit where a path ends.
 #define SUNLIT_ALBEDO 0.2f
 
@@ -50,6 +53,20 @@ static inline ALWAYS_INLINE Scatter scatter(
     Scatter s = no_scatter(n);
     s.light_share = light_share(world, material);
     float rest = 1.0f - s.light_share;
+#ifdef LAMPS
+    // Narrow lobes find lamps themselves.
+    if (lamps_shine(world.objects) && (!is_metal(material) || material.alpha > AIMED_ALPHA)) {
+        s.lamp_share = LAMP_SHARE * rest;
+        rest -= s.lamp_share;
+    }
+    const float below_lamps = 1.0f - s.lamp_share;
+    if (u.w >= below_lamps) {
+        s.texel = LAMP_TEXEL;
+        s.wi = towards_lamp(world.objects, x, u.xy, u.z, &s.lamp_distance);
+    }
+#else
+    const float below_lamps = 1.0f;
+#endif
 #ifdef SUN
     // Mirrors and lobes hardly wider than the sun find it themselves.
     const int aims_at_sun = !is_metal(material) || material.alpha > AIMED_ALPHA;
@@ -57,7 +74,7 @@ static inline ALWAYS_INLINE Scatter scatter(
         s.sun_share = SUN_SHARE * rest;
         rest -= s.sun_share;
     }
-    if (u.w >= 1.0f - s.sun_share) {
+    if (!is_at_lamp(s) && u.w >= below_lamps - s.sun_share) {
         s.texel = SUN_TEXEL;
         s.wi = sample_sun(world.real.sun, u.xy);
     } else
@@ -66,8 +83,7 @@ static inline ALWAYS_INLINE Scatter scatter(
         const float3 light = sample_light(world.lights, u.xy);
         s.texel = texel_towards(world.real, light);
         s.wi = towards_light(world.real, light, s.texel, x);
-    } else
-    {
+    } else if (!is_at_lamp(s)) {
         const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
         s.wi = sample.wi;
         if (sample.specular && !(material.alpha > 0.0f)) {
@@ -183,11 +199,18 @@ static inline int aim_from_shade(const World world, const RealHit hit, float3 se
 #define FIRST_ANY 1
 #endif
 
+#if defined(EMISSION) && defined(RELIT)
+#define PASSES_ON 1
+#else
+#define PASSES_ON 0
+#endif
+
 // Trace a path and add `throughput` times its radiance to sums. Rays start at o_object towards objects, at o
 // towards real surfaces. It is one loop with one call of each march, because OpenCL compilers inline them.
 // -D WITHOUT_OBJECTS also fills `real`, at the cost of tracing past the objects.
 // -D DELTA computes only the change by objects: a path whose first surface is real ends there, and `real` is
-// the radiance that the first object hides.
+// the radiance that the first object hides. With -D EMISSION and -D RELIT, its change in the last picture arrives, so
+// that real surfaces pass the light of lamps on to each other.
 static inline ALWAYS_INLINE FirstHit trace_path(
     const World world, float3 o, float3 o_object, Scatter s, float3 throughput, uint seed, uint index,
     PathSums sums)
@@ -217,6 +240,9 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         const int blocked_by_any = is_aimed(s) && (bounce > 0 || (FIRST_ANY && diffuse));
         const float away = blocked_by_any ? light_distance(world.real, s.texel, o, d) : INFINITY;
         int sees_objects = bounce < world.max_bounces;
+#ifdef EMISSION
+        sees_objects |= is_at_lamp(s); // light on the last object
+#endif
 #ifdef SUN
         sees_objects |= s.texel >= SHADE_TEXEL; // it would shine through the last object
 #endif
@@ -231,7 +257,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         if (blocked_by_any && object)
             return first;
 #ifdef DELTA
-        if (bounce == 0 && !object)
+        if (bounce == 0 && !object && (!PASSES_ON || is_at_lamp(s)))
             return first;
 #endif
 #if defined(WITHOUT_OBJECTS) || defined(DELTA)
@@ -243,6 +269,10 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         // The face that an object stands on and the surface below it coincide: the object's counts as hit,
         // because light would leak into the object otherwise.
         const int at_object = object && !(real.t < hit.t - world.real.bias);
+#ifdef EMISSION
+        if (is_at_lamp(s) && !at_object)
+            return first;
+#endif
         if (bounce == 0)
             first.distance = at_object ? hit.t : real.t;
 #ifdef WITHOUT_OBJECTS
@@ -258,13 +288,25 @@ static inline ALWAYS_INLINE FirstHit trace_path(
 #endif
         if (!at_object) {
 #ifdef DELTA
-            if (bounce == 0)
+            if (bounce == 0 && !PASSES_ON)
                 return first;
 #endif
             const float share = inverse_density(world, s, real);
             if (!(share > 0.0f))
                 return first;
             throughput *= share;
+#ifdef DELTA
+            if (bounce == 0) {
+                const float3 change = pictured_radiance(world.real, real, d) * (relit_factor(world, real) - 1.0f);
+#ifdef GLOSS
+                // A highlight contains the share of it that hidden light has.
+                add_to(sums.real, -throughput * change);
+#else
+                arrive(sums, throughput * change);
+#endif
+                return first;
+            }
+#endif
 #ifdef GLOSS
             const int gloss = reflected ? 0 : gloss_at(world, real);
             if (gloss) {
@@ -307,23 +349,35 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             arrive(sums, throughput * radiance);
             return first;
         }
+        float own = 1.0f;
 #ifdef DELTA
         if (bounce == 0) {
-            const float share = inverse_density(world, s, real);
-            if (!(share > 0.0f))
+            own = inverse_density(world, s, real);
+            if (!(own > 0.0f))
                 return first;
-            throughput *= share;
+            throughput *= own;
             // Where objects hide the sun is left to the caller.
-            add_to(sums.real, throughput * pictured_radiance(world.real, real, d));
+            if (!is_at_lamp(s))
+                add_to(sums.real, throughput * pictured_radiance(world.real, real, d));
         } else
 #endif
         {
             if (is_aimed(s))
                 return first;
-            throughput *= s.density > 0.0f ? 1.0f / s.density : 1.0f;
+            own = s.density > 0.0f ? 1.0f / s.density : 1.0f;
+            throughput *= own;
         }
         first.met |= bounce == 0;
         const Scatterer at = object_point(world.objects, hit, o_object, d);
+#ifdef EMISSION
+        const float3 emission = emitted(world, at);
+        if (any(emission > 0.0f)) {
+            const int alone = bounce >= world.max_bounces;
+            arrive(sums, emission_weight(world, s, at, hit.t, own, alone) * throughput * emission);
+        }
+        if (is_at_lamp(s))
+            return first;
+#endif
         const uint stream = hash_combine(seed, 2 * bounce + 2);
         const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
         o = o_object = at.position;

@@ -12,6 +12,7 @@
 #include "maths/kernel_attributes.h"
 #include "world/real/lights.h"
 #include "world/real/panorama.h"
+#include "world/objects/lamps.h"
 #include "world/objects/objects.h"
 #include "world/real/real.h"
 #include "world/real/sun.h"
@@ -100,10 +101,18 @@ static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const
     return radiance;
 }
 
+// Last kind of hit whose factor is known. The back of a surface gets the factor of its front, which is better than none
+// for shadows. A lamp on a table does not light the board from below.
+#ifdef EMISSION
+#define LAST_RELIT HIT_SURFACE
+#else
+#define LAST_RELIT HIT_BACK_FACE
+#endif
+
 // Return the factor by which objects change the radiance of a hit. It is unknown, and 1, on surfaces that the
 // view does not show.
 static inline float3 relit_factor(const World world, const RealHit hit)
 {
-    const int known = world.relit.screen && hit.kind <= HIT_BACK_FACE && !hit.behind;
+    const int known = world.relit.screen && hit.kind <= LAST_RELIT && !hit.behind;
     return known ? relit_towards(world.relit, hit.direction) : (float3)(1.0f);
 }

@@ -31,6 +31,7 @@ from iprt.device.kernel_source import constant
 from iprt.device.vectors import float4
 from iprt.geometry.material import Material, MaterialNeeds
 from iprt.geometry.mesh import Instance, same_places
+from iprt.world.objects.lamps import Lamps, LampsArgs
 from iprt.world.objects.object_layers import ObjectLayerArgs
 
 
@@ -47,10 +48,11 @@ class BvhArgs(Block):
         4 per packet: three vertices, material of the mesh.
     normals : (V, 4) float32
         Object space.
-    albedos : (2 M, 4), (4 M, 4) or (6 M, 4) float32
+    albedos : (2 M, 4), (4 M, 4), (6 M, 4) or (8 M, 4) float32
         Per material: rgb, opacity; int bits of its texture's first texel, width (0: none) and
         height, then the cutoff. With principled materials also metalness and alpha; the texture of
-        their factors. With normal maps also 0; the normal map.
+        their factors. With normal maps also 0; the normal map. With emission all these, and
+        emission; the texture of its factors.
     uvs : (V, 2) float32 or None
     tangents : (V, 4) float32 or None
         As in `Mesh`, object space.
@@ -89,6 +91,7 @@ class ObjectsArgs(Block):
     sunlit : (count,) int32 or None
         `Sunlit.marks`.
     bvh : BvhArgs or None
+    lamps : LampsArgs or None
     screen, equirect : ObjectLayerArgs or None
         Layers of the view and around the capture centre.
     view : (16,) float32 or None
@@ -103,6 +106,7 @@ class ObjectsArgs(Block):
     count: Int32
     sunlit: Ints = when("SUN")
     bvh: BvhArgs | None = when("OBJECTS_BVH")
+    lamps: LampsArgs | None = when("OBJECTS_BVH EMISSION")
     screen: ObjectLayerArgs | None = when(f"{LAYERS} !VIEW_EQUIRECT")
     equirect: ObjectLayerArgs | None = when(LAYERS)
     view: Floats = when(LAYERS)
@@ -169,8 +173,10 @@ class ObjectBvh:
         if self._textured:
             self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
-        if MaterialNeeds.of(materials).normal_maps:
+        needs = MaterialNeeds.of(materials)
+        if needs.normal_maps:
             self._make("tangents", (rows["vertices"], 4))
+        self._lamps = Lamps(device, instances) if needs.emission else None
 
     def _make(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> None:
         self._buffers[name] = self._device.empty(f"bvh {name}", shape, dtype)
@@ -206,7 +212,8 @@ class ObjectBvh:
             rows = np.zeros(buffer.shape, buffer.dtype)
             rows[: len(values)] = values
             self._device.write(buffer, rows)
-
+        if self._lamps is not None:
+            self._lamps.load(scene, instances)
         self._loaded = instances
 
     def _holds(self, instances: Sequence[Instance]) -> bool:
@@ -240,7 +247,8 @@ class ObjectBvh:
             tangents=self._buffers.get("tangents"),
             texels=self._texels if self._textured else None,
         )
-        return ObjectsArgs(bounds=boxes, count=boxes.shape[0], bvh=bvh)
+        lamps = None if self._lamps is None else self._lamps.arguments()
+        return ObjectsArgs(bounds=boxes, count=boxes.shape[0], bvh=bvh, lamps=lamps)
 
 
 def texture_table(
@@ -248,13 +256,14 @@ def texture_table(
 ) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
     """Return `BvhArgs.albedos`, and the (T, 4) texels of all textures."""
     needs = MaterialNeeds.of(materials)
-    rows = 6 if needs.normal_maps else 4 if needs.principled else 2
+    rows = 8 if needs.emission else 6 if needs.normal_maps else 4 if needs.principled else 2
     table = np.zeros((max(len(materials), 1), rows, 4), np.float32)
     texels = [np.zeros((0, 4), np.float16)]
     for row, material in zip(table, materials, strict=False):
         row[0] = *material.albedo, material.opacity
         row[1, 3] = material.cutoff
         row[2:3, :2] = material.metallic, material.alpha
+        row[6:7, :3] = material.emission
         maps = zip(row[1::2], material.maps, material.samplers, strict=False)
         for place, image, sampler in maps:
             if image is not None:

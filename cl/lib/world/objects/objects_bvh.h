@@ -64,7 +64,9 @@ static inline float4 object_texture(__global const half *texels, int4 image, flo
 }
 
 // Rows per material of the table of albedos and textures (iprt/world/objects/object_bvh.py).
-#if defined(NORMAL_MAPS)
+#if defined(EMISSION)
+#define TEXTURED_ROWS 8
+#elif defined(NORMAL_MAPS)
 #define TEXTURED_ROWS 6
 #elif defined(PRINCIPLED)
 #define TEXTURED_ROWS 4
@@ -103,6 +105,18 @@ static inline float2 object_finish(const Objects world, int material, int4 verti
 #endif
     return finish;
 }
+
+#ifdef EMISSION
+// Return the radiance that a material emits there.
+static inline float3 object_emission(const Objects world, int material, int4 vertices, float3 weights)
+{
+    float3 emission = world.bvh.albedos[TEXTURED_ROWS * material + 6].xyz;
+    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 7]);
+    if (image.y > 0)
+        emission *= object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xyz;
+    return emission;
+}
+#endif
 
 static inline float3 packet_corner(__global const float4 *rows, int corner, int column)
 {
@@ -269,6 +283,10 @@ static inline ALWAYS_INLINE Scatterer object_point(
     point.albedo = object_albedo(world, at.material, at.vertices, at.weights);
     point.finish = object_finish(world, at.material, at.vertices, at.weights);
     point.material = at.material;
+#ifdef EMISSION
+    point.emission = object_emission(world, at.material, at.vertices, at.weights);
+    point.facing = fabs(dot(at.flat_normal, d));
+#endif
     return point;
 }
 

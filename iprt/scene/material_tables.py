@@ -1,0 +1,180 @@
+"""Tables of `scene.toml` that describe materials."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+
+from iprt.files.toml_tables import Color, Ior, Name, Point, RelativePath, Table, Unit, not_null
+from iprt.footage.real_material import Plane, RealMaterial
+from iprt.geometry.material import MAX_EMISSION, Material
+
+Emission = Annotated[
+    list[Annotated[float, Field(ge=0.0, le=MAX_EMISSION)]], Field(min_length=3, max_length=3)
+]
+
+
+class _EmittingTable(Table):
+    """A material that may emit light: radiance in the panorama's unit."""
+
+    emission: Emission = Field(default=[0.0, 0.0, 0.0])
+
+    def emitting(self, material: Material) -> Material:
+        """Return a material with this emission."""
+        return replace(material, emission=_triple(self.emission))
+
+
+class DiffuseTable(_EmittingTable):
+    """A diffuse material."""
+
+    kind: Literal["diffuse"]
+    albedo: Color
+    texture: RelativePath | None = None
+
+    def material(self, texture: NDArray[np.float32] | None = None) -> Material:
+        """Build the material, with the texels of its texture."""
+        return Material("diffuse", _triple(self.albedo), texture=texture)
+
+
+class _ConductorFields(Table):
+    """A metal or a mirror."""
+
+    kind: Literal["conductor"]
+    reflectance: Color
+    alpha: Unit = 0.1
+
+    def material(self) -> Material:
+        """Build the material."""
+        return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
+
+
+class ConductorTable(_ConductorFields, _EmittingTable):
+    """A conductor: a metal or a mirror."""
+
+
+class PlasticTable(_EmittingTable):
+    """A plastic: a dielectric coat over a diffuse base."""
+
+    kind: Literal["plastic"]
+    albedo: Color
+    alpha: Unit = 0.1
+    ior: Ior = 1.5
+
+    def material(self) -> Material:
+        """Build the material."""
+        return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
+
+
+class PrincipledTable(_EmittingTable):
+    """A mixture of a plastic and a metal, as in glTF."""
+
+    kind: Literal["principled"]
+    albedo: Color
+    metallic: Unit = 0.0
+    alpha: Unit = 0.1
+    ior: Ior = 1.5
+
+    def material(self) -> Material:
+        """Build the material."""
+        return Material(
+            "principled",
+            _triple(self.albedo),
+            alpha=self.alpha,
+            ior=self.ior,
+            metallic=self.metallic,
+        )
+
+
+MaterialTable = Annotated[
+    DiffuseTable | ConductorTable | PlasticTable | PrincipledTable, Field(discriminator="kind")
+]
+
+
+Radiance = Annotated[
+    list[Annotated[float, Field(ge=0.0, le=1e12)]],
+    Field(min_length=3, max_length=3),
+    AfterValidator(not_null),
+]
+
+
+class PlaneTable(Table):
+    """A plane in the world, in metres."""
+
+    point: Point
+    normal: Annotated[Point, AfterValidator(not_null)]
+    tolerance: Annotated[float, Field(gt=0.0)] = 0.02
+
+    @property
+    def plane(self) -> Plane:
+        """The plane with a unit normal."""
+        length = math.hypot(*self.normal)
+        normal = [value / length for value in self.normal]
+        return Plane(_triple(self.point), _triple(normal), self.tolerance)
+
+
+class _RealMaterialTable(Table, ABC):
+    """`[[real_materials]]`: a glossy surface in the panorama; all given conditions must hold."""
+
+    name: Name
+    mask: RelativePath | None = None
+    color: Radiance | None = None
+    color_tolerance: Annotated[float, Field(gt=0.0)] = 0.05
+    plane: PlaneTable | None = None
+
+    @field_validator("color_tolerance")
+    @classmethod
+    def _has_color(cls, tolerance: float, info: ValidationInfo) -> float:
+        if info.data.get("color", tolerance) is None:
+            raise ValueError("has no effect without color; give color too")
+        return tolerance
+
+    @model_validator(mode="after")
+    def _says_where(self) -> Self:
+        if self.mask is None and self.color is None and self.plane is None:
+            raise ValueError("say where the surface is: give a mask, a color or a plane")
+        return self
+
+    def real_material(self, mask: NDArray[np.bool_] | None) -> RealMaterial:
+        """Build the real material; `mask` holds the pixels of the named file."""
+        return RealMaterial(
+            self.name,
+            self.material(),
+            mask=mask,
+            color=None if self.color is None else _triple(self.color),
+            color_tolerance=self.color_tolerance,
+            plane=None if self.plane is None else self.plane.plane,
+        )
+
+    @abstractmethod
+    def material(self) -> Material:
+        """Build the reflectance of this kind."""
+
+
+class RealConductorTable(_ConductorFields, _RealMaterialTable):
+    """A conductor: a metal or a mirror."""
+
+
+class RealPlasticTable(_RealMaterialTable):
+    """A plastic coat; the panorama itself is the base."""
+
+    kind: Literal["plastic"]
+    alpha: Unit = 0.1
+    ior: Ior = 1.5
+
+    def material(self) -> Material:
+        """Build the reflectance of the coat."""
+        return Material("plastic", alpha=self.alpha, ior=self.ior)
+
+
+RealMaterialTable = Annotated[RealConductorTable | RealPlasticTable, Field(discriminator="kind")]
+
+
+def _triple(values: list[float]) -> tuple[float, float, float]:
+    r, g, b = values
+    return r, g, b

@@ -1,0 +1,115 @@
+"""Emitting triangles of the objects, at which rays are aimed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iprt.bvh.scene import SceneBvh
+from iprt.device.block import Block, Float32, Int4s, Int32
+from iprt.device.compute import ComputeDevice
+from iprt.geometry.mesh import Instance, transformed
+
+
+@dataclass(kw_only=True)
+class LampsArgs(Block):
+    """Emitting triangles of the objects (`cl/lib/world/objects/lamps.h`).
+
+    Attributes
+    ----------
+    triangles : (count, 4) int32
+        Instance, place in the packets, float bits of the share of the power up to and including
+        the triangle, 0.
+    count : int
+    power : float
+        Sum over the triangles of their area, in m², times the mean emission of their material.
+    """
+
+    triangles: Int4s
+    count: Int32
+    power: Float32
+
+
+@dataclass(frozen=True)
+class Emitters:
+    """Emitting triangles of a scene.
+
+    Attributes
+    ----------
+    places : (count, 2) int32
+        Instance and place in the packets of each triangle.
+    share : (count,) float32
+        Share of the power up to and including each triangle.
+    power : float
+        As in `LampsArgs`.
+    """
+
+    places: NDArray[np.int32]
+    share: NDArray[np.float32]
+    power: float
+
+
+def emitters_of(scene: SceneBvh, instances: Sequence[Instance]) -> Emitters:
+    """Return the emitting triangles, with areas in world space."""
+    places, powers = [np.zeros((0, 2), np.int32)], [np.zeros(0)]
+    for row, (index, (first, end)) in enumerate(
+        zip(scene.instance_of, scene.places_of, strict=True)
+    ):
+        mesh = instances[index].mesh
+        emission = np.mean([material.mean_emission for material in mesh.materials], axis=1)
+        slots = scene.slots[first:end]
+        (kept,) = np.nonzero(
+            (slots >= 0) & (emission[mesh.material_index[np.maximum(slots, 0)]] > 0.0)
+        )
+        corners = mesh.positions[mesh.triangles[slots[kept]]].astype(np.float64)
+        a, b, c = (
+            transformed(instances[index].to_world, corners.reshape(-1, 3))
+            .reshape(-1, 3, 3)
+            .transpose(1, 0, 2)
+        )
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        places.append(np.stack([np.full(len(kept), row), first + kept], axis=1).astype(np.int32))
+        powers.append(area * emission[mesh.material_index[slots[kept]]])
+    power = np.concatenate(powers)
+    total = float(power.sum())
+    share = np.cumsum(power) / max(total, np.finfo(np.float64).tiny)
+    return Emitters(np.concatenate(places), share.astype(np.float32), total)
+
+
+class Lamps:
+    """Emitting triangles on the device.
+
+    Parameters
+    ----------
+    device : ComputeDevice
+    instances : sequence of Instance
+        Their numbers of emitting triangles stay the same.
+    """
+
+    def __init__(self, device: ComputeDevice, instances: Sequence[Instance]) -> None:
+        self._device = device
+        most = max(sum(map(_emitting, instances)), 1)
+        self._triangles = device.zeros("lamp triangles", (most, 4), np.int32)
+        self._count, self._power = 0, 0.0
+
+    def load(self, scene: SceneBvh, instances: Sequence[Instance]) -> None:
+        """Update the triangles' places and areas."""
+        found = emitters_of(scene, instances)
+        self._count, self._power = len(found.share), found.power
+        rows = np.zeros(self._triangles.shape, np.int32)
+        rows[: self._count, :2] = found.places
+        rows[: self._count, 2] = found.share.view(np.int32)
+        self._device.write(self._triangles, rows)
+
+    def arguments(self) -> LampsArgs:
+        """Return the triangles for kernels. There are none without power."""
+        count = self._count if 0.0 < self._power < np.inf else 0
+        return LampsArgs(triangles=self._triangles, count=count, power=self._power)
+
+
+def _emitting(instance: Instance) -> int:
+    emits = np.array([material.emits for material in instance.mesh.materials])
+    return int(emits[instance.mesh.material_index].sum())
