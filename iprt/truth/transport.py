@@ -233,6 +233,9 @@ class World:
         bounce = mi.UInt32(0)
         context = mi.BSDFContext()
         while active:
+            # Lamps are found by chance.
+            emission = si.emitter(self.objects, active).eval(si, active)
+            total += dr.select(active, throughput * emission, 0.0)
             bsdf = si.bsdf()
             smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
             lift = self.scale * 1e-5
