@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from iprt.geometry.material import Material
+from iprt.geometry.material import MAX_EMISSION, Material
 from iprt.settings.overrides import Setting, all_settings, groups
 from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import (
@@ -41,8 +41,6 @@ OWN = "own"
 NONE = Label("none", "")
 MOST_FPS = 240
 MOST_EMISSION = 100.0
-LEAST_COLOR = 1e-3
-"""Brightest channel that a color counts as having at least, where a light takes it over."""
 PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
@@ -287,9 +285,12 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         return float(f"{max(material().emission):.3g}")
 
     def shine(brightness: float) -> None:
-        """Emit the color of the light, or the material's until there is one."""
+        """Emit the color of the light, or the material's until there is one; white if black."""
+        if not 0.0 <= brightness <= MAX_EMISSION:
+            return
         own = material().emission if material().emits else material().albedo
-        r, g, b = (brightness * part / max(*own, LEAST_COLOR) for part in own)
+        own = own if max(own) > 0.0 else (1.0, 1.0, 1.0)
+        r, g, b = (brightness * part / max(own) for part in own)
         ui.paint(emission=(r, g, b))
 
     alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)

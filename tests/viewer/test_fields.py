@@ -88,6 +88,19 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
             assert value in fields[key].options()
 
 
+def test_a_lamp_has_the_color_of_its_surface(ui: Ui) -> None:
+    """White where that is black. Impossible brightness changes nothing."""
+    fields = by_key(material_fields(ui))
+    for albedo, expected in (((0.2, 0.4, 0.1), (2.5, 5.0, 1.25)), ((0.0, 0.0, 0.0), (5.0,) * 3)):
+        fields["emission"].write(0.0)
+        ui.paint(albedo=albedo)
+        fields["emission"].write(5.0)
+        for impossible in (-1.0, float("nan"), float("inf"), 1e9):
+            fields["emission"].write(impossible)
+        assert ui.state is not None
+        assert ui.state.materials[0].emission == pytest.approx(expected)
+
+
 def test_a_resized_object_stands_where_it_stood(ui: Ui) -> None:
     size = by_key(place_fields(ui))["size"]
 
