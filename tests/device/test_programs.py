@@ -22,7 +22,14 @@ SCENES = sorted(file.parent for file in Path("scenes360").glob("*/scene.toml"))
 DEMO = Path("scenes360/lounge")
 
 MOST_PROGRAMS = 52
-"""All scenes, projections and presets, and the films of the tests, with the default method."""
+"""All scenes, projections and presets, and the films of the tests, with the default method, of
+objects without the lobes of `LOBES`."""
+
+LOBES = ("EMISSION", "PRINCIPLED")
+"""Defines of programs that only some objects need."""
+
+MOST_PER_LOBE = 12
+"""Programs for one of these."""
 
 MOST_OF_DEMO = 24
 """What `./run demo` renders."""
@@ -73,7 +80,11 @@ def counted(found: set[Program]) -> str:
 def test_scenes_projections_and_presets_share_programs() -> None:
     assert len(SCENES) >= 4
     found = set().union(*(programs(device.kernels) for device in all_planned()))
-    assert len(found) <= MOST_PROGRAMS, counted(found)
+    plain = {program for program in found if not any(lobe in program.name for lobe in LOBES)}
+    assert len(plain) <= MOST_PROGRAMS, counted(plain)
+    for lobe in LOBES:
+        own = {program for program in found if lobe in program.name}
+        assert 0 < len(own) <= MOST_PER_LOBE, counted(own)
 
 
 def test_the_demo_needs_few_programs() -> None:
