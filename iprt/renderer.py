@@ -42,6 +42,8 @@ from iprt.world.world import World
 MOVING_FADING, MOVING_REFLECTED_FADING = 2.0, 3.0
 """Factors of `Settings.fading` in frames in which objects move: of the change on real surfaces, and
 of reflected light, which histories follow less well."""
+MOVING_GLASS_FADING = 2.0
+"""The latter where there is glass, whose noise is the larger error."""
 
 
 @dataclass(frozen=True)
@@ -289,7 +291,9 @@ class Renderer:
         if moving:
             tick(Clock.MOTION)
         # Histories follow moving objects only approximately: a shorter memory blurs them less.
-        factors = (MOVING_FADING, MOVING_REFLECTED_FADING) if self._displaced else (1.0, 1.0)
+        glass = self.features.materials.glass
+        reflected = MOVING_GLASS_FADING if glass else MOVING_REFLECTED_FADING
+        factors = (MOVING_FADING, reflected) if self._displaced else (1.0, 1.0)
         fading, reflected_fading = (min(factor * self.fading, 1.0) for factor in factors)
         return FrameContext(
             self._frame_index,

@@ -47,6 +47,8 @@ CHECKS = np.random.default_rng(0).random((3, 5, 3)).astype(np.float32)
 FLOOR = Material("plastic", alpha=0.2)
 WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LAMP = Material(emission=(5.0, 4.0, 3.0), emission_texture=CHECKS)
+GLASS = Material("dielectric", (1.0, 0.9, 0.9), alpha=0.05, absorption=(1.0, 2.0, 3.0))
+HALF_GLASS = Material("principled", alpha=0.0, transmission=0.5, thin=True)
 LOOK, LARGE_LOOK, TWICE = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7), (26, 14)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
 AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 6)))
@@ -101,10 +103,13 @@ def films(**settings: Any) -> dict[str, Film]:
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     every, glazed = _objects(), (textured, plastic, mirror)
     glowing = replace(clay, mesh=replace(clay.mesh, materials=(LAMP,)))
+    clear = replace(clay, mesh=replace(clay.mesh, materials=(GLASS,)))
+    sheet = replace(plastic, mesh=replace(plastic.mesh, materials=(HALF_GLASS,)))
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (_sunny(_carried(room)), _bending((*glazed, brass)), LOOK, TRIANGLES),
         "maps": (room, (_mapped(clay), plastic), LOOK, TRIANGLES),
         "lamps": (_sunny(_glossy(_room(19, 9))), (glowing, plastic), LOOK, TRIANGLES),
+        "glass": (_sunny(_glossy(_room(19, 9))), (clear, sheet), LOOK, TRIANGLES),
         "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (
             room,
@@ -114,7 +119,7 @@ def films(**settings: Any) -> dict[str, Film]:
         ),
         "around": (_drifting(glossy), every, WIDE_AROUND, {"light_scale": 2}),
         "remembered": (_glossy(_passing(30, 15)), (clay, brass), TWICE, {"light_scale": 2}),
-        "layers around": (_landscape(), (glowing,), AROUND, LAYERS),
+        "layers around": (_landscape(), (glowing, clear), AROUND, LAYERS),
         "environment": (room, every, LOOK, by("ibl")),
         "shadowing environment": (glossy, glazed, LOOK, by("em")),
         "delta paths": (room, glazed, LOOK, {**by("dpt"), **TWO_LEVELS}),
@@ -128,7 +133,7 @@ def films(**settings: Any) -> dict[str, Film]:
         ),
         "differential paths": (
             _room(32, 16),
-            (glowing, plastic),
+            (glowing, clear),
             LARGE_LOOK,
             by("pt-diff", surfaces="all"),
         ),

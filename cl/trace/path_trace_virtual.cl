@@ -41,6 +41,13 @@ TRACING_KERNEL void path_trace_virtual(
         start.albedo = load_traced(surfaces.albedo, at.size, at.pixel);
         start.material = at.id - 1;
         start.finish = seen_finish(surfaces, at.pixel);
+#ifdef REFRACTS
+        start.beyond = at.p - object_lift(world.objects, distance) * at.n;
+        start.plane = at.n;
+        start.enters = 1;
+        start.media = 0;
+        start.t = -1.0f;
+#endif
         const PathSums sums = {diffuse_sum, specular_sum, 0};
         met |= trace_pairs(world, start, at.seed, READ_AGAIN(samples + at.pixel) + path, environment, sums);
     }

@@ -78,6 +78,27 @@ static inline int is_sunlit(const RealLayer real, float3 p, float3 n, float3 see
     return leaves_room(real, trace_real_layer(real, o, real.sun.disc.xyz, INFINITY));
 }
 
+// Return the share of the sun's light along d that objects let pass: dielectrics without refraction.
+static inline ALWAYS_INLINE float3 passing_objects(const World world, float3 o, float3 d)
+{
+    float3 passing = (float3)(1.0f);
+    ObjectHit hit;
+#ifdef REFRACTS
+    for (int i = 0; i < MOST_INTERFACES && any(passing > 0.0f); i++) {
+        if (!trace_objects(world.objects, o, d, INFINITY, 0, &hit))
+            break;
+        const Scatterer at = object_point(world.objects, hit, o, d);
+        const Material material = load_surface_material(world.materials, at.material, at.finish);
+        passing *= dielectric_share(material) * straight_share(world.materials, material, at, d, hit.t);
+        o = at.beyond;
+    }
+#else
+    if (trace_objects(world.objects, o, d, INFINITY, 1, &hit))
+        passing = (float3)(0.0f);
+#endif
+    return passing;
+}
+
 // Return the offset on a surface from a pixel to the one `step` further in its planes; 0 where another surface
 // begins.
 static inline float3 offset_to(const Pixels pixels, const TracedPixel at, int step)
@@ -138,9 +159,7 @@ TRACING_KERNEL void trace_delta(
             const float2 u = sobol_2d(index, hash_combine(at.seed, 3)) - 0.5f;
             const float3 start = o_object + u.x * offset_to(pixels, at, 1)
                 + u.y * offset_to(pixels, at, plane_stride(pixels.width));
-            ObjectHit hit;
-            if (trace_objects(world.objects, start, d, INFINITY, 1, &hit))
-                add_to(blocked, light);
+            add_to(blocked, light * (1.0f - passing_objects(world, start, d)));
         }
         irradiance += light;
     }

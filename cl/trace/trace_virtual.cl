@@ -108,7 +108,7 @@ TRACING_KERNEL void trace_virtual(
     // A quotient may be 2.5 ulp below the exact integer.
     const int more = max((int)(deserved + 1e-3f), 1);
 #ifdef OBJECTS_BVH
-    const int jitters = is_metal(seen) ? jitter.metals : jitter.others;
+    const int jitters = is_specular(seen) ? jitter.metals : jitter.others;
     // Number of the last ray that started within the pixel, from 1 on. Its start is traced again, because the hit
     // would occupy registers along each ray.
     uint last_start = 0;
@@ -119,13 +119,19 @@ TRACING_KERNEL void trace_virtual(
         float3 n = at.n, viewer = -normalize(at.p), color = load_traced(surfaces.albedo, at.size, at.pixel);
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
         float2 finish = seen_finish(surfaces, at.pixel);
+#ifdef REFRACTS
+        Scatterer from = {o, n, color, at.id - 1};
+        from.beyond = at.p - object_lift(world.objects, length(at.p)) * n;
+        from.plane = n;
+        from.enters = 1;
+#endif
 #ifdef OBJECTS_BVH
         // Start at a random position in the pixel if it shows the same material, else where the last ray did.
         for (int again = 0; again < 2 * jitters; again++) {
-            const uint from = again ? last_start : index + 1;
-            if (from == 0)
+            const uint start = again ? last_start : index + 1;
+            if (start == 0)
                 break;
-            const float3 d = jittered(jitter, at, from - 1);
+            const float3 d = jittered(jitter, at, start - 1);
             ObjectHit hit;
             if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, 0, &hit)
                 && object_material(world.objects, hit) == at.id - 1) {
@@ -135,14 +141,31 @@ TRACING_KERNEL void trace_virtual(
                 color = seen.albedo;
                 finish = seen.finish;
                 viewer = -d;
-                last_start = from;
+#ifdef REFRACTS
+                from = seen;
+#endif
+                last_start = start;
                 break;
             }
         }
 #endif
-        const float2 u = sobol_2d(index, seed), v = sobol_2d(index, hash_combine(seed, 1));
+        const float2 u = sobol_2d(index, seed);
+        float2 v = sobol_2d(index, hash_combine(seed, 1));
+        float3 o_object = o;
+#ifdef REFRACTS
+        Material material = load_surface_material(world.materials, at.id - 1, finish);
+        Scatter s;
+        if (is_passable(material, &v)) {
+            s = scatter_glass(world, material, from, viewer, -1.0f, (float3)(u, v.x), LEAST_FIRST, 0, &o, &o_object);
+        } else {
+            const float factor = become_opaque(&material);
+            s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
+            s.diffuse *= factor;
+        }
+#else
         const Material material = load_surface_material(world.materials, at.id - 1, finish);
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
+#endif
         if (!(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f))
             continue;
         const float shine = luminance(s.specular);
@@ -153,9 +176,9 @@ TRACING_KERNEL void trace_virtual(
 #else
         // Metal has no other lobe than a colored one, and the lobe of plastic has no color.
         const PathSums sums = {diffuse_sum, specular_sum, 0, s.diffuse, shine};
-        const float3 color_of_metal = is_metal(material) ? s.specular / shine : (float3)(1.0f);
+        const float3 color_of_metal = is_specular(material) ? s.specular / shine : (float3)(1.0f);
 #endif
-        const FirstHit hit = trace_path(world, o, o, s, color_of_metal, seed, index, sums);
+        const FirstHit hit = trace_path(world, o, o_object, s, color_of_metal, seed, index, sums);
         met |= hit.met;
         lobe_nearness += shine / clamp(hit.distance, 1e-6f, FAR_HIT);
         lobe_met += hit.met ? shine : 0.0f;

@@ -313,8 +313,9 @@ def add(
     animation
         Name or number of the glTF animation to play.
     material
-        diffuse:R,G,B, conductor:R,G,B:ALPHA, plastic:R,G,B:ALPHA (ALPHA: roughness), mirror, or
-        lamp:R,G,B, the radiance that it emits. Default: the mesh file's own.
+        diffuse:R,G,B, conductor:R,G,B:ALPHA, plastic:R,G,B:ALPHA (ALPHA: roughness), mirror,
+        glass or pane (a thin wall) or glass:R,G,B:ALPHA (share of light that its surface lets
+        through), or lamp:R,G,B, the radiance that it emits. Default: the mesh file's own.
     name
         Name of the object. Default: the mesh file's.
     json

@@ -68,8 +68,8 @@ def accessor_of(gltf: Gltf, index: int, types: Collection[str], where: str) -> A
     """Return a readable accessor of one of these types, or raise a one-line ValueError."""
     _require("accessor", index, gltf.accessors, where)
     accessor = gltf.accessors[index]
-    if accessor.buffer_view is None or accessor.sparse is not None:
-        raise ValueError(f"{where}: compressed or sparse data; export it without")
+    if accessor.buffer_view is None and accessor.sparse is None:
+        raise ValueError(f"{where}: compressed data; export it without")
     if accessor.type not in types:
         raise ValueError(f"{where}: made of {accessor.type}")
     return accessor
@@ -90,19 +90,25 @@ def _check_data(gltf: Gltf) -> None:
             raise ValueError(f"bufferViews[{number}]: ends beyond buffer {view.buffer}")
         total += view.byte_length
     for number, accessor in enumerate(gltf.accessors):
-        total += accessor.count * accessor.item_bytes
-        if accessor.buffer_view is None:
-            continue
-        _require("bufferView", accessor.buffer_view, gltf.buffer_views, f"accessors[{number}]")
-        view = gltf.buffer_views[accessor.buffer_view]
-        stride = view.byte_stride or accessor.item_bytes
-        end = accessor.byte_offset + (accessor.count - 1) * stride + accessor.item_bytes
-        if accessor.count and end > view.byte_length:
-            raise ValueError(f"accessors[{number}]: ends beyond bufferView {accessor.buffer_view}")
+        for one in (accessor, *(accessor.replaced() or ())):
+            total += one.count * one.item_bytes
+            _check_extent(gltf, one, f"accessors[{number}]")
     if total > MAX_BYTES:
         raise ValueError(f"claims {total} bytes of data; at most {MAX_BYTES} are read")
     for number, image in enumerate(gltf.images):
         _require("bufferView", image.buffer_view, gltf.buffer_views, f"images[{number}]")
+
+
+def _check_extent(gltf: Gltf, accessor: Accessor, where: str) -> None:
+    """Check that an accessor lies within its buffer view, if it has one."""
+    if accessor.buffer_view is None:
+        return
+    _require("bufferView", accessor.buffer_view, gltf.buffer_views, where)
+    view = gltf.buffer_views[accessor.buffer_view]
+    stride = view.byte_stride or accessor.item_bytes
+    end = accessor.byte_offset + (accessor.count - 1) * stride + accessor.item_bytes
+    if accessor.count and end > view.byte_length:
+        raise ValueError(f"{where}: ends beyond bufferView {accessor.buffer_view}")
 
 
 def _check_primitive(gltf: Gltf, primitive: Primitive, where: str) -> None:

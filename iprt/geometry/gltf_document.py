@@ -68,16 +68,45 @@ class BufferView(Part):
     byte_stride: Annotated[int, Field(ge=4, le=252)] | None = None
 
 
+class SparsePart(Part):
+    """Where the indices or the values of replaced elements are stored."""
+
+    buffer_view: Index
+    byte_offset: Bytes = 0
+    component_type: Literal[5121, 5123, 5125] = 5125
+
+
+class Sparse(Part):
+    """Elements that replace those of an accessor (section 3.6.2.3)."""
+
+    count: Annotated[int, Field(ge=1, le=MAX_VERTICES)]
+    indices: SparsePart
+    values: SparsePart
+
+
 class Accessor(Part):
-    """An accessor: typed elements in a buffer view."""
+    """An accessor: typed elements in a buffer view, zeros without one."""
 
     buffer_view: Index | None = None
     byte_offset: Bytes = 0
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
     count: Annotated[int, Field(ge=0, le=MAX_VERTICES)]
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
-    sparse: Any = None
+    sparse: Sparse | None = None
     normalized: bool = False
+
+    def replaced(self) -> tuple[Accessor, Accessor] | None:
+        """Return accessors of the indices and values of replaced elements."""
+        if self.sparse is None:
+            return None
+
+        def stored(part: SparsePart, **other: Any) -> Accessor:
+            where = {"buffer_view": part.buffer_view, "byte_offset": part.byte_offset}
+            return self.model_copy(update={**where, "count": count, "sparse": None, **other})
+
+        count, indices = self.sparse.count, self.sparse.indices
+        rows = stored(indices, component_type=indices.component_type, type="SCALAR")
+        return rows, stored(self.sparse.values)
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -202,6 +231,21 @@ class Specular(Part):
     specular_color_texture: Any = None
 
 
+class Transmission(Part):
+    """The share of light that a surface transmits; a texture is named, not read."""
+
+    transmission_factor: Number = 0.0
+    transmission_texture: Any = None
+
+
+class Volume(Part):
+    """The inside of a material; a thickness other than 0 makes it a solid."""
+
+    thickness_factor: Number = 0.0
+    attenuation_distance: Number | None = None
+    attenuation_color: Triple = Field(default=[1.0, 1.0, 1.0])
+
+
 class GltfMaterial(Part):
     """A material."""
 
@@ -217,6 +261,8 @@ class GltfMaterial(Part):
     strength: EmissiveStrength | None = _extension("KHR_materials_emissive_strength")
     refraction: IndexOfRefraction | None = _extension("KHR_materials_ior")
     specular: Specular | None = _extension("KHR_materials_specular")
+    transmission: Transmission | None = _extension("KHR_materials_transmission")
+    volume: Volume | None = _extension("KHR_materials_volume")
     unlit: Any = _extension("KHR_materials_unlit")
 
     def color_textures(self) -> list[TextureReference]:

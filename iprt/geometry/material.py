@@ -14,15 +14,18 @@ from iprt.device.kept import Arrays, kept
 from iprt.device.kernel_source import constant, float_constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 
-MaterialKind = Literal["diffuse", "conductor", "plastic", "principled"]
+MaterialKind = Literal["diffuse", "conductor", "plastic", "principled", "dielectric"]
 MIRROR_ALPHA = 1e-4
 """GGX roughness below which a surface is a perfect mirror."""
 MAX_EMISSION = 1e6
 """Upper limit of emitted radiance."""
+MAX_ABSORPTION = 1e6
+"""Upper limit of absorption, in 1/m."""
 _BRDF = "lib/world/brdf.h"
 MIN_ALPHA = float_constant(_BRDF, "MIN_ALPHA")
 MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
 """float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
+_FINISH_ROW, _MEDIUM_ROW = constant(_BRDF, "FINISH_ROW"), constant(_BRDF, "MEDIUM_ROW")
 _NODES = constant(_BRDF, "MATERIAL_NODES")
 _KINDS = {kind: constant(_BRDF, f"KIND_{kind.upper()}") for kind in get_args(MaterialKind)}
 
@@ -61,17 +64,17 @@ class Material:
 
     Attributes
     ----------
-    kind : {"diffuse", "conductor", "plastic", "principled"}
+    kind : {"diffuse", "conductor", "plastic", "principled", "dielectric"}
         Lambertian; GGX with constant reflectance (no Fresnel term); a GGX dielectric coat over a
-        Lambertian base; or a mixture of such a plastic and a GGX metal with Schlick's Fresnel term
-        (Khronos glTF 2.0, appendix B).
+        Lambertian base; a mixture of such a plastic and a GGX metal with Schlick's Fresnel term
+        (Khronos glTF 2.0, appendix B); or a GGX dielectric that refracts light.
     albedo : (r, g, b)
-        Diffuse albedo in [0, 1], or the conductor's reflectance at normal incidence. It multiplies
-        the texture.
+        Diffuse albedo in [0, 1], the conductor's reflectance at normal incidence, or the factor of
+        light that crosses the dielectric's surface. It multiplies the texture.
     alpha : float
-        GGX roughness of the conductor or the coat; 0 for a mirror.
+        GGX roughness of the conductor, the coat or the dielectric; 0 for a smooth surface.
     ior : float
-        Index of refraction of the coat.
+        Index of refraction of the coat or the dielectric.
     texture : (H, W, 3) float32 or None
         Linear albedo image, row 0 at v = 1.
     metallic : float
@@ -91,6 +94,15 @@ class Material:
         Emitted radiance, the same in all directions and on both sides, in the panorama's unit.
     emission_texture : (H, W, 3) float32 or None
         Factors of `emission`.
+    transmission : float
+        Share of the light below a principled material's coat that passes, as through a dielectric,
+        instead of being reflected diffusely.
+    thin : bool
+        A dielectric without inside, such as a window pane or a soap bubble: light goes straight on.
+    absorption : (r, g, b)
+        Of light inside of a dielectric, 1/m.
+    priority : int
+        Where dielectrics overlap, the one of the highest priority fills the space.
     samplers : tuple of four Sampler
         Of `texture` and `opacity_texture`, `surface_texture`, `normal_texture`, and
         `emission_texture`.
@@ -110,6 +122,15 @@ class Material:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_texture: NDArray[np.float32] | None = field(default=None, compare=False)
     samplers: tuple[Sampler, Sampler, Sampler, Sampler] = (PLAIN, PLAIN, PLAIN, PLAIN)
+    transmission: float = 0.0
+    thin: bool = False
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    priority: int = 0
+
+    @property
+    def transmits(self) -> bool:
+        """True if light passes through the surface, reflected and refracted by it."""
+        return self.kind == "dielectric" or (self.kind == "principled" and self.transmission > 0.0)
 
     @property
     def maps(self) -> tuple[NDArray[np.float32] | None, ...]:
@@ -144,18 +165,23 @@ class Material:
     @property
     def is_mirror(self) -> bool:
         """True for a perfect mirror."""
-        return self.kind == "conductor" and self.alpha < MIRROR_ALPHA
+        return self.kind == "conductor" and self.is_smooth
+
+    @property
+    def is_smooth(self) -> bool:
+        """True if the specular lobe is a single direction."""
+        return self.alpha < MIRROR_ALPHA
 
     @property
     def lobes(self) -> frozenset[Lobe]:
         """The lobes of the reflectance."""
         if self.kind == "diffuse":
             return frozenset({"diffuse"})
-        specular: Lobe = "mirror" if self.is_mirror else "glossy"
-        metal = self.kind == "conductor" or (
-            self.kind == "principled" and self.metallic >= 1.0 and self.maps[1] is None
-        )
-        return frozenset({specular} if metal else {"diffuse", specular})
+        only_specular = self.kind in ("conductor", "dielectric")
+        specular: Lobe = "mirror" if only_specular and self.is_smooth else "glossy"
+        if self.kind == "principled" and self.maps[1] is None:
+            only_specular = self.metallic >= 1.0 or self.transmission >= 1.0
+        return frozenset({specular} if only_specular else {"diffuse", specular})
 
 
 @dataclass(frozen=True)
@@ -172,12 +198,15 @@ class MaterialNeeds:
         Some material lets rays pass.
     emission : bool
         Some material emits light.
+    glass : bool
+        Some material transmits light.
     """
 
     principled: bool
     normal_maps: bool
     holes: bool
     emission: bool
+    glass: bool
 
     @classmethod
     def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
@@ -188,6 +217,7 @@ class MaterialNeeds:
             normal_maps=any(material.normal_texture is not None for material in every),
             holes=any(material.has_holes for material in every),
             emission=any(material.emits for material in every),
+            glass=any(material.transmits for material in every),
         )
 
     @property
@@ -202,6 +232,7 @@ class MaterialNeeds:
             "NORMAL_MAPS": self.normal_maps,
             "HOLES": self.holes,
             "EMISSION": self.emission,
+            "GLASS": self.glass,
         }
 
 
@@ -213,16 +244,16 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
     (MATERIAL_ROWS * N, 4) float32
         Per material, with the means of its maps: kind, alpha (0 or at least `MIN_ALPHA`), index of
         refraction, scale factor of the base below a coat; the coat's transmittance at cosines
-        (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness; emission and
-        the mean of its channels. Entries for maps of roughness follow the materials, `COAT_LEVELS`
-        for each index of refraction.
+        (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness, transmission
+        and thinness; absorption and priority; emission and the mean of its channels. Entries for
+        maps of roughness follow the materials, `COAT_LEVELS` for each index of refraction.
     """
     mapped = [material.ior for material in materials if material.maps[1] is not None]
     levels = {ior: index for index, ior in enumerate(dict.fromkeys(mapped))}
     entries = [_entry(_mean_finish(material)) for material in materials]
     for material, entry in zip(materials, entries, strict=True):
         if material.maps[1] is not None:
-            entry[-2, 1] = len(materials) + COAT_LEVELS * levels[material.ior]
+            entry[_FINISH_ROW, 1] = len(materials) + COAT_LEVELS * levels[material.ior]
     for ior in levels:
         roughness = np.linspace(0.0, 1.0, COAT_LEVELS)
         entries += [_entry(Material("principled", alpha=r * r, ior=ior)) for r in roughness]
@@ -241,12 +272,13 @@ def _mean_finish(material: Material) -> Material:
 
 def _entry(material: Material) -> NDArray[np.float32]:
     entry = np.zeros((MATERIAL_ROWS, 4), np.float32)
-    alpha = 0.0 if material.alpha < MIRROR_ALPHA else max(material.alpha, MIN_ALPHA)
+    alpha = 0.0 if material.is_smooth else max(material.alpha, MIN_ALPHA)
     entry[0, :3] = _KINDS[material.kind], alpha, material.ior
     if material.kind in ("plastic", "principled"):
         coat = _coat(alpha, material.ior)
-        entry[0, 3], entry[1:-2] = coat["base"], coat["transmittance"]
-    entry[-2, 0] = material.metallic
+        entry[0, 3], entry[1:_FINISH_ROW] = coat["base"], coat["transmittance"]
+    entry[_FINISH_ROW] = material.metallic, 0.0, material.transmission, material.thin
+    entry[_MEDIUM_ROW] = *material.absorption, material.priority
     emission = material.mean_emission
     entry[-1] = *emission, sum(emission) / 3.0
     return entry

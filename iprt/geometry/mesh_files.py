@@ -29,7 +29,7 @@ from iprt.geometry.gltf_check import (
     check_gltf,
     require_uncompressed,
 )
-from iprt.geometry.gltf_document import Gltf, parsed_gltf
+from iprt.geometry.gltf_document import Accessor, Gltf, parsed_gltf
 from iprt.geometry.mesh_unread import unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
@@ -166,26 +166,33 @@ class MeshFile:
         """
         assert self.gltf is not None
         accessor = accessor_of(self.gltf, index, types, where)
-        assert accessor.buffer_view is not None
-        # `check_gltf` has checked that accessors lie in views, and views in declared buffers.
-        view = self.gltf.buffer_views[accessor.buffer_view]
-        data = self.buffer(view.buffer)
-        if view.byte_offset + view.byte_length > len(data):
-            raise ValueError(f"{where}: buffer {view.buffer} is cut off")
-        dtype = accessor.dtype
-        stored = np.ndarray(
-            (accessor.count, accessor.item_bytes // dtype.itemsize),
-            dtype,
-            data,
-            view.byte_offset + accessor.byte_offset,
-            (view.byte_stride or accessor.item_bytes, dtype.itemsize),
-        )
-        values = stored.astype(np.float64)
+        dtype, values = accessor.dtype, self._stored(accessor, where)
+        if (replaced := accessor.replaced()) is not None:
+            rows, others = (self._stored(part, where) for part in replaced)
+            if rows.max() >= accessor.count:
+                raise ValueError(f"{where}: replaces elements that do not exist")
+            values[rows.astype(np.int64).ravel()] = others
         if (accessor.normalized or fractions) and dtype.kind in "iu":
             values = np.maximum(values / np.iinfo(dtype).max, -1.0)
         if finite and not np.isfinite(values).all():
             raise ValueError(f"{where}: holds NaN or infinity")
         return values
+
+    def _stored(self, accessor: Accessor, where: str) -> NDArray[np.float64]:
+        """Return the stored elements (count, columns) of an accessor."""
+        assert self.gltf is not None
+        dtype = accessor.dtype
+        shape = accessor.count, accessor.item_bytes // dtype.itemsize
+        if accessor.buffer_view is None:
+            return np.zeros(shape)
+        # `check_gltf` has checked that accessors lie in views, and views in declared buffers.
+        view = self.gltf.buffer_views[accessor.buffer_view]
+        data = self.buffer(view.buffer)
+        if view.byte_offset + view.byte_length > len(data):
+            raise ValueError(f"{where}: buffer {view.buffer} is cut off")
+        start, step = view.byte_offset + accessor.byte_offset, view.byte_stride
+        steps = (step or accessor.item_bytes, dtype.itemsize)
+        return np.ndarray(shape, dtype, data, start, steps).astype(np.float64)
 
     def picture(self, number: int) -> Image.Image:
         """Open an image of a glTF file lazily.

@@ -17,9 +17,11 @@ from iprt.geometry.creases import have_normals, same_position, with_normals
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.mesh_materials import Textures, colored, convert_material, has_texture, tinted
+from iprt.geometry.mesh_materials import colored, convert_material, has_texture, tinted
 from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes
+from iprt.geometry.solids import with_solids
 from iprt.geometry.tangents import moved_tangents, with_tangents
+from iprt.geometry.textures import Textures
 from iprt.geometry.vertex_colors import color_texture
 
 LOG = logging.getLogger("iprt.scene")
@@ -179,8 +181,6 @@ def joined(
     else:
         materials, index = _materials(file, parts, dropped)
         warnings = file.warnings()
-    for line in warnings:
-        LOG.warning("%s: %s", file.path, line)
     ends = np.cumsum([len(part.positions) for part in parts])
     placed = zip(parts, ends, strict=True)
     triangles = np.concatenate([part.triangles + end - len(part.positions) for part, end in placed])
@@ -195,7 +195,7 @@ def joined(
     indices = np.repeat(index, [len(part.triangles) for part in parts])
     flat = np.full(len(triangles), file.gltf is not None)
     source, normals, triangles = with_normals(positions, normals, triangles, flat)
-    return Mesh(
+    mesh = Mesh(
         positions=positions[source].astype(np.float32),
         normals=normals.astype(np.float32),
         uvs=uvs[source].astype(np.float32),
@@ -206,6 +206,10 @@ def joined(
         warnings=tuple(warnings),
         tangents=None if tangents is None else tangents[source].astype(np.float32),
     )
+    mesh = with_solids(mesh)
+    for line in mesh.warnings:
+        LOG.warning("%s: %s", file.path, line)
+    return mesh
 
 
 def _materials(

@@ -13,11 +13,15 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from iprt.files.toml_tables import Color, Ior, Name, Point, RelativePath, Table, Unit, not_null
 from iprt.footage.real_material import Plane, RealMaterial
-from iprt.geometry.material import MAX_EMISSION, Material
+from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
 
 Emission = Annotated[
     list[Annotated[float, Field(ge=0.0, le=MAX_EMISSION)]], Field(min_length=3, max_length=3)
 ]
+Absorption = Annotated[
+    list[Annotated[float, Field(ge=0.0, le=MAX_ABSORPTION)]], Field(min_length=3, max_length=3)
+]
+Priority = Annotated[int, Field(ge=-1000, le=1000)]
 
 
 class _EmittingTable(Table):
@@ -28,6 +32,23 @@ class _EmittingTable(Table):
     def emitting(self, material: Material) -> Material:
         """Return a material with this emission."""
         return replace(material, emission=_triple(self.emission))
+
+
+class _TransmittingTable(_EmittingTable):
+    """A material that may let light pass: a thin wall, or a solid that absorbs light, in 1/m."""
+
+    thin: bool = False
+    absorption: Absorption = Field(default=[0.0, 0.0, 0.0])
+    priority: Priority = 0
+
+    def transmitting(self, material: Material) -> Material:
+        """Return a material with these properties."""
+        return replace(
+            material,
+            thin=self.thin,
+            absorption=_triple(self.absorption),
+            priority=self.priority,
+        )
 
 
 class DiffuseTable(_EmittingTable):
@@ -71,28 +92,47 @@ class PlasticTable(_EmittingTable):
         return Material("plastic", _triple(self.albedo), alpha=self.alpha, ior=self.ior)
 
 
-class PrincipledTable(_EmittingTable):
-    """A mixture of a plastic and a metal, as in glTF."""
+class PrincipledTable(_TransmittingTable):
+    """A mixture of a plastic, a metal and a dielectric, as in glTF."""
 
     kind: Literal["principled"]
     albedo: Color
     metallic: Unit = 0.0
     alpha: Unit = 0.1
     ior: Ior = 1.5
+    transmission: Unit = 0.0
 
     def material(self) -> Material:
         """Build the material."""
-        return Material(
-            "principled",
-            _triple(self.albedo),
-            alpha=self.alpha,
-            ior=self.ior,
-            metallic=self.metallic,
+        return self.transmitting(
+            Material(
+                "principled",
+                _triple(self.albedo),
+                alpha=self.alpha,
+                ior=self.ior,
+                metallic=self.metallic,
+                transmission=self.transmission,
+            )
         )
 
 
+class DielectricTable(_TransmittingTable):
+    """A dielectric that refracts light, such as glass or water."""
+
+    kind: Literal["dielectric"]
+    transmittance: Color = Field(default=[1.0, 1.0, 1.0])
+    alpha: Unit = 0.0
+    ior: Ior = 1.5
+
+    def material(self) -> Material:
+        """Build the material."""
+        color = _triple(self.transmittance)
+        return self.transmitting(Material("dielectric", color, alpha=self.alpha, ior=self.ior))
+
+
 MaterialTable = Annotated[
-    DiffuseTable | ConductorTable | PlasticTable | PrincipledTable, Field(discriminator="kind")
+    DiffuseTable | ConductorTable | PlasticTable | PrincipledTable | DielectricTable,
+    Field(discriminator="kind"),
 ]
 
 

@@ -36,6 +36,8 @@ from iprt.scene.scene import Scene
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 LAMP_ALBEDO = 0.5
+MOST_FIELDS = {"diffuse": 1, "conductor": 2, "plastic": 2, "lamp": 1, "glass": 2, "pane": 2}
+"""Numbers of fields after the names of materials: color and roughness."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +147,9 @@ def add_object(
 def parse_material(text: str) -> dict[str, Any]:
     """Parse a material into a manifest table.
 
-    The forms are `diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]`, `mirror` and
-    `lamp:R,G,B`, the emitted radiance.
+    The forms are `diffuse:R,G,B`, `conductor:R,G,B[:ALPHA]`, `plastic:R,G,B[:ALPHA]`, `mirror`,
+    `glass` and `pane`, which may be followed by `:R,G,B[:ALPHA]`, and `lamp:R,G,B`, the emitted
+    radiance.
 
     Raises
     ------
@@ -155,8 +158,10 @@ def parse_material(text: str) -> dict[str, Any]:
     """
     if text == "mirror":
         return {"kind": "conductor", "reflectance": [0.95, 0.95, 0.95], "alpha": 0.0}
+    if text in ("glass", "pane"):
+        text += ":1,1,1"
     kind, *fields = text.split(":")
-    most = {"diffuse": 1, "conductor": 2, "plastic": 2, "lamp": 1}.get(kind, 0)
+    most = MOST_FIELDS.get(kind, 0)
     brightest = MAX_EMISSION if kind == "lamp" else 1.0
     try:
         color = [float(value) for value in fields[0].split(",")]
@@ -168,13 +173,17 @@ def parse_material(text: str) -> dict[str, Any]:
     except (ValueError, IndexError):
         raise SceneError(
             f"--material {text}: expected diffuse:R,G,B or conductor:R,G,B:ALPHA or "
-            "plastic:R,G,B:ALPHA with numbers from 0 to 1, lamp:R,G,B with the radiance that it "
-            "emits, or mirror"
+            "plastic:R,G,B:ALPHA or glass:R,G,B:ALPHA or pane:R,G,B:ALPHA with numbers from 0 to "
+            "1, lamp:R,G,B with the radiance that it emits, or mirror, glass or pane alone"
         ) from None
     if kind == "lamp":
         return {"kind": "diffuse", "albedo": [LAMP_ALBEDO] * 3, "emission": color}
+    rough = {"alpha": alpha[0]} if alpha else {}
+    if kind in ("glass", "pane"):
+        thin = {"thin": True} if kind == "pane" else {}
+        return {"kind": "dielectric", "transmittance": color} | rough | thin
     key = "reflectance" if kind == "conductor" else "albedo"
-    return {"kind": kind, key: color} | ({"alpha": alpha[0]} if alpha else {})
+    return {"kind": kind, key: color} | rough
 
 
 def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:

@@ -5,7 +5,7 @@ Comments, order and everything else in the file stay unchanged.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from iprt.errors import SceneError
 from iprt.files.safe_reading import require_inside
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectMotion
-from iprt.geometry.material import Material
+from iprt.geometry.material import Material, MaterialKind
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.light_edits import UNEDITED, LightEdit, write_light
 from iprt.scene.manifest import (
@@ -44,6 +44,8 @@ from iprt.scene.scene import Scene
 
 SAVED_VIEW = "saved"
 """Name of the view that saving keeps: the user's view, with all shown objects."""
+COLORS: Mapping[MaterialKind, str] = {"conductor": "reflectance", "dielectric": "transmittance"}
+"""Keys of colors other than `albedo`, in scene.toml."""
 Matrix = tuple[float, ...]
 """The 16 values of a (4, 4) transform, row-major."""
 
@@ -280,14 +282,16 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
     """Return the new `material` table."""
     material = edit.material
     assert material is not None
-    color = "reflectance" if material.kind == "conductor" else "albedo"
+    color = COLORS.get(material.kind, "albedo")
     written: dict[str, Any] = {"kind": material.kind, color: list(material.albedo)}
     if material.kind != "diffuse":
         written["alpha"] = material.alpha
-    if material.kind in ("plastic", "principled"):
+    if material.kind in ("plastic", "principled", "dielectric"):
         written["ior"] = material.ior
     if material.kind == "principled":
         written["metallic"] = material.metallic
+    if material.transmits:
+        written |= _transmission(material)
     if material.emits:
         written["emission"] = list(material.emission)
     others = material.has_holes or any(image is not None for image in material.maps[1:])
@@ -298,6 +302,20 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
         )
     if material.texture is not None:
         written["texture"] = _texture_name(edit.name, material.texture, scene)
+    return written
+
+
+def _transmission(material: Material) -> dict[str, Any]:
+    """Return the keys of a material that transmits light, without those of no effect."""
+    written: dict[str, Any] = {}
+    if material.kind == "principled":
+        written["transmission"] = material.transmission
+    if material.thin:
+        written["thin"] = True
+    if max(material.absorption) > 0.0:
+        written["absorption"] = list(material.absorption)
+    if material.priority != 0:
+        written["priority"] = material.priority
     return written
 
 

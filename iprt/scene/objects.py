@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -19,9 +20,11 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
+from iprt.geometry.solids import OPEN, with_solids
 from iprt.scene.manifest import Manifest
 from iprt.scene.material_tables import DiffuseTable
 
+LOG = logging.getLogger(__name__)
 AnyMesh = Mesh | AnimatedMesh
 
 
@@ -94,6 +97,8 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
             else:
                 material = own.material()
             loaded = painted(loaded, own.emitting(material))
+            if OPEN in _bound(loaded).warnings:
+                LOG.warning("%s: %s", root / table.mesh, OPEN)
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         motion = ObjectMotion.of(to_world, table.keyframes)
         objects.append(SceneObject(table.name, loaded, motion))
@@ -102,12 +107,16 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
 
 
 def painted(mesh: AnyMesh, material: Material) -> AnyMesh:
-    """Return the mesh with a single material."""
-    plain = mesh.bound if isinstance(mesh, AnimatedMesh) else mesh
+    """Return the mesh with a single material; a dielectric, as `with_solids` makes it."""
+    plain = _bound(mesh)
     one = len(plain.materials) == 1
     index = plain.material_index if one else np.zeros_like(plain.material_index)
-    made = replace(plain, materials=(material,), material_index=index)
+    made = with_solids(replace(plain, materials=(material,), material_index=index))
     return replace(mesh, bound=made) if isinstance(mesh, AnimatedMesh) else made
+
+
+def _bound(mesh: AnyMesh) -> Mesh:
+    return mesh.bound if isinstance(mesh, AnimatedMesh) else mesh
 
 
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:

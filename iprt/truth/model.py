@@ -28,9 +28,11 @@ PATHS_AT_ONCE = 1 << 22
 """Paths per kernel launch: bounds the memory of the wavefront."""
 MAX_DEPTH = 24
 GUIDE_SAMPLES = 32
+MOST_UNIT = 1.0 - 2.0**-24
+"""The largest float32 below 1."""
 MASK_SAMPLES = 64
-MIRRORS = 3
-"""Consecutive mirrors that guides follow."""
+MIRRORS = 6
+"""Consecutive mirrors and smooth dielectrics that guides follow."""
 
 
 def load_parts(module: str) -> Parts:
@@ -74,7 +76,9 @@ def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = T
         Denoise with albedo and normal of surfaces seen directly or in mirrors as guides.
     """
     mi = mitsuba()
-    paths = mi.load_dict({"type": "path", "max_depth": MAX_DEPTH, "rr_depth": 5})
+    absorbs = any(shape.interior_medium() is not None for shape in scene.shapes())
+    integrator = "volpath" if absorbs else "path"
+    paths = mi.load_dict({"type": integrator, "max_depth": MAX_DEPTH, "rr_depth": 5})
     color = _render(scene, sensor(view), paths, spp, seed)[..., :3]
     if not clean:
         return color
@@ -85,8 +89,8 @@ def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = T
 def render_guides(scene: Any, view: View, *, spp: int, seed: int) -> tuple[Image, Image]:
     """Return albedo and unit normal, (H, W, 3) each, of the first surface that is not a mirror.
 
-    They guide a denoiser. With the mirror's own albedo and normal, it would blur reflections. Both
-    are 0 where there is no surface.
+    They guide a denoiser. With the mirror's own albedo and normal, it would blur reflections.
+    Smooth dielectrics are passed likewise. Both are 0 where there is no surface.
     """
     guide = _render(scene, sensor(view), _guides(), spp, seed)
     return guide[..., :3], guide[..., 3:6]
@@ -118,6 +122,7 @@ def render_mask(parts: Parts, objects: Parts, view: View, *, seed: int) -> Image
 def _guides() -> Any:
     """Return an integrator with the six channels of `render_guides`."""
     mi = mitsuba()
+    dr = import_module("drjit")
 
     class Guides(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         def sample(
@@ -130,10 +135,15 @@ def _guides() -> Any:
                 active &= hit.is_valid()
                 bsdf = hit.bsdf(ray)
                 mirror = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection)
+                glass = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaTransmission)
                 last = active & ~mirror
                 albedo[last] = bsdf.eval_diffuse_reflectance(hit, last)
                 normal[last] = hit.sh_frame.n
-                ray = hit.spawn_ray(hit.to_world(mi.reflect(hit.wi)))
+                refracted, _ = bsdf.sample(
+                    mi.BSDFContext(), hit, mi.Float(MOST_UNIT), mi.Point2f(0.5), glass
+                )
+                way = dr.select(glass, refracted.wo, mi.reflect(hit.wi))
+                ray = hit.spawn_ray(hit.to_world(way))
                 active = mirror
             return albedo, mi.Bool(True), [normal.x, normal.y, normal.z]
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.material import MIRROR_ALPHA, Material
+from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, transformed
 from iprt.truth.backend import mitsuba
 
@@ -34,20 +34,23 @@ class Triangles(Protocol):
         """Vertex indices (F, 3)."""
 
 
-def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None) -> Any:
+def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None, medium: Any = None) -> Any:
     """Return a Mitsuba mesh in world space, smoothly shaded.
 
     Parameters
     ----------
     mesh : Triangles
         Positions and normals (V, 3), texture coordinates (V, 2), triangles (F, 3).
-    bsdf, emitter : dict or Mitsuba object
+    bsdf, emitter, medium : dict or Mitsuba object
+        `medium` fills the inside.
     """
     mi = mitsuba()
     props = mi.Properties()
     props["bsdf"] = mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf
     if emitter is not None:
         props["emitter"] = mi.load_dict(emitter) if isinstance(emitter, dict) else emitter
+    if medium is not None:
+        props["interior"] = mi.load_dict(medium)
     shape = mi.Mesh(
         "mesh",
         vertex_count=len(mesh.positions),
@@ -81,7 +84,9 @@ def bsdf_of(material: Material) -> dict[str, Any]:
         return {"type": "normalmap", "normalmap": bumps, "bsdf": plain}
     if material.kind == "principled":
         return _principled(material, color)
-    smooth = material.alpha < MIRROR_ALPHA
+    smooth = material.is_smooth
+    if material.kind == "dielectric":
+        return _dielectric(material, color)
     if material.kind == "diffuse":
         return {"type": "diffuse", "reflectance": color}
     if material.kind == "conductor":
@@ -100,6 +105,15 @@ def bsdf_of(material: Material) -> dict[str, Any]:
     return {"type": "roughplastic", "distribution": "ggx", "alpha": material.alpha, **coat}
 
 
+def _dielectric(material: Material, color: dict[str, Any]) -> dict[str, Any]:
+    glass = {"int_ior": material.ior, "ext_ior": 1.0, "specular_transmittance": color}
+    if material.thin:
+        return {"type": "thindielectric", **glass}
+    if material.is_smooth:
+        return {"type": "dielectric", **glass}
+    return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.alpha, **glass}
+
+
 def _principled(material: Material, color: dict[str, Any]) -> dict[str, Any]:
     surface, alpha = material.maps[1], material.alpha
     metallic: Any = material.metallic
@@ -116,6 +130,13 @@ def _principled(material: Material, color: dict[str, Any]) -> dict[str, Any]:
         "plastic": plastic | {"diffuse_reflectance": color},
         "metal": metal,
     }
+
+
+def _medium(material: Material) -> dict[str, Any]:
+    """Return a medium that absorbs light and scatters none."""
+    most = max(material.absorption)
+    rgb = {"type": "rgb", "value": [value / most for value in material.absorption]}
+    return {"type": "homogeneous", "sigma_t": rgb, "scale": most, "albedo": 0.0}
 
 
 def _emission(material: Material) -> dict[str, Any]:
@@ -161,12 +182,17 @@ def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
             triangles = mesh.triangles[mesh.material_index == index]
             if len(triangles):
                 part = replace(placed, triangles=triangles)
-                bsdf = {"type": "twosided", "bsdf": bsdf_of(material)}
+                bsdf = bsdf_of(material)
+                if not material.transmits:
+                    bsdf = {"type": "twosided", "bsdf": bsdf}
                 if material.has_holes:
                     bsdf = {"type": "mask", "opacity": _opacity(material), "bsdf": bsdf}
                 emitter = {"type": "area", "radiance": _emission(material)}
                 # Mitsuba gives dots in names a meaning of their own.
                 shapes[f"object_{number}_{index}"] = mitsuba_mesh(
-                    part, bsdf, emitter if material.emits else None
+                    part,
+                    bsdf,
+                    emitter if material.emits else None,
+                    _medium(material) if max(material.absorption) > 0.0 else None,
                 )
     return shapes

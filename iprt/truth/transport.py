@@ -24,7 +24,9 @@ mi: Any = vector_mitsuba()
 dr: Any = import_module("drjit")
 
 BOUNCES = 6
-"""Most virtual surfaces on a path."""
+"""Most opaque virtual surfaces on a path."""
+SURFACES = 64
+"""Most virtual surfaces on a path; rough glass reflects light inside often."""
 LIFT = 1e-3
 """Offset of rays above real surfaces, in units of the panorama's median depth."""
 
@@ -108,6 +110,7 @@ class World:
             {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
         )
         self.empty = not shapes
+        self._absorbs = any(shape.interior_medium() is not None for shape in shapes.values())
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
         self._normal = _texture(frame.fitted_normal)
@@ -230,7 +233,7 @@ class World:
         ray = mi.Ray3f(ray)
         throughput = mi.Color3f(1.0)
         total = mi.Color3f(0.0)
-        bounce = mi.UInt32(0)
+        bounce, depth = mi.UInt32(0), mi.UInt32(0)
         context = mi.BSDFContext()
         while active:
             # Lamps are found by chance.
@@ -266,6 +269,9 @@ class World:
             object_hit = self.objects.ray_intersect(ray, active)
             real = self.hit_real(ray.o, ray.d, active)
             again = active & object_hit.is_valid() & (object_hit.t < real.t)
+            if dr.hint(self._absorbs, mode="scalar"):
+                way = dr.minimum(object_hit.t, real.t)
+                throughput *= _transmittance(si, ray.d, way, active & dr.isfinite(way))
             ends = active & ~again
             delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
             pdf = dr.select(delta | ~smooth, 0.0, self.light_pdf(real, ends))
@@ -274,8 +280,10 @@ class World:
             light += dr.select(delta, self.sun_seen(ray.d, real), 0.0)
             total += dr.select(ends, throughput * light * weight, 0.0)
             si = object_hit
-            bounce += 1
-            active = again & (bounce < BOUNCES)
+            passes = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Transmission)
+            bounce += dr.select(passes, mi.UInt32(0), mi.UInt32(1))
+            depth += 1
+            active = again & (bounce < BOUNCES) & (depth < SURFACES)
         return total
 
     def irradiance(
@@ -315,6 +323,14 @@ class World:
         without += sun
         both += dr.select(shaded, 0.0, sun)
         return without, both, blocked | hidden | shaded
+
+
+def _transmittance(si: Any, direction: Any, way: Any, active: Any) -> Any:
+    """Return the transmittance of the medium that rays from surfaces `si` enter or stay in."""
+    medium = si.target_medium(direction)
+    inside = active & (medium != None)  # noqa: E711 (an array over rays)
+    _, _, absorption = medium.get_scattering_coefficients(dr.zeros(mi.MediumInteraction3f), inside)
+    return dr.select(inside, dr.exp(-mi.Color3f(absorption) * way), 1.0)
 
 
 def _shape(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> Any:

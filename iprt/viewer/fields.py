@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from iprt.geometry.material import MAX_EMISSION, Material
+from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
+from iprt.scene.object_edits import COLORS
 from iprt.settings.overrides import Setting, all_settings, groups
 from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import (
@@ -266,7 +267,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         return PLASTIC if ui.state is None else ui.state.materials[0]
 
     def color() -> Label:
-        part = PARTS["reflectance" if material().kind == "conductor" else "albedo"]
+        part = PARTS[COLORS.get(material().kind, "albedo")]
         texture = " It multiplies the texture." if material().texture is not None else ""
         linear = ", ".join(f"{value:.3g}" for value in material().albedo)
         return Label(f"{part.name} (sRGB)", f"{part.about}{texture} {SRGB}: {linear}.")
@@ -293,11 +294,17 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         r, g, b = (brightness * part / max(own) for part in own)
         ui.paint(emission=(r, g, b))
 
+    def absorb(values: tuple[float, ...]) -> None:
+        if all(0.0 <= value <= MAX_ABSORPTION for value in values):
+            ui.paint(absorption=tuple(map(float, values)))
+
     alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
-    rough, coated, mixed = (
+    rough, coated, mixed, clear, solid = (
         {"enabled": lambda: material().kind != "diffuse"},
-        {"enabled": lambda: material().kind in ("plastic", "principled")},
+        {"enabled": lambda: material().kind in ("plastic", "principled", "dielectric")},
         {"enabled": lambda: material().kind == "principled"},
+        {"enabled": lambda: material().transmits},
+        {"enabled": lambda: material().transmits and not material().thin},
     )
     return (
         field("material", "choice", "kind", options=lambda: MATERIALS),
@@ -305,6 +312,17 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         field("alpha", "number", "alpha", slider=alphas, **rough),
         field("ior", "number", "ior", slider=indices, **coated),
         field("metallic", "number", "metallic", slider=alphas, **mixed),
+        field("transmission", "number", "transmission", slider=alphas, **mixed),
+        field("thin", "switch", "thin", **clear),
+        Field(
+            "absorption",
+            "vector",
+            lambda: PARTS["absorption"],
+            lambda: material().absorption,
+            absorb,
+            enabled=solid["enabled"],
+        ),
+        field("priority", "number", "priority", slider=Slider(-9, 9, True, 0.0), **solid),
         Field(
             "emission",
             "number",

@@ -55,6 +55,7 @@ MATERIALS: Mapping[MaterialKind, Label] = {
         "Plastic", "A clear coat over a matte base, like plastic, paint or glazed pottery."
     ),
     "principled": Label("Plastic and metal", "A mixture of both, as in glTF files."),
+    "dielectric": Label("Glass", "Lets light through, and bends it, like glass, water or a pane."),
 }
 
 PLAYBACK: Mapping[PlaybackMode, Label] = {
@@ -98,7 +99,18 @@ PARTS: Mapping[str, Label] = {
     "emission": Label(
         "Emission", "Radiance that it emits in its color, where 1 is the white of the video."
     ),
-    "ior": Label("Index of refraction", "How strongly the coat reflects. Plastic has about 1.5."),
+    "ior": Label(
+        "Index of refraction",
+        "How strongly a coat reflects, and glass bends light. Plastic and glass have about 1.5, "
+        "water 1.33.",
+    ),
+    "transmittance": Label("Color", "Share of light that each surface of the glass lets through."),
+    "transmission": Label("Transmission", "Share of light that passes, as through glass."),
+    "thin": Label("Thin", "A pane or a bubble, without inside: light goes straight on."),
+    "absorption": Label("Absorption", "Of red, green and blue inside of the glass, per metre."),
+    "priority": Label(
+        "Priority", "Where glass and liquid overlap, the higher one fills the space."
+    ),
     "texture": Label(
         "Remove texture", "A texture of a mesh file can be saved only with the file's own material."
     ),

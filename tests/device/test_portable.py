@@ -19,7 +19,7 @@ MOST_BUFFERS = 31
 """What Apple's GPUs let a kernel take."""
 MORE_BUFFERS = {
     "trace_delta": 32,
-    "trace_virtual": 42,
+    "trace_virtual": 43,
     "trace_gloss": 40,
     "path_trace_real": 33,
     "path_trace_virtual": 33,

@@ -25,7 +25,7 @@ MOST_PROGRAMS = 52
 """All scenes, projections and presets, and the films of the tests, with the default method, of
 objects without the lobes of `LOBES`."""
 
-LOBES = ("EMISSION", "PRINCIPLED")
+LOBES = ("EMISSION", "GLASS", "PRINCIPLED")
 """Defines of programs that only some objects need."""
 
 MOST_PER_LOBE = 12

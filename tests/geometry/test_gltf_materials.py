@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.geometry.material import MAX_EMISSION, Material, Sampler
+from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material, Sampler
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from tests.geometry.gltf_files import GltfFile
@@ -276,3 +276,65 @@ def test_holes_of_unlit_surfaces(tmp_path: Path) -> None:
     assert material.opacity_texture is not None
     assert material.texture is not None
     assert material.opacity_texture.shape == material.texture.shape[:2]
+
+
+# Transmission --------------------------------------------------------------------------------
+
+
+def transmitting(
+    folder: Path, transmission: dict[str, Any], volume: dict[str, Any] | None = None
+) -> Mesh:
+    """Load a square with `transmission`, a `volume` or none, and an index of refraction of 1.4."""
+    given: dict[str, Any] = {"transmission": transmission, "ior": {"ior": 1.4}}
+    if volume is not None:
+        given["volume"] = volume
+    pbr = {"baseColorFactor": [0.9, 0.8, 0.7, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.3}
+    return quad(folder, pbr, extensions={f"KHR_materials_{name}": v for name, v in given.items()})
+
+
+def test_transmission_without_a_volume_is_a_thin_wall(tmp_path: Path) -> None:
+    mesh = transmitting(tmp_path, {"transmissionFactor": 1.0})
+    (material,) = mesh.materials
+    assert (material.kind, material.ior, material.thin) == ("dielectric", 1.4, True)
+    assert material.albedo == pytest.approx((0.9, 0.8, 0.7))
+    assert material.alpha == pytest.approx(0.09)
+    assert (mesh.dropped, mesh.warnings) == ((), ())
+
+
+def test_a_share_of_the_light_passes_a_principled_material(tmp_path: Path) -> None:
+    (material,) = transmitting(tmp_path, {"transmissionFactor": 0.4}).materials
+    assert (material.kind, material.transmission) == ("principled", 0.4)
+    assert material.transmits
+
+
+def test_no_transmission_is_plastic(tmp_path: Path) -> None:
+    (material,) = transmitting(tmp_path, {"transmissionFactor": 0.0}).materials
+    assert (material.kind, material.transmits) == ("plastic", False)
+
+
+def test_a_volume_absorbs(tmp_path: Path) -> None:
+    """After the attenuation distance, light has the attenuation color."""
+    color = np.array([0.2, 0.5, 1.0])
+    volume = {
+        "thicknessFactor": 0.01,
+        "attenuationDistance": 0.05,
+        "attenuationColor": color.tolist(),
+    }
+    mesh = transmitting(tmp_path, {"transmissionFactor": 1.0}, volume)
+    (material,) = mesh.materials
+    np.testing.assert_allclose(np.exp(-np.array(material.absorption) * 0.05), color, rtol=1e-6)
+    # A square is no solid: it remains a pane.
+    assert material.thin
+    assert "open" in mesh.warnings[0]
+
+
+@pytest.mark.parametrize("distance", [0.0, -1.0, 1e-30])
+def test_absorption_is_bounded(tmp_path: Path, distance: float) -> None:
+    volume = {"thicknessFactor": 1, "attenuationDistance": distance, "attenuationColor": [0, 0, 0]}
+    (material,) = transmitting(tmp_path, {"transmissionFactor": 1.0}, volume).materials
+    assert 0.0 < max(material.absorption) <= MAX_ABSORPTION
+
+
+def test_a_map_of_transmission_is_named(tmp_path: Path) -> None:
+    given = {"transmissionFactor": 1.0, "transmissionTexture": {"index": 0}}
+    assert transmitting(tmp_path, given).dropped == ("map of transmission",)

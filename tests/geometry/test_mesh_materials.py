@@ -39,6 +39,10 @@ def of_mtl(folder: Path, *lines: str) -> Mesh:
         (["Kd 1 0 0", "Ks 1 1 1", "Ns 198", "Ni 1"], Material("plastic", (1, 0, 0), alpha=0.1)),
         (["Kd 0.5"], Material("diffuse", (0.5, 0.5, 0.5))),
         (["Kd 1 0 0", "Pr nan", "Pm inf"], Material("diffuse", (1, 0, 0))),
+        (["Kd 1 0 0", "illum 7", "Ni 1.33"],
+         Material("dielectric", (1, 1, 1), alpha=0.0, ior=1.33)),
+        (["Tf 0.5 1 1", "illum 6", "Ns 198", "d 0.1"],
+         Material("dielectric", (0.5, 1, 1), alpha=0.1)),
     ],
 )  # fmt: skip
 def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> None:
@@ -54,9 +58,7 @@ def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> No
 @pytest.mark.parametrize(
     ("line", "phrase"),
     [
-        ("d 0.5", "transparency"),
-        ("Tr 0.5", "transparency"),
-        ("map_d t.png", "transparency"),
+        ("map_d t.png", "map of opacity"),
         ("map_Ka t.png", "texture map_ka"),
         ("Tf 1 0 0", "a transmission filter (Tf)"),
         ("Pc 0.5", "'pc' of its materials"),
@@ -66,6 +68,16 @@ def test_mtl_to_kind(tmp_path: Path, lines: list[str], material: Material) -> No
 )
 def test_what_mtl_says_and_is_not_read_is_named(tmp_path: Path, line: str, phrase: str) -> None:
     assert of_mtl(tmp_path, "Kd 1 0 0", line).dropped == (phrase,)
+
+
+@pytest.mark.parametrize(
+    ("line", "opacity"),
+    [("d 0.4", 0.4), ("Tr 0.6", 0.4), ("d 2", 1.0), ("Tr 1", 1.0), ("d 0", 1.0)],
+)
+def test_mtl_opacity(tmp_path: Path, line: str, opacity: float) -> None:
+    mesh = of_mtl(tmp_path, "Kd 0.5 0.5 0.5", line)
+    assert mesh.materials[0].opacity == pytest.approx(opacity)
+    assert mesh.dropped == ()
 
 
 def test_mtl_emits(tmp_path: Path) -> None:

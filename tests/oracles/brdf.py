@@ -40,7 +40,7 @@ def direction(theta_deg: float, phi_deg: float = 0.0) -> Array:
 def fresnel(cosine: Array, ior: float) -> Array:
     """From Snell's law and the Fresnel equations for both polarizations."""
     theta_i = np.arccos(np.clip(cosine, 0, 1))
-    theta_t = np.arcsin(np.sin(theta_i) / ior)
+    theta_t = np.arcsin(np.clip(np.sin(theta_i) / ior, 0, 1))  # above 1: total reflection
     cos_i, cos_t = np.cos(theta_i), np.cos(theta_t)
     s = (cos_i - ior * cos_t) / (cos_i + ior * cos_t)
     p = (cos_t - ior * cos_i) / (cos_t + ior * cos_i)
@@ -103,21 +103,21 @@ def evaluate_diffuse(material: Material, o: Array, i: Array) -> Array:
     """f of the diffuse lobe, without the albedo."""
     if material.kind == "diffuse":
         return np.full(i.shape[:-1], 1 / np.pi)
-    if is_metal(material):
+    if is_specular(material):
         return np.zeros(i.shape[:-1])
     crossed = transmittance(material, o[..., 2]) * transmittance(material, i[..., 2])
     return crossed * base(material) / np.pi
 
 
-def is_metal(material: Material) -> bool:
+def is_specular(material: Material) -> bool:
     return material.kind == "conductor" or (
         material.kind == "principled" and material.metallic == 1
     )
 
 
 def specular_probability(material: Material, o: Array) -> float:
-    if material.kind == "diffuse" or is_metal(material):
-        return float(is_metal(material))
+    if material.kind == "diffuse" or is_specular(material):
+        return float(is_specular(material))
     crossed = float(transmittance(material, o[..., 2]))
     luminance = float(np.dot([0.2126, 0.7152, 0.0722], material.albedo))
     metallic = material.metallic if material.kind == "principled" else 0.0

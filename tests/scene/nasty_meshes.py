@@ -128,6 +128,11 @@ def glb(document: str, data: bytes = b"") -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
+SPARSE = {
+    "count": 1,
+    "indices": {"bufferView": 0, "byteOffset": 12, "componentType": 5125},
+    "values": {"bufferView": 0},
+}
 CHAIN = [{"children": [i + 1]} for i in range(999)] + [{"mesh": 0}]
 VIEWS = GLTF["bufferViews"] + [{"buffer": 0, "byteLength": 40_000}] * 70_000
 PRIMITIVES = GLTF["meshes"][0]["primitives"] * 20_000
@@ -147,8 +152,18 @@ for _name, _changes, _message in (
     ("glTF accessor of 2^40", {"accessors.0.count": 2**40}, "accessors[0].count: "),
     ("glTF accessor beyond its view", {"accessors.0.count": 4}, "accessors[0]: ends beyond"),
     ("glTF accessor at an end", {"accessors.0.byteOffset": 2**30}, "accessors[0]: ends beyond"),
-    ("glTF accessor of nothing", {"accessors.0.bufferView": None}, "compressed or sparse"),
-    ("glTF sparse accessor", {"accessors.0.sparse": {"count": 1}}, "compressed or sparse"),
+    ("glTF accessor of nothing", {"accessors.0.bufferView": None}, "compressed data"),
+    ("glTF sparse accessor of nothing", {"accessors.0.sparse": {"count": 1}}, "sparse"),
+    (
+        "glTF sparse accessor beyond its buffer",
+        {"accessors.0.sparse": SPARSE | {"count": 10**7}},
+        "ends beyond bufferView",
+    ),
+    (
+        "glTF sparse accessor of elements that do not exist",
+        {"accessors.0.sparse": SPARSE},
+        "replaces elements that do not exist",
+    ),
     ("glTF accessor of text", {"accessors.0.type": "TEXT"}, "accessors[0].type: "),
     ("glTF positions in two numbers", {"accessors.0.type": "VEC2"}, "POSITION: made of VEC2"),
     ("glTF corners that are no numbers", {"accessors.1.componentType": 5122}, "not whole numbers"),

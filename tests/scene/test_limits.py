@@ -12,7 +12,7 @@ from iprt.errors import FormatError
 from iprt.files import safe_reading
 from iprt.files.images import read_color
 from iprt.footage.video.source import FrameSource
-from iprt.geometry import mesh_files, mesh_materials, mesh_shapes
+from iprt.geometry import mesh_files, mesh_shapes, textures
 from iprt.geometry.meshes import load_mesh
 from iprt.scene import objects as objects_module
 from iprt.scene import real_materials
@@ -44,9 +44,9 @@ def test_a_texture_of_many_materials_is_kept_once(tmp_path: Path) -> None:
 
 def test_textures_of_a_mesh_count_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = obj_with_textures(tmp_path, ["red", "green", "red"])
-    monkeypatch.setattr(mesh_materials, "MAX_PIXELS", 128)
+    monkeypatch.setattr(textures, "MAX_PIXELS", 128)
     load_mesh(path)
-    monkeypatch.setattr(mesh_materials, "MAX_PIXELS", 127)
+    monkeypatch.setattr(textures, "MAX_PIXELS", 127)
     with pytest.raises(FormatError, match="its textures have more than the 127 pixels"):
         load_mesh(path)
 

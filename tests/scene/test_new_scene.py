@@ -14,6 +14,7 @@ from tyro.extras import SubcommandApp
 from iprt.commands import scene as commands
 from iprt.errors import FormatError, SceneError
 from iprt.footage.video.depth_code import DepthCode
+from iprt.geometry.material import Material
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.new_object import add_object, parse_material
 from iprt.scene.new_scene import new_scene
@@ -295,7 +296,23 @@ def test_a_lamp(tmp_path: Path, footage: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "glass:1,1,1", "diffuse", "diffuse:1,1", "diffuse:1,1,2", "diffuse:1,1,1:0.1",
+    ("text", "expected"),
+    [
+        ("glass", Material("dielectric", (1.0, 1.0, 1.0), alpha=0.0)),
+        ("glass:0.9,1,0.8:0.3", Material("dielectric", (0.9, 1.0, 0.8), alpha=0.3)),
+        ("pane", Material("dielectric", (1.0, 1.0, 1.0), alpha=0.0, thin=True)),
+    ],
+)
+def test_glass(tmp_path: Path, footage: Path, text: str, expected: Material) -> None:
+    own = make(tmp_path, footage)
+    add_object(own, footage / "cube.obj", 0, -45, material=parse_material(text))
+    (cube,) = Scene.open(own).objects
+    assert cube.bound.materials == (expected,)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "glas:1,1,1", "glass:1,1", "pane:1,1,2", "glass:1,1,1:0:0",
+             "diffuse", "diffuse:1,1", "diffuse:1,1,2", "diffuse:1,1,1:0.1",
              "plastic:0,0,0:nan", "plastic:0,0,0:2", "conductor:a,b,c", "mirror:1",
              "lamp:1,1,1:0.1", "lamp:-1,0,0", "lamp:1e9,1,1"],
 )  # fmt: skip

@@ -180,6 +180,20 @@ def test_an_object_of_another_ones_texture(scene: Scene) -> None:
     assert np.array_equal(material.texture, texture)
 
 
+@pytest.mark.parametrize(
+    "material",
+    [
+        Material("dielectric", (0.9, 1.0, 0.8), alpha=0.0, thin=True),
+        Material("dielectric", (1.0, 1.0, 1.0), alpha=0.2, absorption=(3.0, 0.0, 1.0), priority=-2),
+        Material("principled", (0.9, 1.0, 0.8), transmission=0.4, thin=True),
+    ],
+)
+def test_glass_is_written(scene: Scene, material: Material) -> None:
+    save_edits(scene, [ObjectEdit("last", material=material)])
+    found = Scene.open(scene.root).objects[2].bound.materials
+    assert found == (material,)
+
+
 @pytest.mark.parametrize("kind", ["diffuse", "conductor", "plastic", "principled"])
 def test_a_lamp_is_written(scene: Scene, kind: MaterialKind) -> None:
     lamp = Material(kind, (0.2, 0.3, 0.4), emission=(30.0, 0.0, 1.5))

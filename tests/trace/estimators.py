@@ -165,7 +165,10 @@ class Kernels:
         guide, mask, nothing = self._virtual
         kernel, features = renderer.method.kernels().virtual, self._features(seed, rays)
         trace = VirtualTracer(self.device, guide, features, kernel)
-        surfaces = SurfacesArgs(albedo=renderer.visible.albedo)
+        seen = renderer.visible
+        surfaces = SurfacesArgs(
+            albedo=seen.albedo, metallic=seen.metallic, roughness=seen.roughness
+        )
         known = KnownArgs(
             certainty=nothing, specular=None, diffuse=None, mean_radiance=1.0, fading=0.0
         )

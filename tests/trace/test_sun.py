@@ -21,7 +21,7 @@ from tests.footage.sunny_yards import GROUND, SunnyYard
 from tests.oracles.worlds import Sphere, cosine_about
 from tests.rendering import render
 from tests.trace.traced import settings
-from tests.worlds import ball
+from tests.worlds import ball, disc
 
 Float = NDArray[np.float64]
 
@@ -269,3 +269,37 @@ def test_layers_of_irradiance_contain_it(device: ComputeDevice, frame: Frame) ->
     np.testing.assert_allclose((real - without)[here].mean((0, 1)), sunlight(up), rtol=0.02)
     mixed, ratio = (pictures[0].aovs[name] for name in ("irradiance_mixed", "ratio"))
     np.testing.assert_allclose((mixed / real)[here], ratio[here], atol=0.02)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("thin", [False, True])
+def test_the_sun_shines_through_glass(device: ComputeDevice, frame: Frame, thin: bool) -> None:
+    """Glass that does not bend light tints the sun's part below it, twice, as all else."""
+    tint = 0.6
+    _, solid = object_at(LIT, (0.0, 0.0, 0.0))
+    clear = Material("dielectric", (tint,) * 3, alpha=0.0, ior=1.0001, thin=thin)
+    thing = ball(solid.centre, RADIUS, clear)
+    shade = np.asarray(solid.centre) - (solid.centre[1] - FLOOR) / ROOM.sun[1] * ROOM.sun
+    view = looking_at(shade)
+    up = np.array([0.0, 1.0, 0.0])
+    _, ratio = mean_picture(device, sunny(frame), thing, view)
+    whole, dark = room_light(shade, up), room_light(shade, up, solid)
+    lit = dark + tint**2 * (whole - dark + sunlight(up))
+    shown = ratio[pixel(view, shade)].mean(axis=(0, 1))
+    np.testing.assert_allclose(shown, lit / (whole + sunlight(up)), rtol=0.06)
+
+
+@pytest.mark.thorough
+def test_the_sun_shines_on_objects_through_glass(device: ComputeDevice, frame: Frame) -> None:
+    """A sheet that is as good as invisible changes nothing on a matte ball in its shadow."""
+    thing, solid = object_at(LIT, (0.5, 0.5, 0.5))
+    clear = Material("dielectric", (1.0, 1.0, 1.0), alpha=0.0, ior=1.0001, thin=True)
+    above = np.asarray(solid.centre) + 2.0 * RADIUS / ROOM.sun[1] * ROOM.sun
+    sheet = disc(above, 2.0 * RADIUS, clear)
+    view = looking_at(np.asarray(solid.centre) - [0.0, 0.3 * RADIUS, 0.0], size=24, fov=12.0)
+    chosen = settings(rays=8, estimator="delta", **RAW)
+    alone, covered = (
+        render(device, sunny(frame), objects, view, chosen, frames=24).color
+        for objects in ([thing], [thing, sheet])
+    )
+    np.testing.assert_allclose(covered.mean((0, 1)), alone.mean((0, 1)), rtol=0.02)

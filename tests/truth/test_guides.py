@@ -42,3 +42,18 @@ def test_guides_are_of_what_mirrors_show(mi: Any, path: list[Place]) -> None:
     albedo, normal = render_guides(load_scene(parts), View(5, 5, 0, 0, 4), spp=4, seed=0)
     np.testing.assert_allclose(albedo, np.broadcast_to(WALL, albedo.shape), atol=1e-3)
     np.testing.assert_allclose(normal, np.broadcast_to(path[-1][1], normal.shape), atol=1e-3)
+
+
+def test_guides_pass_glass(mi: Any) -> None:
+    """The wall behind a clear ball guides, which a ray through its middle meets."""
+    from iprt.truth.model import load_scene, render_guides
+
+    wall = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(WALL)}}
+    to_world = mi.ScalarTransform4f().translate([0, 0, -8]).scale(20)
+    parts = {
+        "ball": {"type": "sphere", "center": [0, 0, -3], "bsdf": {"type": "dielectric"}},
+        "wall": {"type": "rectangle", "to_world": to_world, "bsdf": wall},
+    }
+    albedo, normal = render_guides(load_scene(parts), View(5, 5, 0, 0, 4), spp=4, seed=0)
+    np.testing.assert_allclose(albedo, np.broadcast_to(WALL, albedo.shape), atol=1e-3)
+    np.testing.assert_allclose(normal, np.broadcast_to((0, 0, 1), normal.shape), atol=1e-3)

@@ -52,8 +52,9 @@ def shot(frame: Frame, objects: list[Instance], view: View, spp: int, clean: boo
         (Material("conductor", (0.9, 0.6, 0.3), alpha=0.0), (0.9, 0.6, 0.3), 0.01),
         # One scattering between microfacets only: a little is lost.
         (Material("conductor", (0.9, 0.6, 0.3), alpha=0.05), (0.9, 0.6, 0.3), 0.015),
+        (Material("dielectric", (1.0, 1.0, 1.0), alpha=0.0), (1.0, 1.0, 1.0), 0.01),
     ],
-    ids=["diffuse", "mirror", "rough conductor"],
+    ids=["diffuse", "mirror", "rough conductor", "glass"],
 )
 def test_furnace(
     mi: Any, material: Material, expected: tuple[float, float, float], tolerance: float

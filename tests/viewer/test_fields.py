@@ -73,6 +73,10 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "alpha": 0.5,
         "ior": 1.25,
         "metallic": 0.75,
+        "transmission": 0.25,
+        "thin": True,
+        "absorption": (0.5, 3.0, 7.0),
+        "priority": 2,
         "emission": 12.5,
         "fps": 30,
     }
@@ -99,6 +103,18 @@ def test_a_lamp_has_the_color_of_its_surface(ui: Ui) -> None:
             fields["emission"].write(impossible)
         assert ui.state is not None
         assert ui.state.materials[0].emission == pytest.approx(expected)
+
+
+def test_glass_absorbs_no_impossible_share(ui: Ui) -> None:
+    fields = by_key(material_fields(ui))
+    fields["material"].write("dielectric")
+    fields["absorption"].write((1.0, 2.0, 3.0))
+    for impossible in (-1.0, float("nan"), float("inf"), 1e9):
+        fields["absorption"].write((1.0, impossible, 3.0))
+    assert fields["absorption"].read() == (1.0, 2.0, 3.0)
+    assert all(fields[key].enabled() for key in ("thin", "absorption", "priority", "ior"))
+    fields["material"].write("plastic")
+    assert not any(fields[key].enabled() for key in ("thin", "absorption", "priority"))
 
 
 def test_a_resized_object_stands_where_it_stood(ui: Ui) -> None:

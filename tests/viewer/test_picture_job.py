@@ -169,7 +169,7 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
     path.write_text(
         "mtllib shining.mtl\nmtllib lost.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl lamp\nf 1 2 3\n"
     )
-    (tmp_path / "shining.mtl").write_text("newmtl lamp\nKd 1 1 1\nd 0.5\n")
+    (tmp_path / "shining.mtl").write_text("newmtl lamp\nKd 1 1 1\nPc 0.5\n")
     with turns(scene, device) as driver:
         driver.answer(driver.join())
         driver.core.add(ObjectEdit("shining", path=path), (20.0, -40.0), MeshPose(height_m=0.3))
@@ -177,7 +177,7 @@ def test_what_a_mesh_file_lost_is_told(scene: Scene, device: ComputeDevice, tmp_
         (note,) = driver.shared.status.notes
         assert note.startswith("shining.obj: ")
         assert "refers to lost.mtl, which is missing" in note
-        assert "not read: transparency" in note
+        assert "not read: 'pc' of its materials" in note
         assert driver.shared.status.problems == ()
         driver.clock.now += 100.0
         driver.settle()

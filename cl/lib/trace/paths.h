@@ -10,6 +10,7 @@
 // -D LEARNED_RADIANCE: real surfaces have their learned radiance (lib/world/real/learned.h), or the
 // panorama's where none was learned.
 // -D EMISSION: some virtual surfaces emit light, which paths find by chance.
+// -D GLASS: paths go on through dielectrics, which do not count as surfaces and are not aimed from.
 #pragma once
 
 #include "maths/sampling.h"
@@ -17,6 +18,7 @@
 #include "world/brdf.h"
 #include "world/direction.h"
 #include "world/emission.h"
+#include "world/glass.h"
 #include "world/real/learned.h"
 #include <iprt.trace.paths>
 
@@ -49,6 +51,12 @@ typedef struct {
     float3 albedo;
     float2 finish;       // as in Scatterer
     int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
+#ifdef REFRACTS
+    float3 beyond, plane;   // as in Scatterer
+    int enters;
+    ulong media;         // on the viewer's side
+    float t;             // metres from the last surface if that is real, else negative
+#endif
 } PathSurface;
 
 // Sums, over paths, of the incident radiance at their first surface, times f cos over the density.
@@ -68,12 +76,18 @@ static inline Scatter scatter_along(const World world, const PathSurface at, flo
         s.density = fmax(s.diffuse, 1e-20f);
         return s;
     }
-    const Material material = load_surface_material(world.materials, at.material, at.finish);
+    Material material = load_surface_material(world.materials, at.material, at.finish);
+    float opaque = 1.0f, factor = 1.0f;
+#ifdef REFRACTS
+    opaque -= dielectric_share(material);
+    factor = become_opaque(&material);
+    s.media = at.media;
+#endif
     const BrdfValue value = brdf_eval(material, at.albedo, at.n, at.viewer, wi);
     const float2 density = brdf_pdf(material, at.albedo, at.n, at.viewer, wi);
-    s.diffuse = value.diffuse * cosine;
-    s.specular = value.specular * cosine;
-    s.density = fmax(density.x + density.y, 1e-20f);
+    s.diffuse = opaque * factor * value.diffuse * cosine;
+    s.specular = opaque * value.specular * cosine;
+    s.density = fmax(opaque * (density.x + density.y), 1e-20f);
     return s;
 }
 
@@ -82,15 +96,45 @@ static inline Scatter scatter_sampled(const World world, const PathSurface at, f
 {
     if (at.material < 0)
         return scatter_along(world, at, frame_to_world(build_frame(at.n), sample_cosine(u.xy)));
-    const Material material = load_surface_material(world.materials, at.material, at.finish);
+    Material material = load_surface_material(world.materials, at.material, at.finish);
+#ifdef REFRACTS
+    become_opaque(&material);
+#endif
     const BrdfSample sample = brdf_sample(material, at.albedo, at.n, at.viewer, u);
     if (sample.specular && !(material.alpha > 0.0f)) {
         Scatter s = no_scatter(sample.wi);
         s.specular = sample.weight;
+#ifdef REFRACTS
+        s.media = at.media;
+#endif
         return s;
     }
     return scatter_along(world, at, sample.wi);
 }
+
+#ifdef REFRACTS
+// Decide by u.y whether a path goes on through a dielectric; u in [0, 1)^2 is then as random as before.
+static inline int passes_glass(const World world, const PathSurface at, float2 *u)
+{
+    return at.material >= 0
+        && is_passable(load_surface_material(world.materials, at.material, at.finish), u);
+}
+
+// Send a path on through a dielectric; u in [0, 1)^3.
+static inline Scatter scatter_through(const World world, PathSurface *at, float3 u)
+{
+    Scatterer point;
+    point.position = at->o_object;
+    point.normal = at->n;
+    point.albedo = at->albedo;
+    point.material = at->material;
+    point.beyond = at->beyond;
+    point.plane = at->plane;
+    point.enters = at->enters;
+    const Material material = load_surface_material(world.materials, at->material, at->finish);
+    return scatter_glass(world, material, point, at->viewer, at->t, u, LEAST_LATER, at->media, &at->o, &at->o_object);
+}
+#endif
 
 #ifdef LIGHT_SAMPLING
 // Return a direction at the capture centre from the precomputed samples; u in [0, 1)^2.
@@ -131,7 +175,8 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
     Sums first_specular;
     clear_sums(first_specular);
     float3 throughput = (float3)(1.0f);
-    for (int ray = 0; ray < RAYS_PER_BOUNCE * MAX_BOUNCES; ray++) {
+    int rays = RAYS_PER_BOUNCE * MAX_BOUNCES;
+    for (int ray = 0; ray < rays; ray++) {
         const int bounce = ray / RAYS_PER_BOUNCE;
         const int delta = bounce == 0 && at.material < 0;
         const float2 u = rotated_sobol(index, 2 * ray, seed);
@@ -146,8 +191,16 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
             s.texel = texel;
         } else
 #endif
-            s = scatter_sampled(world, at,
-                                (float3)(u, rotated_sobol(index, 2 * ray + 1, seed).x));
+        {
+            float2 v = rotated_sobol(index, 2 * ray + 1, seed);
+#ifdef REFRACTS
+            if (passes_glass(world, at, &v)) {
+                s = scatter_through(world, &at, (float3)(u, v.x));
+                rays += ray < RAYS_PER_BOUNCE * MOST_INTERFACES ? RAYS_PER_BOUNCE : 0;
+            } else
+#endif
+            s = scatter_sampled(world, at, (float3)(u, v.x));
+        }
         const int dark = !(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f);
         if (dark && is_aimed(s))
             continue;
@@ -200,6 +253,9 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
             passed = diffuse_albedo(material, at.albedo) * s.diffuse + s.specular;
         }
         if (aimed_at && (delta || !at_object)) {
+#ifdef REFRACTS
+            passed *= left_through_surface(world.materials, s.media, real.t);
+#endif
             const float3 arriving =
                 inverse * throughput * passed * PATH_RADIANCE(real, at.o, s.wi);
             if (delta) {
@@ -222,6 +278,9 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
         } else {
             throughput *= own * passed;
         }
+#ifdef REFRACTS
+        throughput *= medium_transmittance(world.materials, filling(world.materials, s.media), hit.t);
+#endif
         const Scatterer next = object_point(world.objects, hit, at.o_object, s.wi);
 #ifdef EMISSION
         const float3 emission = throughput * emitted(world, next);
@@ -235,6 +294,13 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
         at.albedo = next.albedo;
         at.finish = next.finish;
         at.material = next.material;
+#ifdef REFRACTS
+        at.beyond = next.beyond;
+        at.plane = next.plane;
+        at.enters = next.enters;
+        at.media = s.media;
+        at.t = delta ? hit.t : -1.0f;
+#endif
     }
     return met;
 }

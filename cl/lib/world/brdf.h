@@ -8,6 +8,7 @@
 //
 // -D PRINCIPLED adds the principled material, a mixture of a plastic and a metal whose base color is the albedo
 // (Khronos glTF 2.0, appendix B). Its parameters may vary over a surface: load_surface_material().
+// -D GLASS adds dielectrics, of which these functions have the reflection only. The rest: lib/world/glass.h.
 //
 // Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
 // JCGT 3(2), 2014, eq. 72 and 99 (height-correlated). Sampling: Dupuy and Benyoub, "Sampling Visible GGX
@@ -24,14 +25,19 @@
 //              1 / (ior^2 (1 - internal reflectance))
 //   rows 1-8   rough transmittance of the coat at cosines (i / 31)^2, i = 0..31
 //   row 9      metalness; index of the first of COAT_LEVELS further entries, coats of roughness
-//              (i / (COAT_LEVELS - 1))^2 for maps of roughness, or 0
-//   row 10     emitted radiance, rgb; the mean of its channels
-#define MATERIAL_ROWS 11
+//              (i / (COAT_LEVELS - 1))^2 for maps of roughness, or 0; share of light that passes the base; 1 if
+//              the surface is a thin wall
+//   row 10     absorption in 1/m, rgb; priority of the medium
+//   row 11     emitted radiance, rgb; the mean of its channels
+#define MATERIAL_ROWS 12
+#define FINISH_ROW 9
+#define MEDIUM_ROW 10
 #define MATERIAL_NODES 32
 #define KIND_DIFFUSE 0
 #define KIND_CONDUCTOR 1
 #define KIND_PLASTIC 2
 #define KIND_PRINCIPLED 3
+#define KIND_DIELECTRIC 4
 #define COAT_LEVELS 32
 
 // Interpolated normals can turn away from the viewer: wo is bent to at least this cosine.
@@ -51,6 +57,10 @@ typedef struct {
 #ifdef PRINCIPLED
     float metallic;
     float rougher;                           // share of the next rougher coat's values
+#endif
+#ifdef GLASS
+    float transmission;                      // share of light that passes the base
+    int thin;                                // a wall without inside
 #endif
 } Material;
 
@@ -73,8 +83,12 @@ static inline Material load_material(__global const float4 *restrict materials, 
     __global const float *row = (__global const float *)(materials + index * MATERIAL_ROWS);
     Material material = {(int)row[0], row[1], row[2], row[3], row + 4};
 #ifdef PRINCIPLED
-    material.metallic = row[4 + MATERIAL_NODES];
+    material.metallic = row[4 * FINISH_ROW];
     material.rougher = 0.0f;
+#endif
+#ifdef GLASS
+    material.transmission = row[4 * FINISH_ROW + 2];
+    material.thin = row[4 * FINISH_ROW + 3] > 0.0f;
 #endif
     return material;
 }
@@ -93,7 +107,15 @@ static inline Material load_surface_material(
         const float at = sqrt(clamp(finish.y, 0.0f, 1.0f)) * (COAT_LEVELS - 1);
         const int level = min((int)at, COAT_LEVELS - 2);
         const Material next = load_material(materials, levels + level + 1);
+#ifdef GLASS
+        const float transmission = material.transmission;
+        const int thin = material.thin;
+#endif
         material = load_material(materials, levels + level);
+#ifdef GLASS
+        material.transmission = transmission;
+        material.thin = thin;
+#endif
         material.rougher = at - level;
         material.base = mix(material.base, next.base, material.rougher);
         material.alpha = fmax(finish.y, MIN_ALPHA);
@@ -113,11 +135,15 @@ static inline float3 diffuse_albedo(const Material material, float3 albedo)
 }
 
 // Return whether a material has no diffuse lobe.
-static inline int is_metal(const Material material)
+static inline int is_specular(const Material material)
 {
 #ifdef PRINCIPLED
     if (material.kind == KIND_PRINCIPLED)
         return !(material.metallic < 1.0f);
+#endif
+#ifdef GLASS
+    if (material.kind == KIND_DIELECTRIC)
+        return 1;
 #endif
     return material.kind == KIND_CONDUCTOR;
 }
@@ -153,7 +179,8 @@ static inline float coat_transmittance(const Material material, float cosine)
     return crossed;
 }
 
-// Return the unpolarized reflectance of a smooth dielectric boundary, for light from the ior = 1 side.
+// Return the unpolarized reflectance of a smooth dielectric boundary; `ior` is the index of refraction of the far side
+// relative to the near one.
 static inline float fresnel_dielectric(float cosine, float ior)
 {
     const float c = fmax(cosine, 1e-6f);
@@ -166,7 +193,7 @@ static inline float fresnel_dielectric(float cosine, float ior)
 // Return the probability of sampling the specular lobe: its share of the reflected luminance.
 static inline float specular_probability(const Material material, float3 albedo, float cos_o)
 {
-    if (is_metal(material))
+    if (is_specular(material))
         return 1.0f;
     if (!is_coated(material))
         return 0.0f;
@@ -183,6 +210,10 @@ static inline float specular_probability(const Material material, float3 albedo,
 
 static inline float3 specular_reflectance(const Material material, float3 albedo, float cos_h)
 {
+#ifdef GLASS
+    if (material.kind == KIND_DIELECTRIC)
+        return (float3)(fresnel_dielectric(cos_h, material.ior));
+#endif
     if (!is_coated(material))
         return albedo;
     const float3 coat = (float3)(fresnel_dielectric(cos_h, material.ior));
@@ -303,7 +334,7 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
     BrdfValue value = {0.0f, (float3)(0.0f)};
     if (!(i.z > 0.0f))
         return value;
-    if (!is_metal(material))
+    if (!is_specular(material))
         value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
     if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f) {
         // G2 / (4 cos_i cos_o), which stays finite at grazing angles.

@@ -23,6 +23,9 @@ typedef struct {
     float lamp_distance;  // to the point of one that is aimed at
 #endif
     int texel;            // of the light aimed at: any other hit counts as 0; -1: not aimed
+#ifdef REFRACTS
+    ulong media;          // that the ray starts in (lib/world/glass.h)
+#endif
 } Scatter;
 
 static inline Scatter no_scatter(float3 wi)
@@ -39,6 +42,9 @@ static inline Scatter no_scatter(float3 wi)
     s.lamp_share = s.lamp_distance = 0.0f;
 #endif
     s.texel = -1;
+#ifdef REFRACTS
+    s.media = 0;
+#endif
     return s;
 }
 
@@ -54,6 +60,15 @@ static inline int is_at_lamp(const Scatter s)
 // Return whether a ray is aimed at a light of the panorama or at the sun.
 static inline int is_aimed(const Scatter s) { return s.texel >= 0 && !is_at_lamp(s); }
 
+static inline int is_at_sun(const Scatter s)
+{
+#ifdef SUN
+    return s.texel == SUN_TEXEL;
+#else
+    return 0;
+#endif
+}
+
 // Return 1 / density of the hit of a ray; 0 if the ray was aimed at a light and met something else.
 static inline float inverse_density(const World world, const Scatter s, const RealHit hit)
 {
@@ -63,17 +78,14 @@ static inline float inverse_density(const World world, const Scatter s, const Re
 #ifdef SUN
     const float sun = s.sun_share > 0.0f && leaves_room(world.real, hit) ? sun_density(world.real.sun, s.wi) : 0.0f;
     density += s.sun_share * sun;
-    if (s.texel == SUN_TEXEL && !(sun > 0.0f))
+    if (is_at_sun(s) && !(sun > 0.0f))
         return 0.0f;
-    const int is_at_sun = s.texel == SUN_TEXEL;
-#else
-    const int is_at_sun = 0;
 #endif
     if (s.light_share > 0.0f) {
         const float light = light_density(world.lights, world.real, hit, s.wi);
         // Points that light sampling cannot reach are left to the other techniques alone. At points it can
         // reach, the texel and its plane determine the one point that was aimed at.
-        if (is_aimed(s) && !is_at_sun && !(light > 0.0f && hit.texel == s.texel))
+        if (is_aimed(s) && !is_at_sun(s) && !(light > 0.0f && hit.texel == s.texel))
             return 0.0f;
         density += s.light_share * light;
     }

@@ -6,105 +6,22 @@
 // -D GLOSS lets one glossy real surface per path reflect as well. The radiance of glossy surfaces is then
 // their diffuse part only (iprt/world/real/highlight.py).
 // -D EMISSION: some virtual surfaces emit light. A share of the rays is aimed at them, where they are triangles.
+// -D GLASS: rays pass through dielectrics, without counting these as bounces. Rays at the sun pass straight through:
+// refracted ones would meet it by chance, as bright specks.
 // -D DISTANT_ENVIRONMENT treats the panorama as infinitely far: environment mapping.
 #pragma once
 
-#include "world/brdf.h"
 #include "world/boxes.h"
-#include "world/direction.h"
 #include "world/emission.h"
+#include "world/glass.h"
+#include "world/scattering.h"
 #include "world/real/gloss.h"
 #include "maths/sampling.h"
 #include "trace/sums.h"
 #include "world/world.h"
 
-// Sampling of narrower lobes finds lights better than light sampling does.
-#define AIMED_ALPHA 0.02f
-// Share of the rays that are not aimed at other lights.
-#define SUN_SHARE 0.4f
-#define LAMP_SHARE 0.4f
 // Least reflectance of a surface that counts as sunlit where a path ends.
 #define SUNLIT_ALBEDO 0.2f
-
-static inline float light_share(const World world, const Material material)
-{
-    if (!lights_shine(world.lights))
-        return 0.0f;
-    if (material.kind == KIND_DIFFUSE)
-        return 0.5f;
-    return !is_metal(material) ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
-}
-
-#ifdef SUN
-// Return whether x is in the box of an object that the sun may reach.
-static inline int sun_may_reach(const Objects objects, float3 x)
-{
-    int reached = 0;
-    for (int i = 0; i < objects.count; i++)
-        reached |= objects.sunlit[i] && all(x >= objects.bounds[2 * i].xyz) && all(x <= objects.bounds[2 * i + 1].xyz);
-    return reached;
-}
-#endif
-
-// Sample a direction in which a virtual surface at x scatters; u in [0, 1)^4.
-static inline ALWAYS_INLINE Scatter scatter(
-    const World world, const Material material, float3 albedo, float3 x, float3 n, float3 wo, float4 u)
-{
-    Scatter s = no_scatter(n);
-    s.light_share = light_share(world, material);
-    float rest = 1.0f - s.light_share;
-#ifdef LAMPS
-    // Narrow lobes find lamps themselves.
-    if (lamps_shine(world.objects) && (!is_metal(material) || material.alpha > AIMED_ALPHA)) {
-        s.lamp_share = LAMP_SHARE * rest;
-        rest -= s.lamp_share;
-    }
-    const float below_lamps = 1.0f - s.lamp_share;
-    if (u.w >= below_lamps) {
-        s.texel = LAMP_TEXEL;
-        s.wi = towards_lamp(world.objects, x, u.xy, u.z, &s.lamp_distance);
-    }
-#else
-    const float below_lamps = 1.0f;
-#endif
-#ifdef SUN
-    // Mirrors and lobes hardly wider than the sun find it themselves.
-    const int aims_at_sun = !is_metal(material) || material.alpha > AIMED_ALPHA;
-    if (aims_at_sun && sun_may_reach(world.objects, x)) {
-        s.sun_share = SUN_SHARE * rest;
-        rest -= s.sun_share;
-    }
-    if (!is_at_lamp(s) && u.w >= below_lamps - s.sun_share) {
-        s.texel = SUN_TEXEL;
-        s.wi = sample_sun(world.real.sun, u.xy);
-    } else
-#endif
-    if (u.w < s.light_share) {
-        const float3 light = sample_light(world.lights, u.xy);
-        s.texel = texel_towards(world.real, light);
-        s.wi = towards_light(world.real, light, s.texel, x);
-    } else if (!is_at_lamp(s)) {
-        const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
-        s.wi = sample.wi;
-        if (sample.specular && !(material.alpha > 0.0f)) {
-            s.specular = sample.weight / rest;
-            return s;
-        }
-    }
-#ifdef SUN
-    // A ray that meets the sun by chance would be a bright speck.
-    if (aims_at_sun && !(s.sun_share > 0.0f) && sun_density(world.real.sun, s.wi) > 0.0f)
-        return s;
-#endif
-    const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
-    const float2 density = brdf_pdf(material, albedo, n, wo, s.wi);
-    const float cosine = fmax(dot(n, s.wi), 0.0f);
-    s.diffuse = value.diffuse * cosine;
-    s.specular = value.specular * cosine;
-    // Directions below the surface scatter no light, whatever their density.
-    s.density = fmax(rest * (density.x + density.y), 1e-20f);
-    return s;
-}
 
 // Where the radiance / density of paths is summed.
 typedef struct {
@@ -161,10 +78,11 @@ static inline BrdfSample reflect_real(const World world, int index, float3 p, fl
 }
 #endif
 
-// Return the radiance of a hit of a ray in direction d, changed by objects.
-static inline float3 real_radiance(const World world, const RealHit hit, float3 d)
+// Return the radiance of a hit of a ray in direction d, changed by objects; `sunless`: without the sun.
+static inline ALWAYS_INLINE float3 real_radiance(const World world, const RealHit hit, float3 d, int sunless)
 {
-    return captured_radiance(world.real, hit, d) * relit_factor(world, hit);
+    const float3 captured = sunless ? pictured_radiance(world.real, hit, d) : captured_radiance(world.real, hit, d);
+    return captured * relit_factor(world, hit);
 }
 
 #ifdef SUN
@@ -199,6 +117,12 @@ static inline int aim_from_shade(const World world, const RealHit hit, float3 se
 #define FIRST_ANY 1
 #endif
 
+#ifdef REFRACTS
+#define PASSES_SUN 1
+#else
+#define PASSES_SUN 0
+#endif
+
 #if defined(EMISSION) && defined(RELIT)
 #define PASSES_ON 1
 #else
@@ -225,10 +149,16 @@ static inline ALWAYS_INLINE FirstHit trace_path(
 #ifdef GLOSS
     int reflected = 0;
 #endif
+    int bounces = world.max_bounces;
     // One more for a glossy real surface, and one for the last ray, which sees real surfaces only.
-    int rays = world.max_bounces + 2;
+    int rays = bounces + 2;
 #ifdef SUN
     rays++;
+#endif
+    int sunless = 0;
+#ifdef REFRACTS
+    int interfaces = 0, past_rough = !FIRST_ANY || s.density > 0.0f, from_real = !FIRST_ANY;
+    ulong media = s.media;
 #endif
     for (int bounce = 0; bounce < rays; bounce++) {
         const float3 d = s.wi;
@@ -237,9 +167,12 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         // Nothing depends on which object is between a virtual surface and a light that the ray is aimed at,
         // but for the distance of a reflection.
         const int diffuse = !(s.specular.x + s.specular.y + s.specular.z > 0.0f);
-        const int blocked_by_any = is_aimed(s) && (bounce > 0 || (FIRST_ANY && diffuse));
+        int blocked_by_any = is_aimed(s) && (bounce > 0 || (FIRST_ANY && diffuse));
+#if PASSES_SUN
+        blocked_by_any &= !is_at_sun(s);
+#endif
         const float away = blocked_by_any ? light_distance(world.real, s.texel, o, d) : INFINITY;
-        int sees_objects = bounce < world.max_bounces;
+        int sees_objects = bounce < bounces;
 #ifdef EMISSION
         sees_objects |= is_at_lamp(s); // light on the last object
 #endif
@@ -277,7 +210,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             first.distance = at_object ? hit.t : real.t;
 #ifdef WITHOUT_OBJECTS
         if (bounce == 0) {
-            const float3 radiance = real_radiance(world, real, d);
+            const float3 radiance = real_radiance(world, real, d, 0);
             add_to(sums.real, radiance);
             // Bit-identical where no object is hit.
             if (!at_object) {
@@ -295,6 +228,9 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             if (!(share > 0.0f))
                 return first;
             throughput *= share;
+#ifdef REFRACTS
+            throughput *= left_through_surface(world.materials, media, real.t);
+#endif
 #ifdef DELTA
             if (bounce == 0) {
                 const float3 change = pictured_radiance(world.real, real, d) * (relit_factor(world, real) - 1.0f);
@@ -312,7 +248,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             if (gloss) {
                 // A conductor has no diffuse part.
                 if (load_material(world.gloss.materials, gloss - 1).kind != KIND_CONDUCTOR) {
-                    const float3 radiance = real_radiance(world, real, d);
+                    const float3 radiance = real_radiance(world, real, d, sunless);
 #ifdef SUN
                     // Two rays go on from here, of which one is chosen.
                     if (aim_from_shade(world, real, captured_radiance(world.real, real, d), &o_object, &s)) {
@@ -335,11 +271,15 @@ static inline ALWAYS_INLINE FirstHit trace_path(
                 o = real_start(world.real, p, n);
                 o_object = p + world.real.bias * n;
                 s = no_scatter(specular.wi);
+#ifdef REFRACTS
+                media = 0;
+                from_real = 1;
+#endif
                 reflected = 1;
                 continue;
             }
 #endif
-            const float3 radiance = real_radiance(world, real, d);
+            const float3 radiance = real_radiance(world, real, d, sunless);
 #ifdef SUN
             if (aim_from_shade(world, real, captured_radiance(world.real, real, d), &o_object, &s)) {
                 throughput *= radiance;
@@ -362,28 +302,63 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         } else
 #endif
         {
-            if (is_aimed(s))
+            if (is_aimed(s) && !(PASSES_SUN && is_at_sun(s)))
                 return first;
-            own = s.density > 0.0f ? 1.0f / s.density : 1.0f;
+            own = s.density > 0.0f && !is_aimed(s) ? 1.0f / s.density : 1.0f;
             throughput *= own;
         }
         first.met |= bounce == 0;
         const Scatterer at = object_point(world.objects, hit, o_object, d);
 #ifdef EMISSION
         const float3 emission = emitted(world, at);
-        if (any(emission > 0.0f)) {
-            const int alone = bounce >= world.max_bounces;
+        if (any(emission > 0.0f) && !is_at_sun(s)) {
+            const int alone = bounce >= bounces;
             arrive(sums, emission_weight(world, s, at, hit.t, own, alone) * throughput * emission);
         }
         if (is_at_lamp(s))
             return first;
 #endif
         const uint stream = hash_combine(seed, 2 * bounce + 2);
-        const float2 u = sobol_2d(index, stream), v = sobol_2d(index, hash_combine(stream, 1));
-        o = o_object = at.position;
+        const float2 u = sobol_2d(index, stream);
+        float2 v = sobol_2d(index, hash_combine(stream, 1));
+        // The branches meet before the loop goes on: compilers would copy all of it for each.
+#ifdef REFRACTS
+        Material material = load_surface_material(world.materials, at.material, at.finish);
+        throughput *= medium_transmittance(world.materials, filling(world.materials, media), hit.t);
+        float3 weight;
+        if (is_passable(material, &v)) {
+            const int free = interfaces++ < MOST_INTERFACES;
+            bounces += free;
+            rays += free;
+            sunless = past_rough && !is_at_sun(s);
+            if (is_at_sun(s)) {
+                weight = straight_share(world.materials, material, at, d, hit.t);
+                o_object = at.beyond;
+                o = at.beyond + world.real.bias * at.plane;
+            } else {
+                s = scatter_glass(world, material, at, -d, from_real ? hit.t : -1.0f, (float3)(u, v.x), LEAST_LATER,
+                                  media, &o, &o_object);
+                media = s.media;
+                weight = s.specular;
+            }
+        } else {
+            if (is_at_sun(s))
+                return first;
+            sunless = 0;
+            become_opaque(&material);
+            o = o_object = at.position;
+            s = scatter(world, material, at.albedo, o, at.normal, -d, (float4)(u, v));
+            past_rough |= s.density > 0.0f;
+            weight = diffuse_albedo(material, at.albedo) * s.diffuse + s.specular;
+        }
+        from_real = 0;
+        throughput *= weight;
+#else
         const Material material = load_surface_material(world.materials, at.material, at.finish);
+        o = o_object = at.position;
         s = scatter(world, material, at.albedo, o, at.normal, -d, (float4)(u, v));
         throughput *= diffuse_albedo(material, at.albedo) * s.diffuse + s.specular;
+#endif
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             return first;
     }

@@ -287,6 +287,11 @@ static inline ALWAYS_INLINE Scatterer object_point(
     point.emission = object_emission(world, at.material, at.vertices, at.weights);
     point.facing = fabs(dot(at.flat_normal, d));
 #endif
+#ifdef REFRACTS
+    point.beyond = at.position - OBJECT_ULPS * at.reach * at.flat_normal;
+    point.plane = at.flat_normal;
+    point.enters = dot(at.normal, at.flat_normal) >= 0.0f;
+#endif
     return point;
 }
 

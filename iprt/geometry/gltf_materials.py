@@ -1,0 +1,163 @@
+"""Materials of glTF files (Khronos glTF 2.0, section 3.9, and its extensions)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.geometry.gltf_document import GltfMaterial, TextureReference
+from iprt.geometry.material import (
+    MAX_ABSORPTION,
+    MAX_EMISSION,
+    PLAIN,
+    Material,
+    MaterialKind,
+    Sampler,
+    Wrap,
+)
+from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.reflectance import LEAST_IOR, MAX_IOR, NEARLY, color_of, metal_or_not, triple
+from iprt.geometry.textures import Textures
+
+WRAPS: Mapping[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+NEAREST = 9728
+"""Numbers of OpenGL in glTF's samplers."""
+LEAST_CUTOFF = 1e-6
+"""Stands for a cutoff of 0, which in `Material` means none."""
+MAX_REFLECTANCE = 0.36
+"""Reflectance of `MAX_IOR` at normal incidence."""
+LEAST_PASSING, LEAST_DISTANCE = 1e-4, 1e-4
+"""Limits of attenuation: the color, and the distance in metres."""
+
+
+def from_gltf(
+    source: GltfMaterial, file: MeshFile, textures: Textures, dropped: list[str]
+) -> Material:
+    """Convert a glTF material; alpha = roughness²."""
+    pbr = source.pbr_metallic_roughness
+    if source.occlusion_texture is not None:
+        dropped.append("occlusion map")
+    factor, metallic, roughness = (
+        pbr.base_color_factor,
+        pbr.metallic_factor,
+        pbr.roughness_factor,
+    )
+    if source.glossiness is not None:
+        factor, metallic = source.glossiness.diffuse_factor, 0.0
+        roughness = 1.0 - source.glossiness.glossiness_factor
+
+    color, opacity = factor[:3], factor[3]
+
+    def picture(reference: TextureReference | None) -> Image.Image | None:
+        assert file.gltf is not None
+        image = None if reference is None else file.gltf.textures[reference.index].image
+        return None if image is None else file.picture(image)
+
+    base, surface, normals = next(iter(source.color_textures()), None), None, None
+    if source.glossiness is None:
+        surface = textures.surface(picture(pbr.metallic_roughness_texture))
+    if source.normal_texture is not None:
+        bumps = picture(source.normal_texture)
+        normals = textures.normals(bumps, source.normal_texture.scale)
+    texture = textures.linear(picture(base))
+    if source.unlit is not None:
+        surface = normals = None
+        material = Material(
+            "diffuse", (0.0, 0.0, 0.0), emission=color_of(color), emission_texture=texture
+        )
+    else:
+        ior = _index_of_refraction(source, dropped)
+        material = metal_or_not(color_of(color), metallic, roughness, texture, surface, ior)
+        material = _transmitting(material, source, color_of(color), roughness, texture, ior)
+        if source.transmission is not None and source.transmission.transmission_texture is not None:
+            dropped.append("map of transmission")
+    references = (
+        base,
+        pbr.metallic_roughness_texture,
+        source.normal_texture,
+        source.emissive_texture if source.unlit is None else base,
+    )
+    first, second, third, fourth = (_sampler(file, reference) for reference in references)
+    material = replace(material, samplers=(first, second, third, fourth))
+    if max(source.emissive_factor) > 0.0 and source.unlit is None:
+        strength = 1.0 if source.strength is None else source.strength.emissive_strength
+        glow = textures.linear(picture(source.emissive_texture))
+        emission = triple(np.multiply(source.emissive_factor, strength), MAX_EMISSION)
+        material = replace(material, emission=emission, emission_texture=glow)
+    material = material if normals is None else replace(material, normal_texture=normals)
+    if source.alpha_mode not in ("MASK", "BLEND"):
+        return material
+    return replace(
+        material,
+        texture=texture,  # opacity is in its fourth channel
+        opacity=float(np.clip(opacity, 0.0, 1.0)),
+        opacity_texture=None if texture is None else textures.opacity(picture(base)),
+        cutoff=max(source.alpha_cutoff, LEAST_CUTOFF) if source.alpha_mode == "MASK" else 0.0,
+    )
+
+
+def _transmitting(
+    material: Material,
+    source: GltfMaterial,
+    color: tuple[float, float, float],
+    roughness: float,
+    texture: NDArray[np.float32] | None,
+    ior: float,
+) -> Material:
+    """Return a material with transmission and volume (KHR_materials_transmission and _volume).
+
+    Without a thickness, it is a thin wall.
+    """
+    if source.transmission is None or source.transmission.transmission_factor <= NEARLY:
+        return material
+    share = min(source.transmission.transmission_factor, 1.0)
+    volume, absorption = source.volume, (0.0, 0.0, 0.0)
+    solid = volume is not None and volume.thickness_factor > 0.0
+    if volume is not None and volume.attenuation_distance is not None:
+        passed = np.clip(volume.attenuation_color, LEAST_PASSING, 1.0)
+        distance = max(volume.attenuation_distance, LEAST_DISTANCE)
+        absorption = triple(-np.log(passed) / distance, MAX_ABSORPTION)
+    if material.kind != "principled":
+        alpha = float(np.clip(roughness, 0.0, 1.0)) ** 2
+        kind: MaterialKind = "dielectric" if share > 1.0 - NEARLY else "principled"
+        material = Material(kind, color, alpha=alpha, ior=ior, texture=texture)
+    if material.kind == "principled":
+        material = replace(material, transmission=share)
+    return replace(material, thin=not solid, absorption=absorption if solid else (0.0, 0.0, 0.0))
+
+
+def _sampler(file: MeshFile, reference: TextureReference | None) -> Sampler:
+    """Return the sampler of a texture (section 3.8.4)."""
+    assert file.gltf is not None
+    number = None if reference is None else file.gltf.textures[reference.index].sampler
+    if number is None:
+        return PLAIN
+    given = file.gltf.samplers[number]
+    u, v = (WRAPS.get(mode, "repeat") for mode in (given.wrap_s, given.wrap_t))
+    return Sampler((u, v), nearest=given.mag_filter == NEAREST)
+
+
+def _index_of_refraction(source: GltfMaterial, dropped: list[str]) -> float:
+    """Return the index of refraction whose reflectance at normal incidence is the material's.
+
+    KHR_materials_specular multiplies that reflectance. A colored one becomes grey, which `dropped`
+    names, as it does maps.
+    """
+    ior = Material.ior if source.refraction is None else source.refraction.ior
+    ior = MAX_IOR if ior == 0.0 else ior  # 0 stands for a reflectance of 1
+    given = source.specular
+    if given is not None and ior > 0.0:
+        color = given.specular_color_factor
+        if given.specular_texture is not None or given.specular_color_texture is not None:
+            dropped.append("map of specular strength")
+        if max(color) - min(color) > NEARLY:
+            dropped.append("color of the specular reflection")
+        factor = given.specular_factor * sum(color) / 3.0
+        reflectance = factor * ((ior - 1.0) / (ior + 1.0)) ** 2
+        root = float(np.sqrt(np.clip(reflectance, 0.0, MAX_REFLECTANCE)))
+        ior = (1.0 + root) / (1.0 - root)
+    return min(max(ior, LEAST_IOR), MAX_IOR)
