@@ -39,11 +39,10 @@ from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.shared import Worlds
 from iprt.world.world import World
 
-MOVING_FADING, MOVING_REFLECTED_FADING = 2.0, 3.0
+MOVING_FADING, MOVING_REFLECTED_FADING = 2.0, {False: 3.0, True: 2.0}
 """Factors of `Settings.fading` in frames in which objects move: of the change on real surfaces, and
-of reflected light, which histories follow less well."""
-MOVING_GLASS_FADING = 2.0
-"""The latter where there is glass, whose noise is the larger error."""
+of reflected light, which histories follow less well. The noise of glass (True) is a larger error.
+"""
 
 
 @dataclass(frozen=True)
@@ -291,8 +290,7 @@ class Renderer:
         if moving:
             tick(Clock.MOTION)
         # Histories follow moving objects only approximately: a shorter memory blurs them less.
-        glass = self.features.materials.glass
-        reflected = MOVING_GLASS_FADING if glass else MOVING_REFLECTED_FADING
+        reflected = MOVING_REFLECTED_FADING[self.features.materials.glass]
         factors = (MOVING_FADING, reflected) if self._displaced else (1.0, 1.0)
         fading, reflected_fading = (min(factor * self.fading, 1.0) for factor in factors)
         return FrameContext(

@@ -69,7 +69,7 @@ class BufferView(Part):
 
 
 class SparsePart(Part):
-    """Where the indices or the values of replaced elements are stored."""
+    """A place of the indices or of the values of replaced elements."""
 
     buffer_view: Index
     byte_offset: Bytes = 0
@@ -77,7 +77,7 @@ class SparsePart(Part):
 
 
 class Sparse(Part):
-    """Elements that replace those of an accessor (section 3.6.2.3)."""
+    """Replaced elements of an accessor (section 3.6.2.3)."""
 
     count: Annotated[int, Field(ge=1, le=MAX_VERTICES)]
     indices: SparsePart

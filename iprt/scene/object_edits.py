@@ -306,7 +306,7 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
 
 
 def _transmission(material: Material) -> dict[str, Any]:
-    """Return the keys of a material that transmits light, without those of no effect."""
+    """Return the keys of a material that transmits light, without keys of no effect."""
     written: dict[str, Any] = {}
     if material.kind == "principled":
         written["transmission"] = material.transmission

@@ -9,8 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
-from iprt.scene.object_edits import COLORS
 from iprt.settings.overrides import Setting, all_settings, groups
 from iprt.settings.presets import PRESETS, Quality
 from iprt.viewer.controls import (
@@ -23,7 +21,6 @@ from iprt.viewer.controls import (
 )
 from iprt.viewer.labels import (
     CURVES,
-    MATERIALS,
     NOTHING,
     PARTS,
     PICTURE,
@@ -41,8 +38,6 @@ OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
 NONE = Label("none", "")
 MOST_FPS = 240
-MOST_EMISSION = 100.0
-PLASTIC = Material("plastic")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
 
@@ -257,81 +252,6 @@ def attribute_switch(ui: UiState, key: str, attribute: str) -> Field:
         lambda: PARTS[key],
         lambda: getattr(ui, attribute),
         lambda on: setattr(ui, attribute, on),
-    )
-
-
-def material_fields(ui: UiState) -> tuple[Field, ...]:
-    """Build the fields of the selected object's material."""
-
-    def material() -> Material:
-        return PLASTIC if ui.state is None else ui.state.materials[0]
-
-    def color() -> Label:
-        part = PARTS[COLORS.get(material().kind, "albedo")]
-        texture = " It multiplies the texture." if material().texture is not None else ""
-        linear = ", ".join(f"{value:.3g}" for value in material().albedo)
-        return Label(f"{part.name} (sRGB)", f"{part.about}{texture} {SRGB}: {linear}.")
-
-    def field(key: str, kind: Kind, part: str, **more: Any) -> Field:
-        more.setdefault("label", lambda: PARTS[key])
-        return Field(
-            key,
-            kind,
-            read=lambda: getattr(material(), part),
-            write=lambda value: ui.paint(**{part: value}),
-            **more,
-        )
-
-    def brightness() -> float:
-        return float(f"{max(material().emission):.3g}")
-
-    def shine(brightness: float) -> None:
-        """Emit the color of the light, or the material's until there is one; white if black."""
-        if not 0.0 <= brightness <= MAX_EMISSION:
-            return
-        own = material().emission if material().emits else material().albedo
-        own = own if max(own) > 0.0 else (1.0, 1.0, 1.0)
-        r, g, b = (brightness * part / max(own) for part in own)
-        ui.paint(emission=(r, g, b))
-
-    def absorb(values: tuple[float, ...]) -> None:
-        if all(0.0 <= value <= MAX_ABSORPTION for value in values):
-            ui.paint(absorption=tuple(map(float, values)))
-
-    alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
-    rough, coated, mixed, clear, solid = (
-        {"enabled": lambda: material().kind != "diffuse"},
-        {"enabled": lambda: material().kind in ("plastic", "principled", "dielectric")},
-        {"enabled": lambda: material().kind == "principled"},
-        {"enabled": lambda: material().transmits},
-        {"enabled": lambda: material().transmits and not material().thin},
-    )
-    return (
-        field("material", "choice", "kind", options=lambda: MATERIALS),
-        field("color", "color", "albedo", label=color),
-        field("alpha", "number", "alpha", slider=alphas, **rough),
-        field("ior", "number", "ior", slider=indices, **coated),
-        field("metallic", "number", "metallic", slider=alphas, **mixed),
-        field("transmission", "number", "transmission", slider=alphas, **mixed),
-        field("thin", "switch", "thin", **clear),
-        Field(
-            "absorption",
-            "vector",
-            lambda: PARTS["absorption"],
-            lambda: material().absorption,
-            absorb,
-            enabled=solid["enabled"],
-        ),
-        field("priority", "number", "priority", slider=Slider(-9, 9, True, 0.0), **solid),
-        Field(
-            "emission",
-            "number",
-            lambda: PARTS["emission"],
-            brightness,
-            shine,
-            slider=Slider(0.0, MOST_EMISSION, False, 0.1),
-            beyond=True,
-        ),
     )
 
 

@@ -17,13 +17,13 @@ from iprt.viewer.fields import (
     OWN,
     Field,
     lens_fields,
-    material_fields,
     place_fields,
     quality_field,
     rate_field,
     view_field,
 )
 from iprt.viewer.labels import TURNED
+from iprt.viewer.material_fields import material_fields
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 from tests.clips import write_clip

@@ -25,7 +25,6 @@ from iprt.viewer.desktop.widgets import (
 )
 from iprt.viewer.fields import (
     lens_fields,
-    material_fields,
     place_fields,
     quality_field,
     rate_field,
@@ -33,6 +32,7 @@ from iprt.viewer.fields import (
 )
 from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.light_fields import light_fields, sun_fields
+from iprt.viewer.material_fields import material_fields
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
 RESET_SHARE = 0.6

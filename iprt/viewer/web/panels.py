@@ -16,7 +16,6 @@ from iprt.viewer.fields import (
     Field,
     attribute_switch,
     lens_fields,
-    material_fields,
     place_fields,
     playback_fields,
     quality_field,
@@ -28,6 +27,7 @@ from iprt.viewer.fields import (
 )
 from iprt.viewer.labels import PARTS, PICTURE
 from iprt.viewer.light_fields import light_fields, sun_fields
+from iprt.viewer.material_fields import material_fields
 from iprt.viewer.ui_state import require_mesh
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.handles import do_on, show
