@@ -55,6 +55,7 @@ VERBS = {
     "methods": "iprt.commands.methods:methods",
     "reference": "iprt.commands.reference:reference",
     "capture": "iprt.commands.capture:capture",
+    "export": "iprt.commands.export:export",
     "scene info": "iprt.commands.scene:info",
     "scene check": "iprt.commands.scene:check",
     "scene new": "iprt.commands.scene:new",

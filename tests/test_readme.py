@@ -174,6 +174,8 @@ NOT_HERE = {
 def is_here(command: str) -> bool:
     if command.startswith(("iprt reference", "iprt race")):
         return find_spec("mitsuba") is not None
+    if command.startswith("iprt export"):
+        return find_spec("pxr") is not None
     return not any(command.startswith(start) for start in NOT_HERE)
 
 

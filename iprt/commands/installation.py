@@ -25,6 +25,7 @@ PROBED = {
 PACKAGES = {
     "pyoidn": "denoised references",
     "flip-evaluator": "the FLIP column of `iprt compare`",
+    "usd-core": "USD files as meshes, and `iprt export`",
 }
 
 

@@ -298,7 +298,7 @@ def add(
     scene
         Scene folder.
     mesh
-        PLY, OBJ, STL, glTF or GLB file; or sphere, cube, cylinder or square, 1 m wide.
+        PLY, OBJ, STL, glTF, GLB or USD file; or sphere, cube, cylinder or square, 1 m wide.
     look
         Direction in which the surface is seen: degrees to the right, and degrees up.
     height

@@ -120,6 +120,23 @@ def require_inside(path: Path, folder: Path) -> None:
         )
 
 
+def reference_beside(path: Path, name: str) -> Path:
+    """Return the relative path of a file that the file at `path` refers to by `name`.
+
+    Raises
+    ------
+    FormatError
+        It must not be read: it is on the net, or outside of the folder.
+    """
+    relative = PurePosixPath(name.replace("\\", "/"))
+    name = printable(name)
+    if "://" in name:
+        raise FormatError(f"{path}: refers to {name} on the net; copy it beside it")
+    if relative.is_absolute() or ".." in relative.parts:
+        raise FormatError(f"{path}: refers to {name}, outside its folder; copy it in")
+    return Path(relative)
+
+
 def anywhere(folder: Path) -> Path:
     """Return a folder for `require_inside` that permits every file."""
     return Path(Path(os.path.realpath(folder)).anchor)

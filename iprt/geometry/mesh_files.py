@@ -10,9 +10,9 @@ import base64
 import binascii
 import json
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from io import BytesIO
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
@@ -23,18 +23,28 @@ from PIL import Image
 from iprt.errors import FormatError
 from iprt.files.images import open_picture
 from iprt.files.message_text import printable
-from iprt.files.safe_reading import MAX_BYTES, decoding, is_file, read_bytes, require_inside
+from iprt.files.safe_reading import (
+    MAX_BYTES,
+    decoding,
+    is_file,
+    read_bytes,
+    reference_beside,
+    require_inside,
+)
 from iprt.geometry.gltf_check import (
     accessor_of,
     check_gltf,
     require_uncompressed,
 )
 from iprt.geometry.gltf_document import Accessor, Gltf, parsed_gltf
+from iprt.geometry.mesh_text import lines_of, material_maps, ply_textures, without_options
 from iprt.geometry.mesh_unread import unread_gltf, unread_obj, unread_ply
 from iprt.geometry.ply_check import check_ply
 from iprt.geometry.stl_check import check_stl, checked_stl_text, has_colors
+from iprt.geometry.usd_data import USD_SUFFIXES
+from iprt.geometry.usd_file import UsdFile
 
-MESH_SUFFIXES = (".ply", ".obj", ".stl", ".gltf", ".glb")
+MESH_SUFFIXES = (".ply", ".obj", ".stl", ".gltf", ".glb", *USD_SUFFIXES)
 MAX_MATERIALS = 4096
 MAX_MATERIALS_TIMES_VERTICES = 2**32
 """Limit for an OBJ file: trimesh visits all vertices for each material."""
@@ -51,7 +61,7 @@ class MeshFile:
     Parameters
     ----------
     path : Path
-        .ply, .obj, .stl, .gltf or .glb.
+        .ply, .obj, .stl, .gltf, .glb, .usd, .usda, .usdc or .usdz.
     within : Path or None
         Folder that must hold all files, with links resolved. By default the mesh's own folder, in
         which the mesh itself may be a link.
@@ -62,9 +72,11 @@ class MeshFile:
         File suffix with the dot, in lower case.
     gltf : Gltf or None
         The document of a glTF file, else None.
+    usd : UsdFile or None
+        The contents of a USD file, else None.
     references : dict of str to Path
-        Paths of buffers, material libraries and textures by their name in the file, relative to its
-        folder.
+        Paths of buffers, layers, material libraries and textures by their name in the file,
+        relative to its folder.
 
     Raises
     ------
@@ -79,12 +91,13 @@ class MeshFile:
         self._read: dict[Path, bytes] = {}
         self._decoded: dict[str, bytes] = {}
         self.gltf: Gltf | None = None
+        self.usd: UsdFile | None = None
         self._gltf_chunk = b""
         self._missing_libraries: list[str] = []
         self._ply_elements: list[str] = []
         self.references: dict[str, Path] = {}
         if self.suffix not in MESH_SUFFIXES:
-            raise FormatError(f"{path}: not a PLY, OBJ, STL, glTF or GLB file (by its suffix)")
+            raise FormatError(f"{path}: not a PLY, OBJ, STL, glTF, GLB or USD file (by its suffix)")
         if not is_file(path):
             raise FormatError(f"{path}: no such mesh file")
         if within is not None:
@@ -95,6 +108,7 @@ class MeshFile:
         if self.suffix == ".stl":
             check_stl(path, self.data)
         kind = "glTF" if self.suffix in _GLTF_SUFFIXES else self.suffix[1:].upper()
+        kind = "USD" if self.suffix in USD_SUFFIXES else kind
         with decoding(path, f"cut off or damaged {kind} file"):
             self._look_inside()
 
@@ -106,7 +120,7 @@ class MeshFile:
         FileNotFoundError
             The mesh refers to no such file.
         """
-        for known in (name.strip(), _without_options(name.strip())):
+        for known in (name.strip(), without_options(name.strip())):
             if known in self.references:
                 return self._contents(self.references[known])
         raise FileNotFoundError(name)
@@ -215,6 +229,20 @@ class MeshFile:
             BytesIO(data), self.path.with_name(f"{self.path.name}:images[{number}]")
         )
 
+    def usd_picture(self, name: str) -> Image.Image:
+        """Open a texture of a USD file lazily, by its name relative to the file's folder.
+
+        Raises
+        ------
+        FormatError
+            The picture is unreadable.
+        """
+        assert self.usd is not None
+        if self.usd.packed is not None:
+            return open_picture(BytesIO(self.usd.texture(name)), Path(f"{self.path}:{name}"))
+        file = self.references[name]
+        return open_picture(BytesIO(self._contents(file)), self.path.parent / file)
+
     def unread_parts(self, *, animated: bool = False) -> list[str]:
         """Return the unread contents of the file, one phrase each, in a fixed order.
 
@@ -222,8 +250,10 @@ class MeshFile:
         """
         if self.gltf is not None:
             return list(unread_gltf(self.gltf, animated=animated))
+        if self.usd is not None:
+            return self.usd.contents.unread
         if self.suffix == ".obj":
-            return unread_obj(_lines(self.data))
+            return unread_obj(lines_of(self.data))
         if self.suffix == ".stl":
             return ["colors of triangles"] if has_colors(self.data) else []
         return unread_ply(self._ply_elements)
@@ -246,10 +276,12 @@ class MeshFile:
                     self._refer(uri, unquote(uri))
             for number in self.gltf.read_images():
                 self.picture(number)
+        elif self.suffix in USD_SUFFIXES:
+            self._refer_from_usd()
         elif self.suffix == ".obj":
             self._refer_from_obj()
         elif self.suffix == ".ply":
-            for name in _ply_textures(self.data):
+            for name in ply_textures(self.data):
                 self._refer(name, name)
                 self._check_texture(name)
 
@@ -276,7 +308,7 @@ class MeshFile:
 
     def _refer_from_obj(self) -> None:
         materials, vertices = set(), 0
-        for line in _lines(self.data):
+        for line in lines_of(self.data):
             key, _, rest = line.partition(" ")
             if key == "v":
                 vertices += 1
@@ -286,7 +318,7 @@ class MeshFile:
                 library = rest.strip()
                 if not self._refer_to_library(library):
                     continue
-                for name in _material_maps(self._contents(self.references[library])):
+                for name in material_maps(self._contents(self.references[library])):
                     self._refer(name, name)
                     self._check_texture(name)
         count = len(materials)
@@ -296,30 +328,31 @@ class MeshFile:
                 "or split the file"
             )
 
+    def _refer_from_usd(self) -> None:
+        self.usd = UsdFile(self.path, self.data, self._within)
+        contents, packed = self.usd.contents, self.usd.packed
+        if packed is None:
+            for name in (*contents.layers, *contents.textures):
+                self._refer(name, name)
+        for name in contents.textures:
+            if packed is not None and name not in packed:
+                raise FormatError(f"{self.path}: refers to {printable(name)}, which is not in it")
+            self.usd_picture(name)
+
     def _refer_to_library(self, name: str) -> bool:
         """Add a reference to an MTL file and return True, or note that the file is missing.
 
         A name that no file can have means a damaged mesh file, not a missing library.
         """
         possible = name.isprintable() and len(name) <= LONGEST_NAME
-        if possible and not is_file(self.path.parent / self._place(name)):
+        if possible and not is_file(self.path.parent / reference_beside(self.path, name)):
             self._missing_libraries.append(printable(name))
             return False
         self._refer(name, name)
         return True
 
-    def _place(self, name: str) -> Path:
-        """Return a referenced file's relative path; raise FormatError if it must not be read."""
-        relative = PurePosixPath(name.replace("\\", "/"))
-        name = printable(name)
-        if "://" in name:
-            raise FormatError(f"{self.path}: refers to {name} on the net; copy it beside it")
-        if relative.is_absolute() or ".." in relative.parts:
-            raise FormatError(f"{self.path}: refers to {name}, outside its folder; copy it in")
-        return Path(relative)
-
     def _refer(self, written: str, name: str) -> None:
-        relative = self._place(name)
+        relative = reference_beside(self.path, name)
         file = self.path.parent / relative
         if not is_file(file):
             name = printable(name)
@@ -348,32 +381,3 @@ class MeshFile:
             except binascii.Error as error:
                 raise ValueError(f"a data URI: {error}") from None
         return self._decoded[uri]
-
-
-def _material_maps(data: bytes) -> Iterator[str]:
-    """Yield the names of the color textures of an MTL file."""
-    for line in _lines(data):
-        key, _, rest = line.partition(" ")
-        if key.lower() == "map_kd" and rest.strip():
-            yield _without_options(rest.strip())
-
-
-def _without_options(text: str) -> str:
-    """Return the file name after options such as `-s 1 1 1`."""
-    words = text.split()
-    return words[-1] if any(word.startswith("-") for word in words) else text
-
-
-def _ply_textures(data: bytes) -> Iterator[str]:
-    for line in BytesIO(data):
-        text = line.decode("utf-8", "replace").strip()
-        if text == "end_header":
-            return
-        if text.lower().startswith("comment texturefile"):
-            yield text[len("comment texturefile") :].strip()
-
-
-def _lines(data: bytes) -> Iterator[str]:
-    """Yield the lines of a text, stripped and with tabs replaced by spaces."""
-    for line in BytesIO(data):
-        yield line.decode("utf-8", "replace").replace("\t", " ").strip()

@@ -16,13 +16,15 @@ from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mtl_materials import from_mtl
 from iprt.geometry.reflectance import color_of, triple
 from iprt.geometry.textures import Textures
+from iprt.geometry.usd_data import UsdMaterial
+from iprt.geometry.usd_materials import from_usd
 
 DEFAULT_MATERIAL = Material("diffuse", (0.5, 0.5, 0.5))
 
 
 def has_texture(source: Any) -> bool:
     """Return True if a material of a file (or None) has a texture that is read."""
-    if isinstance(source, GltfMaterial):
+    if isinstance(source, GltfMaterial | UsdMaterial):
         return bool(source.textures())
     return isinstance(getattr(source, "image", None), Image.Image)
 
@@ -34,12 +36,14 @@ def convert_material(
 
     Parameters
     ----------
-    source : GltfMaterial, trimesh SimpleMaterial (MTL) or None
+    source : GltfMaterial, UsdMaterial, trimesh SimpleMaterial (MTL) or None
     """
     if source is None:
         return DEFAULT_MATERIAL
     if isinstance(source, GltfMaterial):
         return from_gltf(source, file, textures, dropped)
+    if isinstance(source, UsdMaterial):
+        return from_usd(source, file, textures, dropped)
     return from_mtl(source, textures, dropped)
 
 

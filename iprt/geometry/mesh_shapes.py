@@ -1,4 +1,4 @@
-"""Triangles of mesh files as stored: of glTF from its accessors, of other formats through trimesh.
+"""Triangles of mesh files as stored: of glTF from its accessors, of PLY, OBJ and STL by trimesh.
 
 Specification: Khronos glTF 2.0, section 3.7 (meshes).
 """
@@ -51,7 +51,7 @@ class Shape:
     uvs : (V, 2) float32
         Zero where the file has none; v = 0 is the bottom of a texture.
     triangles : (F, 3) int64
-    material : GltfMaterial, trimesh material or None
+    material : GltfMaterial, UsdMaterial, trimesh material or None
     colors : (F, 3, 3) float32 or None
         Linear RGB from 0 to 1 by triangle and corner; None without colors.
     primitive : Primitive or None
@@ -197,6 +197,18 @@ def _triangles(file: MeshFile, primitive: Primitive, count: int, where: str) -> 
     strip = np.lib.stride_tricks.sliding_window_view(corners, 3).copy()
     strip[1::2] = strip[1::2, [0, 2, 1]]
     return strip
+
+
+def usd_shapes(file: MeshFile, *, colored: bool) -> Iterator[tuple[Float, Shape]]:
+    """Yield the shapes of a USD file with their transforms (1, 3, 4), as `resting_shapes` does."""
+    assert file.usd is not None
+    contents, arrays = file.usd.contents, file.usd.arrays
+    for placed, matrix in zip(contents.placed, arrays["matrices"], strict=True):
+        number = placed.geometry
+        positions, normals, uvs, triangles = (arrays[f"{name} {number}"] for name in KEPT)
+        material = None if placed.material is None else contents.materials[placed.material]
+        colors = arrays.get(f"colors {number}") if colored else None
+        yield matrix[None, :3], Shape(positions, normals, uvs, triangles, material, colors)
 
 
 def trimesh_shapes(file: MeshFile, dropped: list[str], *, colored: bool) -> list[Shape]:

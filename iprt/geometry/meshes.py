@@ -1,4 +1,4 @@
-"""Triangle meshes from PLY, OBJ, STL and glTF files, through trimesh."""
+"""Triangle meshes from PLY, OBJ, STL, glTF and USD files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mesh_materials import colored, convert_material, has_texture, tinted
-from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes
+from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes, usd_shapes
 from iprt.geometry.solids import with_solids
 from iprt.geometry.tangents import moved_tangents, with_tangents
 from iprt.geometry.textures import Textures
@@ -41,7 +41,7 @@ class Part:
     triangles : (F, 3) int64
     source : (V,) int64
         Original vertex in the file of each vertex.
-    material : GltfMaterial, trimesh material or None
+    material : GltfMaterial, UsdMaterial, trimesh material or None
     color : (r, g, b) or None
         Linear color that multiplies the material; None if the file has none.
     colors : (V, 3) float32 or None
@@ -80,13 +80,14 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     Geometries of different materials are never merged. Missing normals become flat for glTF, and
     smooth up to a crease angle for other formats (`creases.py`). Degenerate and non-finite
     triangles are removed. Skins of glTF files follow their joints at rest, without an animation
-    (Khronos glTF 2.0, section 3.7.3.3). Vertex colors become a texture. A warning is logged for
-    each missing or unsupported property of the file's materials that would change the look much.
+    (Khronos glTF 2.0, section 3.7.3.3). USD files are taken to metres with +Y up. Vertex colors
+    become a texture. A warning is logged for each missing or unsupported property of the file's
+    materials that would change the look much.
 
     Parameters
     ----------
     path : Path
-        .ply, .obj, .stl, .gltf or .glb.
+        .ply, .obj, .stl, .gltf, .glb, .usd, .usda, .usdc or .usdz.
     material : Material or None
         Replaces the materials of the file.
     within : Path or None
@@ -102,8 +103,9 @@ def load_mesh(path: Path, material: Material | None = None, within: Path | None 
     dropped = file.unread_parts()
     with decoding(path, "cut off or damaged mesh file"), np.errstate(all="ignore"):
         colored = material is None
-        if file.gltf is not None:
-            placed = resting_shapes(file, colored=colored)
+        if file.gltf is not None or file.usd is not None:
+            shapes_of = resting_shapes if file.usd is None else usd_shapes
+            placed = shapes_of(file, colored=colored)
             parts = [part_of(shape, matrices, dropped) for matrices, shape in placed]
         else:
             shapes = trimesh_shapes(file, dropped, colored=colored)

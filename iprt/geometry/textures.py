@@ -43,6 +43,16 @@ class Textures:
         """
         return self._decode(image, "color", decode_srgb)
 
+    def stored(self, image: Any) -> NDArray[np.float32] | None:
+        """Return the texels (H, W, 3) float32 of linear values; errors as above."""
+        return self._decode(image, "stored", _fractions)
+
+    def factors(self, image: Image.Image) -> NDArray[np.float32] | None:
+        """Return a grey image (H, W) float32, None if all of it is 1."""
+        grey = np.asarray(image.convert("L"))
+        self.count(grey.size)
+        return None if grey.min() == 255 else _fractions(grey)
+
     def surface(self, image: Any) -> NDArray[np.float32] | None:
         """Return metalness and roughness, (H, W, 2) float32, of a glTF map; errors as above.
 

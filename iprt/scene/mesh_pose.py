@@ -1,6 +1,6 @@
 """The orientation and size of a mesh in a scene: up axis, rotation and scale.
 
-Files state no unit and, except for glTF, no up axis.
+Files state no unit and no up axis, except for glTF and USD, which are read in metres with +Y up.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def hints(suffix: str, corners: tuple[Array, Array], pose: MeshPose) -> list[str
             f"--unit {unit} ({longest * UNITS_M[unit]:.3g} m)" for unit in ("cm", "mm")
         )
         found.append(f"its longest side is {longest:.6g} units of its file; is it {sizes}?")
-    if pose.up == "y" and suffix not in (".gltf", ".glb"):
+    if pose.up == "y" and suffix in (".ply", ".obj", ".stl"):
         # Most models stand on 0, centred around their up axis.
         stands = np.abs(low) <= 0.02 * extent
         if suffix == ".stl" or (stands[2] and not stands[1]):

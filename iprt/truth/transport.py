@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.footage.depth_mesh import depth_mesh
 from iprt.footage.frame import LUMINANCE, Frame
 from iprt.footage.sun import Sun
 from iprt.geometry.equirect import solid_angles
 from iprt.truth.backend import vector_mitsuba
-from iprt.truth.depth_mesh import depth_mesh
 
 mi: Any = vector_mitsuba()
 dr: Any = import_module("drjit")

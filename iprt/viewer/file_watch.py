@@ -10,6 +10,7 @@ from iprt.errors import IprtError
 from iprt.files.kinds import FRAME_PATTERN
 from iprt.footage.video.picture_tracks import frame_path
 from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.usd_data import USD_SUFFIXES
 from iprt.scene.manifest import MANIFEST_NAME, Manifest, read_manifest
 
 MOST_FRAMES = 64
@@ -74,7 +75,7 @@ class Watch:
 
     def _referred(self, mesh: Path) -> Iterable[Path]:
         """Return the files that a mesh refers to; for a damaged mesh, the last known ones."""
-        if mesh.suffix.lower() in (".obj", ".gltf"):
+        if mesh.suffix.lower() in (".obj", ".gltf", *USD_SUFFIXES[:-1]):
             with suppress(IprtError):
                 referred = MeshFile(mesh).references.values()
                 self._references[mesh] = frozenset(mesh.parent / path for path in referred)

@@ -143,7 +143,9 @@ PARTS: Mapping[str, Label] = {
     ),
     "sun_color": Label("Color", ""),
     "angle_deg": Label("Diameter", "Apparent diameter of the sun. A large one has soft shadows."),
-    "add": Label("Add mesh", "A .glb, .gltf, .obj, .ply or .stl file, set down on a surface."),
+    "add": Label(
+        "Add mesh", "A .glb, .gltf, .obj, .ply, .stl or .usd file; it is set on a surface."
+    ),
     "remove": Label("Remove", "Removes the selected object. Undo brings it back."),
     "undo": Label("Undo", "Undoes the last edit of an object or of the light."),
     "redo": Label("Redo", "Redoes the last undone edit."),

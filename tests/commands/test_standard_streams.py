@@ -22,6 +22,7 @@ ARGUMENTS = {
     "settings": "",
     "render": "SCENE -o OUT/a.png --method ibl --size 32 32 --accumulate 1",
     "reference": "SCENE -o OUT/a.exr",
+    "export": "SCENE -o OUT/a.usda",
     "scene new": "OUT/new --color SCENE/color.exr --depth SCENE/depth.exr",
     "scene add": "SCENE OUT/m.obj --look 0 -40",
 }

@@ -188,7 +188,7 @@ def test_small_meshes_are_not_degenerate(tmp_path: Path) -> None:
     ("name", "text", "message"),
     [
         ("m.obj", None, "no such mesh file"),
-        ("m.off", "OFF", "not a PLY, OBJ, STL, glTF or GLB file"),
+        ("m.off", "OFF", "not a PLY, OBJ, STL, glTF, GLB or USD file"),
         ("m.obj", "", "m.obj"),
         ("m.obj", "v 0 0 0\nv 1 0 0\n", "m.obj"),
         ("m.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "holds no triangles"),

@@ -21,6 +21,7 @@ from iprt.scene.mesh_pose import UP_AXES, MeshPose
 from iprt.scene.new_object import add_object
 from iprt.scene.scene import Scene
 from tests.geometry.gltf_files import bar
+from tests.geometry.usd_files import square, usda
 from tests.scene.files import (
     CUBE,
     IDENTITY,
@@ -54,6 +55,22 @@ def placed(room: Path, name: str) -> Any:
     (instance,) = Scene.open(room).instances_named((name,))
     matrix = instance.to_world
     return instance.mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def test_a_usd_file_comes_with_its_layers_and_has_its_size(room: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="needs the extra `usd`")
+    source = tmp_path / "files"
+    (source / "parts").mkdir(parents=True)
+    usda(source / "parts" / "square.usda", square(), up="Z", unit=0.01)
+    body = 'def "a" (references = @parts/square.usda@)\n{\n}'
+    mesh = usda(source / "square.usda", body, up="Z", unit=0.01)
+    added = add_object(room, mesh, 0.0, -50.0, pose=MeshPose(unit_m=1.0))
+    files = sorted(path.name for path in (room / "meshes").rglob("*.usda"))
+    assert files == ["square.usda", "square.usda"]
+    vertices = placed(room, "square")
+    np.testing.assert_allclose(np.ptp(vertices, axis=0), [0.01, 0.0, 0.01], atol=1e-5)
+    assert vertices[:, 1].min() == pytest.approx(LOW[1], abs=1e-3)
+    assert added.hints == ()
 
 
 @pytest.mark.thorough

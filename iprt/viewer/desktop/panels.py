@@ -134,7 +134,7 @@ def _view(ui: DesktopState) -> None:
 def _objects(ui: DesktopState) -> None:
     states = ui.engine.objects
     if not states and ui.displayed is not None:  # before the first picture they are still loading
-        quiet("None yet: drop a .glb, .gltf, .obj, .ply or .stl file on the picture.")
+        quiet("None yet: drop a .glb, .gltf, .obj, .ply, .stl or .usd file on the picture.")
     for state in states:
         visible = ui.visible(state.name)
         imgui.push_id(state.name)

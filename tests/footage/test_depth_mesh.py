@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from iprt.footage.depth_mesh import depth_mesh
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
-from iprt.truth.depth_mesh import depth_mesh
 from scenes360.chart.make import box_depth
 from tests.truth.conftest import sphere_frame
 

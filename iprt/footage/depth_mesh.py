@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.footage.frame import Frame
-from iprt.geometry.camera import View
+from iprt.geometry.equirect import texel_directions
 
 Ints = NDArray[np.int64]
 
@@ -24,25 +24,38 @@ class DepthMesh:
 
     Attributes
     ----------
-    positions : (H * W + 2, 3) float64
-        World space; texel (row, column) is vertex `row * W + column`, the poles come last.
+    positions : (h * w + 2, 3) float64
+        In the axes of the frame; vertex `i * w + j` is texel (`rows[i]`, `columns[j]`), the poles
+        come last.
     triangles : (F, 3) int64
         Counter-clockwise seen from the capture centre.
+    rows : (h,) int64
+    columns : (w,) int64
+        Texels of the frame whose centres are vertices.
     """
 
     positions: NDArray[np.float64]
     triangles: Ints
+    rows: Ints
+    columns: Ints
 
 
-def depth_mesh(frame: Frame) -> DepthMesh:
+def depth_mesh(frame: Frame, size: tuple[int, int] | None = None) -> DepthMesh:
     """Connect the texel centres of a frame, leaving gaps where the depth jumps.
 
     Two texels are connected if either lies near the other's tangent plane (`STEP`, `CREASE`).
     Texels without depth have no triangles. Each pole is closed by a fan to its row's mean inverse
     depth.
+
+    Parameters
+    ----------
+    size : (width, height) or None
+        Largest number of columns and rows, of which a regular selection is used; None: all.
     """
-    height, width = frame.height, frame.width
-    texels = _Texels(frame)
+    width, height = (frame.width, frame.height) if size is None else size
+    rows, columns = _selected(frame.height, height), _selected(frame.width, width)
+    height, width = len(rows), len(columns)
+    texels = _Texels(frame, rows, columns)
     finite, depth = (plane.reshape(height, width) for plane in (texels.finite, texels.depth))
     index = np.arange(height * width).reshape(height, width)
     east = np.roll(index, -1, axis=1)
@@ -71,19 +84,30 @@ def depth_mesh(frame: Frame) -> DepthMesh:
         height_m = 1.0 / np.mean(1.0 / depth[row][finite[row]]) if finite[row].any() else 1.0
         caps.append((0.0, height_m if pole == zenith else -height_m, 0.0))
     positions = texels.directions * texels.depth[:, None]
-    return DepthMesh(np.vstack([positions, caps]), np.concatenate(triangles))
+    return DepthMesh(np.vstack([positions, caps]), np.concatenate(triangles), rows, columns)
+
+
+def _selected(there: int, most: int) -> Ints:
+    """Return at most `most` of the numbers from 0 to `there` - 1, evenly spaced."""
+    count = min(there, most)
+    return np.asarray((np.arange(count) + 0.5) * there / count, np.int64)
 
 
 class _Texels:
-    """Texels of a frame by row-major index; depth is 1 where there is none."""
+    """Selected texels of a frame by row-major index; depth is 1 where there is none."""
 
-    def __init__(self, frame: Frame) -> None:
-        view = View(frame.width, frame.height, projection="equirect")
-        self.directions = view.directions().reshape(-1, 3)
-        self.finite = np.isfinite(frame.depth).ravel()
-        self.depth = np.where(self.finite, frame.depth.ravel(), 1.0).astype(np.float64)
-        self._normal = frame.fitted_normal.reshape(-1, 3).astype(np.float64)
-        self._step = max(STEP, CREASE * np.pi / frame.height)
+    def __init__(self, frame: Frame, rows: Ints, columns: Ints) -> None:
+        x, y, z = texel_directions(frame.width, frame.height)
+        self.directions = np.stack(np.broadcast_arrays(x, y, z), axis=-1)[rows][:, columns]
+        self.directions = self.directions.reshape(-1, 3)
+        depth = frame.depth[np.ix_(rows, columns)].ravel()
+        self.finite = np.isfinite(depth)
+        self.depth = np.where(self.finite, depth, 1.0).astype(np.float64)
+        texel = (rows[:, None] * frame.width + columns).ravel()
+        whole = len(texel) == frame.depth.size
+        normal = frame.fitted_normal.reshape(-1, 3) if whole else frame.fitted_normal_at(texel)
+        self._normal = normal.astype(np.float64)
+        self._step = max(STEP, CREASE * np.pi / len(rows))
 
     def joined(self, a: Ints, b: Ints) -> NDArray[np.bool_]:
         """Return whether pairs of texels lie on one surface."""

@@ -1,0 +1,124 @@
+"""Materials of USD files: UsdPreviewSurface, converted as glTF's are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from iprt.geometry.gltf_materials import LEAST_CUTOFF
+from iprt.geometry.material import MAX_EMISSION, PLAIN, Material, MaterialKind, Sampler
+from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.reflectance import LEAST_IOR, MAX_IOR, NEARLY, color_of, metal_or_not, triple
+from iprt.geometry.textures import Textures
+from iprt.geometry.usd_data import UsdMaterial, UsdTexture
+
+CHANNELS = "rgba"
+
+
+def from_usd(
+    source: UsdMaterial, file: MeshFile, textures: Textures, dropped: list[str]
+) -> Material:
+    """Convert a UsdPreviewSurface; alpha = roughness²."""
+    dropped.extend(source.unread)
+    placements = {(one.coordinates, one.matrix) for one in source.textures()}
+    if len(placements) > 1:
+        dropped.append(
+            "texture coordinates that differ between a material's textures; the color's are used"
+        )
+    texture = _color(source.color_texture, file, textures)
+    surface = _surface(source, file, textures)
+    ior = float(np.clip(source.ior, LEAST_IOR, MAX_IOR))
+    color = color_of(source.color)
+    material = metal_or_not(color, source.metallic, source.roughness, texture, surface, ior)
+    material = _with_opacity(material, source, file, textures)
+    if source.normal_texture is not None:
+        normals = textures.normals(file.usd_picture(source.normal_texture.file), 1.0)
+        material = replace(material, normal_texture=normals)
+    emission = triple(source.emission, MAX_EMISSION)
+    if max(emission) > 0.0:
+        glow = _color(source.emission_texture, file, textures)
+        material = replace(material, emission=emission, emission_texture=glow)
+    rough = source.metallic_texture or source.roughness_texture
+    color_or_opacity = source.color_texture or source.opacity_texture
+    used = (color_or_opacity, rough, source.normal_texture, source.emission_texture)
+    first, second, third, fourth = (_sampler(one) for one in used)
+    return replace(material, samplers=(first, second, third, fourth))
+
+
+def _sampler(texture: UsdTexture | None) -> Sampler:
+    return PLAIN if texture is None else Sampler(texture.wrap)
+
+
+def _color(
+    texture: UsdTexture | None, file: MeshFile, textures: Textures
+) -> NDArray[np.float32] | None:
+    if texture is None:
+        return None
+    picture = file.usd_picture(texture.file)
+    return textures.stored(picture) if texture.linear else textures.linear(picture)
+
+
+def _surface(source: UsdMaterial, file: MeshFile, textures: Textures) -> NDArray[np.float32] | None:
+    """Return factors (H, W, 2) of metalness and roughness, of the size of the larger picture."""
+    metallic, roughness = (
+        _channel(one, file) for one in (source.metallic_texture, source.roughness_texture)
+    )
+    if metallic is None and roughness is None:
+        return None
+    sizes = [one.size for one in (metallic, roughness) if one is not None]
+    width, height = max(sizes, key=lambda size: size[0] * size[1])
+    one = Image.new("L", (width, height), 255)
+    planes = [
+        one if plane is None else plane.resize((width, height)) for plane in (roughness, metallic)
+    ]
+    return textures.surface(Image.merge("RGB", (one, *planes)))
+
+
+def _channel(texture: UsdTexture | None, file: MeshFile) -> Image.Image | None:
+    """Return one channel of a texture's picture; grey pictures have the same in all."""
+    if texture is None:
+        return None
+    picture = file.usd_picture(texture.file).convert("RGBA")
+    return picture.getchannel(CHANNELS.index(texture.channel))
+
+
+def _with_opacity(
+    material: Material, source: UsdMaterial, file: MeshFile, textures: Textures
+) -> Material:
+    """Return a material with holes, or one that lets light pass.
+
+    A constant opacity below 1 means glass, which still reflects; it is a solid where the mesh is
+    closed. With a picture or a threshold, or where opacity means presence, it makes holes.
+    """
+    opacity = float(np.clip(source.opacity, 0.0, 1.0))
+    mask = _channel(source.opacity_texture, file)
+    if mask is None and opacity > 1.0 - NEARLY:
+        return material
+    if mask is None and source.threshold <= 0.0 and not source.presence:
+        return _transmitting(material, source, 1.0 - opacity)
+    texture, factors = material.texture, None
+    if mask is not None:
+        if texture is None:
+            texture = np.ones((mask.height, mask.width, 3), np.float32)
+            textures.count(mask.height * mask.width)
+        size = texture.shape[1], texture.shape[0]
+        factors = textures.factors(mask.resize(size))
+    return replace(
+        material,
+        texture=texture,
+        opacity=opacity,
+        opacity_texture=factors,
+        cutoff=max(source.threshold, LEAST_CUTOFF) if source.threshold > 0.0 else 0.0,
+    )
+
+
+def _transmitting(material: Material, source: UsdMaterial, share: float) -> Material:
+    if material.kind != "principled":
+        alpha = float(np.clip(source.roughness, 0.0, 1.0)) ** 2
+        kind: MaterialKind = "dielectric" if share > 1.0 - NEARLY else "principled"
+        ior = float(np.clip(source.ior, LEAST_IOR, MAX_IOR))
+        material = Material(kind, material.albedo, alpha=alpha, ior=ior, texture=material.texture)
+    return replace(material, transmission=share) if material.kind == "principled" else material

@@ -1,0 +1,1 @@
+"""Scenes as USD stages, in metres with +Y up."""

@@ -1,0 +1,173 @@
+"""Materials as UsdPreviewSurface."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pxr import Gf, Sdf, UsdShade
+
+from iprt.geometry.material import PLAIN, Material, Sampler
+from iprt.output.usd.pictures import Pictures
+from iprt.output.usd.prims import usable_name
+
+NO_COAT = 1.0
+"""Index of refraction of a surface without a specular reflection."""
+NORMAL_SCALE, NORMAL_BIAS = (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0, 0.0)
+"""What takes the levels of a normal map, from 0 to 1, to directions."""
+TYPES = Sdf.ValueTypeNames
+INPUTS = {
+    "diffuseColor": TYPES.Color3f,
+    "emissiveColor": TYPES.Color3f,
+    "normal": TYPES.Normal3f,
+    "opacityMode": TYPES.Token,
+}
+"""Types of the surface's inputs other than numbers."""
+
+
+class Network:
+    """A material prim, its UsdPreviewSurface and the nodes around it."""
+
+    def __init__(self, stage: Any, path: str) -> None:
+        self._stage = stage
+        self.material = UsdShade.Material.Define(stage, path)
+        self._surface = self._node("surface", "UsdPreviewSurface")
+        output = self.material.CreateSurfaceOutput()
+        output.ConnectToSource(self._surface.ConnectableAPI(), "surface")
+
+    def set(self, name: str, value: Any) -> None:
+        """Set an input of the surface to a number, a color or a word."""
+        given = Gf.Vec3f(*value) if isinstance(value, tuple) else value
+        self._surface.CreateInput(name, INPUTS.get(name, TYPES.Float)).Set(given)
+
+    def connect(self, name: str, node: Any, output: str) -> None:
+        """Let a node give an input its value."""
+        node.CreateOutput(output, TYPES.Float if len(output) == 1 else TYPES.Float3)
+        given = self._surface.CreateInput(name, INPUTS.get(name, TYPES.Float))
+        given.ConnectToSource(node.ConnectableAPI(), output)
+
+    def texture(
+        self,
+        name: str,
+        file: str,
+        space: str,
+        *,
+        sampler: Sampler = PLAIN,
+        scale: tuple[float, ...] = (),
+    ) -> Any:
+        """Return a new node that reads a picture at the primvar `st`, times a factor by channel."""
+        node = self._node(name, "UsdUVTexture")
+        node.CreateInput("file", TYPES.Asset).Set(file)
+        node.CreateInput("sourceColorSpace", TYPES.Token).Set(space)
+        for key, wrap in zip(("wrapS", "wrapT"), sampler.wrap, strict=True):
+            node.CreateInput(key, TYPES.Token).Set(wrap)
+        if any(factor != 1.0 for factor in scale):
+            factors = (*scale, 1.0)[:4]
+            node.CreateInput("scale", TYPES.Float4).Set(Gf.Vec4f(*factors))
+        reader = self._node("st", "UsdPrimvarReader_float2")
+        reader.CreateInput("varname", TYPES.String).Set("st")
+        reader.CreateOutput("result", TYPES.Float2)
+        node.CreateInput("st", TYPES.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+        return node
+
+    def _node(self, name: str, kind: str) -> Any:
+        node = UsdShade.Shader.Define(self._stage, self.material.GetPath().AppendChild(name))
+        node.CreateIdAttr(kind)
+        return node
+
+
+class MaterialWriter:
+    """Writer of the materials of objects below a prim; each is written once.
+
+    Attributes
+    ----------
+    lost : dict of str to None
+        Properties that UsdPreviewSurface does not have, a phrase each.
+    """
+
+    def __init__(self, stage: Any, scope: str, pictures: Pictures) -> None:
+        self._stage, self._scope, self._pictures = stage, scope, pictures
+        self._written: list[tuple[Material, Any]] = []
+        self.lost: dict[str, None] = {}
+
+    def of(self, material: Material, name: str) -> Any:
+        """Return the prim of a material; a new one is named after `name`."""
+        for known, prim in self._written:
+            if known is material:
+                return prim
+        chosen = usable_name(name, {prim.GetPath().name for _, prim in self._written})
+        network = Network(self._stage, f"{self._scope}/{chosen}")
+        self._write_color(network, material, chosen)
+        self._write_finish(network, material, chosen)
+        self._write_light(network, material, chosen)
+        self._written.append((material, network.material))
+        return network.material
+
+    def _write_color(self, network: Network, material: Material, name: str) -> None:
+        """Set color and opacity: light passes through opacity 0, and presence 0 is a hole."""
+        node = None
+        network.set("diffuseColor", material.albedo)
+        if material.texture is not None:
+            file = self._pictures.color(f"{name}_color", material.texture, material.opacity_texture)
+            scale = (*material.albedo, material.opacity)
+            sampler = material.samplers[0]
+            node = network.texture("color", file, "sRGB", sampler=sampler, scale=scale)
+            network.connect("diffuseColor", node, "rgb")
+        if material.transmits:
+            share = 1.0 if material.kind == "dielectric" else material.transmission
+            network.set("opacity", 1.0 - share)
+            for lost, phrase in (
+                (material.thin, "thin walls; their glass is solid"),
+                (max(material.absorption) > 0.0, "absorption in glass"),
+                (material.has_holes, "holes in glass"),
+            ):
+                if lost:
+                    self.lost[phrase] = None
+        elif material.has_holes:
+            network.set("opacity", material.opacity)
+            network.set("opacityMode", "presence")
+            network.set("opacityThreshold", material.cutoff)
+            if material.opacity_texture is not None:
+                network.connect("opacity", node, "a")
+
+    def _write_finish(self, network: Network, material: Material, name: str) -> None:
+        """Set what its reflection depends on; roughness is the root of alpha."""
+        metallic = {"conductor": 1.0, "principled": material.metallic}.get(material.kind, 0.0)
+        matte = material.kind == "diffuse"
+        roughness = 1.0 if matte else math.sqrt(material.alpha)
+        network.set("ior", NO_COAT if matte else material.ior)
+        network.set("roughness", roughness)
+        network.set("metallic", metallic)
+        surface = material.maps[1]
+        if surface is not None:
+            file = self._pictures.factors(f"{name}_finish", surface)
+            scale, sampler = (1.0, roughness, metallic), material.samplers[1]
+            node = network.texture("finish", file, "raw", sampler=sampler, scale=scale)
+            network.connect("roughness", node, "g")
+            network.connect("metallic", node, "b")
+        if material.normal_texture is not None:
+            file = self._pictures.normals(f"{name}_normals", material.normal_texture)
+            sampler = material.samplers[2]
+            node = network.texture("normals", file, "raw", sampler=sampler, scale=NORMAL_SCALE)
+            node.CreateInput("bias", TYPES.Float4).Set(Gf.Vec4f(*NORMAL_BIAS))
+            network.connect("normal", node, "rgb")
+
+    def _write_light(self, network: Network, material: Material, name: str) -> None:
+        if not material.emits:
+            return
+        network.set("emissiveColor", material.emission)
+        if material.emission_texture is not None:
+            file = self._pictures.color(f"{name}_emission", material.emission_texture)
+            scale, sampler = material.emission, material.samplers[3]
+            node = network.texture("emission", file, "sRGB", sampler=sampler, scale=scale)
+            network.connect("emissiveColor", node, "rgb")
+
+
+def radiant_material(stage: Any, path: str, file: str) -> Any:
+    """Define a material that shows a picture of radiance as it is, and reflects nothing."""
+    network = Network(stage, path)
+    network.set("diffuseColor", (0.0, 0.0, 0.0))
+    network.set("roughness", 1.0)
+    network.set("ior", NO_COAT)
+    network.connect("emissiveColor", network.texture("radiance", file, "raw"), "rgb")
+    return network.material
