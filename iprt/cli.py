@@ -60,6 +60,7 @@ VERBS = {
     "scene check": "iprt.commands.scene:check",
     "scene new": "iprt.commands.scene:new",
     "scene add": "iprt.commands.scene:add",
+    "scene light": "iprt.commands.scene_light:light",
     "scene gloss": "iprt.commands.scene_gloss:gloss",
     "scene sun": "iprt.commands.scene_sun:sun",
 }

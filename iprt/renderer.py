@@ -40,9 +40,8 @@ from iprt.world.shared import Worlds
 from iprt.world.world import World
 
 MOVING_FADING, MOVING_REFLECTED_FADING = 2.0, {False: 3.0, True: 2.0}
-"""Factors of `Settings.fading` in frames in which objects move: of the change on real surfaces, and
-of reflected light, which histories follow less well. The noise of glass (True) is a larger error.
-"""
+"""Factors of `Settings.fading` while objects move: of the change on real surfaces, and of reflected
+light, which histories follow less well. The noise of glass (True) is a larger error."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +146,7 @@ class Renderer:
             view,
             self.settings,
             footage or Footage.of(frame),
+            lights=any(instance.mesh.light is not None for instance in self.instances),
             deforming=any(instance.mesh.deforms for instance in self.instances),
         )
         self._frame_index = 0

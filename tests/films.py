@@ -27,10 +27,12 @@ from iprt.footage.properties import Footage
 from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_direction
+from iprt.geometry.light import PROFILE_SHAPE, Light
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance
+from iprt.geometry.mesh import Instance, light_mesh
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
+from tests.meshes import transform
 from tests.oracles.worlds import Box, World
 from tests.worlds import (
     ball,
@@ -49,6 +51,7 @@ WALL = Material("conductor", (0.9, 0.7, 0.5), alpha=0.1)
 LAMP = Material(emission=(5.0, 4.0, 3.0), emission_texture=CHECKS)
 GLASS = Material("dielectric", (1.0, 0.9, 0.9), alpha=0.05, absorption=(1.0, 2.0, 3.0))
 HALF_GLASS = Material("principled", alpha=0.0, transmission=0.5, thin=True)
+VARNISH = Material("principled", alpha=0.3, clearcoat=0.8, sheen=(0.5, 0.2, 0.1))
 LOOK, LARGE_LOOK, TWICE = (View(*size, pitch_deg=-35.0) for size in ((7, 5), (13, 7), (26, 14)))
 """Most branches of the kernels are reached by few pixels; some films need more to meet all."""
 AROUND, WIDE_AROUND = (View(*size, projection="equirect") for size in ((33, 3), (65, 6)))
@@ -105,11 +108,19 @@ def films(**settings: Any) -> dict[str, Film]:
     glowing = replace(clay, mesh=replace(clay.mesh, materials=(LAMP,)))
     clear = replace(clay, mesh=replace(clay.mesh, materials=(GLASS,)))
     sheet = replace(plastic, mesh=replace(plastic.mesh, materials=(HALF_GLASS,)))
+    varnished = replace(clay, mesh=replace(clay.mesh, materials=(VARNISH,)))
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (_sunny(_carried(room)), _bending((*glazed, brass)), LOOK, TRIANGLES),
         "maps": (room, (_mapped(clay), plastic), LOOK, TRIANGLES),
         "lamps": (_sunny(_glossy(_room(19, 9))), (glowing, plastic), LOOK, TRIANGLES),
         "glass": (_sunny(_glossy(_room(19, 9))), (clear, sheet), LOOK, TRIANGLES),
+        "virtual lights": (
+            _sunny(_glossy(_room(19, 9))),
+            (clay, plastic, brass, *_lights()),
+            LOOK,
+            TRIANGLES,
+        ),
+        "covers": (_sunny(_glossy(_room(19, 9))), (varnished, plastic), LOOK, TRIANGLES),
         "layers": (_room(32, 16), (plastic, brass), LOOK, {**LAYERS, **ALL_LEVELS}),
         "published": (
             room,
@@ -300,6 +311,23 @@ def _objects() -> tuple[Instance, ...]:
         cuboid((0.5, -1.2, -1.3), (0.22, 0.2, 0.15), Material("plastic", alpha=0.2)),
         ball((-0.15, -1.28, -1.15), 0.12, Material("conductor", alpha=0.0), subdivisions=1),
         ball((-0.45, -1.25, -1.3), 0.15, Material("conductor", alpha=0.2), subdivisions=1),
+    )
+
+
+def _lights() -> tuple[Instance, ...]:
+    """Return a light without geometry of every kind, which shine down."""
+    profile = np.ones(PROFILE_SHAPE, np.float32)
+    down = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    kinds = (
+        Light(radius=0.1, profile=profile),
+        Light(cone_deg=(20.0, 40.0)),
+        Light("rectangle"),
+        Light("sun", diameter_deg=5.0),
+    )
+    places = [(x, -0.2, -1.4) for x in (-0.3, 0.0, 0.3, 0.6)]
+    return tuple(
+        Instance(f"light {number}", light_mesh(light), transform(down, place))
+        for number, (light, place) in enumerate(zip(kinds, places, strict=True))
     )
 
 

@@ -12,11 +12,13 @@ from tests.waiting import ROOT, run_python
 
 MATERIAL = {
     "iprt/geometry/material.py": [
-        ('"plastic", "principled"]', '"plastic", "principled", "charcoal"]'),
+        ('"principled", "dielectric"]', '"principled", "dielectric", "charcoal"]'),
         ('if self.kind == "diffuse":', 'if self.kind in ("diffuse", "charcoal"):'),
     ],
+    "cl/lib/world/material.h": [
+        ("#define KIND_DIELECTRIC 4", "#define KIND_DIELECTRIC 4\n#define KIND_CHARCOAL 5"),
+    ],
     "cl/lib/world/brdf.h": [
-        ("#define KIND_PRINCIPLED 3", "#define KIND_PRINCIPLED 3\n#define KIND_CHARCOAL 4"),
         (
             "float cos_o)\n{\n    if (is_coated(material))\n        return coat",
             "float cos_o)\n{\n    if (material.kind == KIND_CHARCOAL)\n        return 0.25f;\n"

@@ -188,6 +188,7 @@ PARTS = [
         if any(is_here(" ".join(words)) for words, _ in block)
     ),
     pytest.param(command_blocks(ROOT / "docs" / "meshes.md"), SHRUNK, id="meshes.md"),
+    pytest.param(command_blocks(ROOT / "docs" / "lights.md"), SHRUNK, id="lights.md"),
     pytest.param(command_blocks(ROOT / "docs" / "footage.md"), 1, id="footage.md"),
 ]
 """Commands that run together: a block of the README or the guide, or another page as a whole. The

@@ -60,7 +60,7 @@ TRACING_KERNEL void cone_virtual(
         if (!(cosine > 0.0f))
             continue;
         // A perfect mirror has a single direction and its weight, and no density.
-        const int mirrored = sample.specular && !(material.alpha > 0.0f);
+        const int mirrored = is_mirrored(material, sample);
         float3 specular_share = mirrored ? sample.weight : (float3)(0.0f);
         float diffuse_share = 0.0f, solid_angle = 0.0f;
         if (!mirrored) {

@@ -23,15 +23,15 @@
 #include "world/real/sun.h"
 
 // Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured color
-// is too dark to be reliable. -D EMISSION: a lamp brightens dark corners much more.
-#ifdef EMISSION
+// is too dark to be reliable. -D ADDED_LIGHT: a lamp brightens dark corners much more.
+#ifdef ADDED_LIGHT
 #define MAX_RATIO 1e4f
 #else
 #define MAX_RATIO 4.0f
 #endif
 // Largest reflectance of surfaces for the light that objects add. Below 1, so that the light that surfaces pass on to
 // each other from picture to picture ends.
-#ifdef EMISSION
+#ifdef ADDED_LIGHT
 #define MOST_REFLECTED 0.9f
 #else
 #define MOST_REFLECTED 1.0f

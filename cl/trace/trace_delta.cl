@@ -14,6 +14,12 @@
 #include "world/path.h"
 #include "trace/traced.h"
 
+// Lights without geometry get a ray of their own with each ray of the others.
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+#define RAYS_PER_SAMPLE 2
+#else
+#define RAYS_PER_SAMPLE 1
+#endif
 // Shares of rays aimed at boxes, from outside and from inside of one. Half of the rest is aimed at lights, if
 // there are any; the others follow the cosine, which covers close objects. With emitting objects, these are shares of
 // the rays that are not aimed at emitting triangles.
@@ -123,7 +129,7 @@ TRACING_KERNEL void trace_delta(
     Sums blocked, bounce;
     clear_sums(blocked);
     clear_sums(bounce);
-    for (int ray = 0; ray < pixels.rays; ray++) {
+    for (int ray = 0; ray < RAYS_PER_SAMPLE * pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
         const float3 o = real_start(world.real, at.p, at.n);
         const float3 o_object = at.p + world.real.bias * at.n;
@@ -131,9 +137,20 @@ TRACING_KERNEL void trace_delta(
             view_boxes(world.objects.bounds, world.objects.count, o_object, at.n);
         if (!boxes_matter(boxes, min_solid_angle))
             break;
-        const uint index = READ_AGAIN(samples + at.pixel) + ray;
-        const Scatter s = sample_delta(world, boxes, o, sobol_2d(index, at.seed),
-                                       sobol_2d(index, hash_combine(at.seed, 1)));
+        const uint index = READ_AGAIN(samples + at.pixel) + ray / RAYS_PER_SAMPLE;
+        const float2 u = sobol_2d(index, at.seed), v = sobol_2d(index, hash_combine(at.seed, 1));
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+        Scatter s;
+        if (ray % RAYS_PER_SAMPLE) {
+            float weight;
+            s = at_virtual_light(world.objects.virtual_lights, o_object, at.n, (float3)(u, v.x), &weight);
+            s.diffuse = weight * fmax(dot(at.n, s.wi), 0.0f) / IPRT_PI;
+        } else {
+            s = sample_delta(world, boxes, o, u, v);
+        }
+#else
+        const Scatter s = sample_delta(world, boxes, o, u, v);
+#endif
         if (!(s.diffuse > 0.0f))
             continue;
         const PathSums sums = {bounce, 0, blocked, 1.0f};

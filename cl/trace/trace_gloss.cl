@@ -15,6 +15,13 @@
 #include "world/path.h"
 #include "trace/traced.h"
 
+// Lights without geometry get a ray of their own with each ray of the lobe.
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+#define RAYS_PER_SAMPLE 2
+#else
+#define RAYS_PER_SAMPLE 1
+#endif
+
 TRACING_KERNEL void trace_gloss(
     const Pixels pixels,
     const World world,
@@ -29,21 +36,37 @@ TRACING_KERNEL void trace_gloss(
     clear_sums(hidden);
     clear_sums(shown);
     int met = 0;
-    for (int ray = 0; ray < pixels.rays; ray++) {
+    for (int ray = 0; ray < RAYS_PER_SAMPLE * pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
         const float3 o_object = at.p + world.real.bias * at.n;
         if (!PASSES_ON && !view_boxes(world.objects.bounds, world.objects.count, o_object, at.n).above)
             break;
-        const uint number = READ_AGAIN(samples + at.pixel) + ray;
-        const Frame frame = build_frame(at.n);
-        const BrdfSample sample = sample_specular(
-            load_material(world.gloss.materials, at.id - 1), world.gloss.reflectance[at.id - 1].xyz, frame,
-            brdf_local_wo(frame, -at.p / length(at.p)), sobol_2d(number, at.seed));
-        if (!(sample.weight.x + sample.weight.y + sample.weight.z > 0.0f))
+        const uint number = READ_AGAIN(samples + at.pixel) + ray / RAYS_PER_SAMPLE;
+        const Material material = load_material(world.gloss.materials, at.id - 1);
+        const float3 reflectance = world.gloss.reflectance[at.id - 1].xyz, viewer = -at.p / length(at.p);
+        const float2 u = sobol_2d(number, at.seed);
+        Scatter s;
+        float3 throughput;
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+        if (ray % RAYS_PER_SAMPLE) {
+            const float which = sobol_1d(number, hash_combine(at.seed, 1));
+            float weight;
+            s = at_virtual_light(world.objects.virtual_lights, o_object, at.n, (float3)(u, which), &weight);
+            throughput = weight * fmax(dot(at.n, s.wi), 0.0f)
+                * brdf_eval(material, reflectance, at.n, viewer, s.wi).specular;
+        } else
+#endif
+        {
+            const Frame frame = build_frame(at.n);
+            const BrdfSample sample = sample_specular(material, reflectance, frame, brdf_local_wo(frame, viewer), u);
+            s = no_scatter(sample.wi);
+            throughput = sample.weight;
+        }
+        if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             continue;
         const PathSums sums = {shown, 0, hidden, 1.0f};
-        met |= trace_path(world, real_start(world.real, at.p, at.n), o_object, no_scatter(sample.wi),
-                          sample.weight, at.seed, number, sums).met;
+        met |= trace_path(world, real_start(world.real, at.p, at.n), o_object, s, throughput, at.seed, number,
+                          sums).met;
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
     samples[at.pixel] += pixels.rays;

@@ -57,7 +57,7 @@ static inline float rays_by_noise(int rays, const Known known, const Material ma
         return rays * share_of_rays(held, rays);
     float variance = 0.0f, radiance = DARK_RADIANCE * known.mean_radiance;
     if (known.specular) {
-        const float kept = material.alpha > AIMED_ALPHA ? 1.0f : UNFILTERED;
+        const float kept = narrowest_alpha(material) > AIMED_ALPHA ? 1.0f : UNFILTERED;
         variance += kept * known.specular[(REFLECTED_PLANES + SPREAD_PLANE) * size + pixel];
         radiance = fmax(radiance, known.specular[(REFLECTED_PLANES + SCALAR_PLANE) * size + pixel]);
     }

@@ -121,11 +121,12 @@ def _with_model(
     seed: int,
     clean: bool,
 ) -> Layers:
+    from iprt.truth.lights import instance_lights
     from iprt.truth.model import load_scene, render_color, render_mask
     from iprt.truth.shapes import instance_shapes
 
     shapes = instance_shapes(instances)
-    both = load_scene({**parts, **shapes})
+    both = load_scene({**parts, **shapes, **instance_lights(instances)})
     color = render_color(both, view, spp=spp, seed=seed, clean=clean)
     background = render_color(load_scene(parts), view, spp=spp, seed=seed, clean=clean)
     coverage = render_mask(parts, shapes, view, seed=seed)

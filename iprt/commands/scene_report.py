@@ -123,8 +123,11 @@ def _share_line(label: str, share: Share) -> str:
 def _object_lines(entry: ObjectReport) -> list[str]:
     size = [high - low for low, high in zip(entry.low, entry.high, strict=True)]
     corner = ", ".join(f"{value:.2f}" for value in entry.low)
+    content = f"{entry.triangles} triangles, {', '.join(entry.materials)}"
+    if entry.light is not None:
+        content = f"light, {entry.light}"
     lines = [
-        f"object     {entry.name}: {entry.triangles} triangles, {', '.join(entry.materials)}; "
+        f"object     {entry.name}: {content}; "
         f"{size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m from ({corner})"
     ]
     lines += [f"           moves: {phrase}" for phrase in entry.moves]

@@ -74,6 +74,12 @@ class Table(BaseModel):
 TABLE_LISTS = ("objects", "real_materials", "views")
 """Keys that hold lists of named tables."""
 
+KINDS = {
+    "real_materials": "'plastic' or 'conductor'",
+    "material": "'diffuse', 'conductor', 'plastic', 'principled' or 'dielectric'",
+    "light": "'point', 'spot', 'rectangle' or 'sun'",
+}
+"""Values of `kind` of tables, in words."""
 MAX_PROBLEMS = 100
 """Limit for the problems that an error lists."""
 MAX_LETTERS = 1000
@@ -105,15 +111,16 @@ def describe(
         The table with the keys that an unknown key may have meant.
     """
     kind, location, value = problem["type"], list(problem["loc"]), problem["input"]
-    if "material" in location:
-        # pydantic inserts the tag of the union's member, which is not a key of the file.
-        del location[location.index("material") + 1 : location.index("material") + 2]
+    for tagged in ("material", "light"):
+        if tagged in location:
+            # pydantic inserts the tag of the union's member, which is not a key of the file.
+            del location[location.index(tagged) + 1 : location.index(tagged) + 2]
     if location[0] == "real_materials" or location[:2] == ["video", "sun"]:
         del location[2:3]
     key = _key_path(location, data)
     if kind in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
-        real, virtual = "'plastic' or 'conductor'", "'diffuse', 'conductor' or 'plastic'"
-        return f"{key}: expected kind = {real if location[0] == 'real_materials' else virtual}"
+        kinds = KINDS["real_materials" if location[0] == "real_materials" else str(location[-1])]
+        return f"{key}: expected kind = {kinds}"
     if kind == "extra_forbidden":
         known = [] if table is None else list(table.model_fields)
         close = get_close_matches(str(location[-1])[:80], known, n=1)

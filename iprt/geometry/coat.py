@@ -63,7 +63,7 @@ def rough_transmittance(cosine: Array, alpha: float, ior: float) -> Array:
         z = m[..., 2] * (cos_m / ior - cos_t) - o[..., 2] / ior
         return np.where(z < 0, (1 - fresnel_dielectric(cos_m, ior)) * _masking(z, alpha), 0)
 
-    return _mean_over_normals(cosine, alpha, _OUTSIDE_NODES, transmitted)
+    return mean_over_normals(cosine, alpha, _OUTSIDE_NODES, transmitted)
 
 
 def internal_reflectance(alpha: float, ior: float) -> float:
@@ -83,7 +83,7 @@ def internal_reflectance(alpha: float, ior: float) -> float:
         return np.where(z > 0, fresnel_dielectric(cos_m, 1 / ior) * _masking(z, alpha), 0)
 
     cosine = np.linspace(0, 1, 64)
-    return float(2 * np.mean(cosine * _mean_over_normals(cosine, alpha, _INSIDE_NODES, reflected)))
+    return float(2 * np.mean(cosine * mean_over_normals(cosine, alpha, _INSIDE_NODES, reflected)))
 
 
 def _unit_quadrature(count: int) -> tuple[Array, Array]:
@@ -97,7 +97,7 @@ def _masking(z: Array, alpha: float) -> Array:
     return 2 / (1 + np.sqrt(1 + alpha**2 * np.maximum(tan2, 0)))
 
 
-def _mean_over_normals(
+def mean_over_normals(
     cosine: Array, alpha: float, count: int, function: Callable[[Array, Array, Array], Array]
 ) -> Array:
     """Average function(o, m, o·m) over the GGX normals m visible from o, for each cosine of o.

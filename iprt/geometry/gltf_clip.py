@@ -15,7 +15,8 @@ from pydantic import Field
 from iprt.errors import FormatError
 from iprt.files.message_text import printable
 from iprt.geometry.animation import Float, Skeleton, Track
-from iprt.geometry.gltf_document import MAX_PARTS, Gltf, Index, Part, parsed_part
+from iprt.geometry.gltf_document import MAX_PARTS, Gltf, parsed_part
+from iprt.geometry.gltf_part import Index, Part
 from iprt.geometry.gltf_skin import Bones, read_bones, scene_nodes, unit_quaternions
 from iprt.geometry.mesh_files import MeshFile
 

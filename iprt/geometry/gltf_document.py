@@ -1,7 +1,7 @@
 """Data model of a glTF document, validated by pydantic.
 
-Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes), 3.9
-(materials). Parts that are not read are left out.
+Specification: Khronos glTF 2.0, sections 3.5 (scenes), 3.6 (binary data), 3.7 (meshes). Materials:
+`gltf_surfaces`. Parts that are not read are left out.
 """
 
 from __future__ import annotations
@@ -9,10 +9,19 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import AliasPath, BaseModel, ConfigDict, Field, ValidationError
-from pydantic.alias_generators import to_camel
+from pydantic import Field, ValidationError
 
-from iprt.files.safe_reading import MAX_BYTES, MAX_VERTICES
+from iprt.files.safe_reading import MAX_VERTICES
+from iprt.geometry.gltf_part import (
+    Bytes,
+    Index,
+    Matrix,
+    Part,
+    Quadruple,
+    Triple,
+    extension,
+)
+from iprt.geometry.gltf_surfaces import GltfMaterial, TextureReference
 
 MAX_PARTS = 2**17
 """Limit for accessors, buffer views and buffers of a document, each."""
@@ -24,32 +33,7 @@ TRIANGLES, TRIANGLE_STRIP = 4, 5
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
-Coefficients = tuple[tuple[float, float, float], tuple[float, float, float]]
-IDENTITY: Coefficients = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-"""Map of texture coordinates without KHR_texture_transform."""
-
-Index = Annotated[int, Field(ge=0)]
-Bytes = Annotated[int, Field(ge=0, le=MAX_BYTES)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
-Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Quadruple = Annotated[list[Number], Field(min_length=4, max_length=4)]
-Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
-
-
-class Part(BaseModel):
-    """A part of a glTF document; unknown keys are ignored."""
-
-    model_config = ConfigDict(extra="ignore", strict=True, alias_generator=to_camel)
-
-
 Model = TypeVar("Model", bound=Part)
-
-
-def _extension(*path: str) -> Any:
-    """Return a field with a value in the part's `extensions`, or None."""
-    return Field(default=None, validation_alias=AliasPath("extensions", *path))
 
 
 class Buffer(Part):
@@ -139,8 +123,8 @@ class Texture(Part):
 
     source: Index | None = None
     sampler: Index | None = None
-    webp: Index | None = _extension("EXT_texture_webp", "source")
-    basisu: Index | None = _extension("KHR_texture_basisu", "source")
+    webp: Index | None = extension("EXT_texture_webp", "source")
+    basisu: Index | None = extension("KHR_texture_basisu", "source")
 
     @property
     def image(self) -> int | None:
@@ -148,151 +132,11 @@ class Texture(Part):
         return self.source if self.webp is None else self.webp
 
 
-class TextureTransform(Part):
-    """A transform of texture coordinates (KHR_texture_transform)."""
-
-    offset: Pair = Field(default=[0.0, 0.0])
-    rotation: Number = 0.0
-    scale: Pair = Field(default=[1.0, 1.0])
-    tex_coord: Index | None = None
-
-    @property
-    def matrix(self) -> Coefficients:
-        """Rows of the (2, 3) map of texture coordinates, v down.
-
-        A positive rotation turns coordinates counter-clockwise as an image shows them.
-        """
-        c, s = float(np.cos(self.rotation)), float(np.sin(self.rotation))
-        (x, y), (right, down) = self.scale, self.offset
-        return (c * x, s * y, right), (-s * x, c * y, down)
-
-
-class TextureReference(Part):
-    """A material's reference to a texture."""
-
-    index: Index
-    tex_coord: Index = 0
-    transform: TextureTransform | None = _extension("KHR_texture_transform")
-
-    @property
-    def coordinates(self) -> int:
-        """Index of the texture coordinate set."""
-        given = None if self.transform is None else self.transform.tex_coord
-        return self.tex_coord if given is None else given
-
-    @property
-    def placement(self) -> tuple[int, Coefficients]:
-        """Texture coordinate set, and the map of its coordinates (`TextureTransform.matrix`)."""
-        return self.coordinates, IDENTITY if self.transform is None else self.transform.matrix
-
-
-class NormalTexture(TextureReference):
-    """A material's reference to a normal map."""
-
-    scale: Number = 1.0
-
-
-class PbrMetallicRoughness(Part):
-    """The metallic-roughness parameters of a material."""
-
-    base_color_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
-    metallic_factor: Number = 1.0
-    roughness_factor: Number = 1.0
-    base_color_texture: TextureReference | None = None
-    metallic_roughness_texture: TextureReference | None = None
-
-
-class SpecularGlossiness(Part):
-    """The specular-glossiness parameters of a material that are read."""
-
-    diffuse_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
-    glossiness_factor: Number = 1.0
-    diffuse_texture: TextureReference | None = None
-
-
-class EmissiveStrength(Part):
-    """The factor of a material's emission."""
-
-    emissive_strength: Number = 1.0
-
-
-class IndexOfRefraction(Part):
-    """The index of refraction of a material."""
-
-    ior: Number = 1.5
-
-
-class Specular(Part):
-    """The strength of a dielectric's reflection; textures are named, not read."""
-
-    specular_factor: Number = 1.0
-    specular_color_factor: Triple = Field(default=[1.0, 1.0, 1.0])
-    specular_texture: Any = None
-    specular_color_texture: Any = None
-
-
-class Transmission(Part):
-    """The share of light that a surface transmits; a texture is named, not read."""
-
-    transmission_factor: Number = 0.0
-    transmission_texture: Any = None
-
-
-class Volume(Part):
-    """The inside of a material; a thickness other than 0 makes it a solid."""
-
-    thickness_factor: Number = 0.0
-    attenuation_distance: Number | None = None
-    attenuation_color: Triple = Field(default=[1.0, 1.0, 1.0])
-
-
-class GltfMaterial(Part):
-    """A material."""
-
-    name: str | None = None
-    alpha_mode: str = "OPAQUE"
-    alpha_cutoff: Number = 0.5
-    emissive_factor: Triple = Field(default=[0.0, 0.0, 0.0])
-    normal_texture: NormalTexture | None = None
-    occlusion_texture: Any = None
-    emissive_texture: TextureReference | None = None
-    pbr_metallic_roughness: PbrMetallicRoughness = Field(default=PbrMetallicRoughness())
-    glossiness: SpecularGlossiness | None = _extension("KHR_materials_pbrSpecularGlossiness")
-    strength: EmissiveStrength | None = _extension("KHR_materials_emissive_strength")
-    refraction: IndexOfRefraction | None = _extension("KHR_materials_ior")
-    specular: Specular | None = _extension("KHR_materials_specular")
-    transmission: Transmission | None = _extension("KHR_materials_transmission")
-    volume: Volume | None = _extension("KHR_materials_volume")
-    unlit: Any = _extension("KHR_materials_unlit")
-
-    def color_textures(self) -> list[TextureReference]:
-        """Return the color textures of this material."""
-        other = None if self.glossiness is None else self.glossiness.diffuse_texture
-        given = [self.pbr_metallic_roughness.base_color_texture, other]
-        return [texture for texture in given if texture is not None]
-
-    def textures(self) -> list[TextureReference]:
-        """Return the textures of this material that are read."""
-        surface = None
-        if self.glossiness is None:
-            surface = self.pbr_metallic_roughness.metallic_roughness_texture
-        glow = self.emissive_texture if max(self.emissive_factor) > 0.0 else None
-        others = [surface, self.normal_texture, glow]
-        if self.unlit is not None:
-            return self.color_textures()[:1]
-        return self.color_textures()[:1] + [one for one in others if one is not None]
-
-    @property
-    def placement(self) -> tuple[int, Coefficients]:
-        """`TextureReference.placement` of the first texture that is read, used for all of them."""
-        return next((one.placement for one in self.textures()), (0, IDENTITY))
-
-
 class Primitive(Part):
     """A primitive: vertices and indices with one material."""
 
     attributes: dict[str, Index]
-    draco: Any = _extension("KHR_draco_mesh_compression")
+    draco: Any = extension("KHR_draco_mesh_compression")
     indices: Index | None = None
     material: Index | None = None
     mode: Annotated[int, Field(ge=0, le=6)] = TRIANGLES
@@ -358,13 +202,18 @@ class Gltf(Part):
         return [index for index in range(len(self.nodes)) if index not in children]
 
     def read_images(self) -> list[int]:
-        """Return the indices of the images of the textures that are read."""
-        images = [self.textures[texture.index].image for texture in self.read_textures()]
+        """Return the indices of the images of the textures that are read or averaged."""
+        images = [self.textures[texture.index].image for texture in self.used_textures()]
         return list(dict.fromkeys(image for image in images if image is not None))
 
     def read_textures(self) -> list[TextureReference]:
         """Return the textures of all materials that are read."""
         return [texture for material in self.materials for texture in material.textures()]
+
+    def used_textures(self) -> list[TextureReference]:
+        """Return the textures of all materials that are read or averaged."""
+        averaged = [texture for material in self.materials for texture in material.averaged()]
+        return self.read_textures() + averaged
 
 
 def parsed_gltf(document: Any) -> Gltf:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from iprt.geometry.gltf_document import GltfMaterial, TextureReference
+from iprt.geometry.gltf_cover import covered
+from iprt.geometry.gltf_surfaces import GltfMaterial, TextureReference
 from iprt.geometry.material import (
     MAX_ABSORPTION,
     MAX_EMISSION,
@@ -20,7 +21,15 @@ from iprt.geometry.material import (
     Wrap,
 )
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.reflectance import LEAST_IOR, MAX_IOR, NEARLY, color_of, metal_or_not, triple
+from iprt.geometry.reflectance import (
+    LEAST_IOR,
+    MAX_IOR,
+    NEARLY,
+    color_of,
+    metal_or_not,
+    plain_alpha,
+    triple,
+)
 from iprt.geometry.textures import Textures
 
 WRAPS: Mapping[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
@@ -75,6 +84,7 @@ def from_gltf(
         material = _transmitting(material, source, color_of(color), roughness, texture, ior)
         if source.transmission is not None and source.transmission.transmission_texture is not None:
             dropped.append("map of transmission")
+        material = covered(material, source, (roughness, ior), picture, textures, dropped)
     references = (
         base,
         pbr.metallic_roughness_texture,
@@ -122,7 +132,7 @@ def _transmitting(
         distance = max(volume.attenuation_distance, LEAST_DISTANCE)
         absorption = triple(-np.log(passed) / distance, MAX_ABSORPTION)
     if material.kind != "principled":
-        alpha = float(np.clip(roughness, 0.0, 1.0)) ** 2
+        alpha = plain_alpha(roughness)
         kind: MaterialKind = "dielectric" if share > 1.0 - NEARLY else "principled"
         material = Material(kind, color, alpha=alpha, ior=ior, texture=texture)
     if material.kind == "principled":
@@ -144,19 +154,16 @@ def _sampler(file: MeshFile, reference: TextureReference | None) -> Sampler:
 def _index_of_refraction(source: GltfMaterial, dropped: list[str]) -> float:
     """Return the index of refraction whose reflectance at normal incidence is the material's.
 
-    KHR_materials_specular multiplies that reflectance. A colored one becomes grey, which `dropped`
-    names, as it does maps.
+    KHR_materials_specular multiplies that reflectance, by its color's greatest channel
+    (`gltf_cover.tint_of`). Maps are named in `dropped`.
     """
     ior = Material.ior if source.refraction is None else source.refraction.ior
     ior = MAX_IOR if ior == 0.0 else ior  # 0 stands for a reflectance of 1
     given = source.specular
     if given is not None and ior > 0.0:
-        color = given.specular_color_factor
         if given.specular_texture is not None or given.specular_color_texture is not None:
             dropped.append("map of specular strength")
-        if max(color) - min(color) > NEARLY:
-            dropped.append("color of the specular reflection")
-        factor = given.specular_factor * sum(color) / 3.0
+        factor = given.specular_factor * max(given.specular_color_factor)
         reflectance = factor * ((ior - 1.0) / (ior + 1.0)) ** 2
         root = float(np.sqrt(np.clip(reflectance, 0.0, MAX_REFLECTANCE)))
         ior = (1.0 + root) / (1.0 - root)

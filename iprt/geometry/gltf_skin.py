@@ -15,7 +15,8 @@ from pydantic import Field
 from iprt.errors import FormatError
 from iprt.geometry.animation import Float, Node, Skin
 from iprt.geometry.gltf_check import accessor_of
-from iprt.geometry.gltf_document import MAX_NODES, Gltf, Index, Part, Primitive, parsed_part
+from iprt.geometry.gltf_document import MAX_NODES, Gltf, Primitive, parsed_part
+from iprt.geometry.gltf_part import Index, Part
 from iprt.geometry.mesh_files import MeshFile
 
 INFLUENCES = (0, 1)

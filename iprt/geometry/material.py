@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from iprt.device.kept import Arrays, kept
 from iprt.device.kernel_source import constant, float_constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
+from iprt.geometry.cover import MIN_SHEEN_ALPHA, clearcoat_table, sheen_table
 
 MaterialKind = Literal["diffuse", "conductor", "plastic", "principled", "dielectric"]
 MIRROR_ALPHA = 1e-4
@@ -21,15 +22,16 @@ MAX_EMISSION = 1e6
 """Upper limit of emitted radiance."""
 MAX_ABSORPTION = 1e6
 """Upper limit of absorption, in 1/m."""
-_BRDF = "lib/world/brdf.h"
-MIN_ALPHA = float_constant(_BRDF, "MIN_ALPHA")
-MATERIAL_ROWS = constant(_BRDF, "MATERIAL_ROWS")
-"""float4 rows per material in the table; `cl/lib/world/brdf.h` documents them."""
-_FINISH_ROW, _MEDIUM_ROW = constant(_BRDF, "FINISH_ROW"), constant(_BRDF, "MEDIUM_ROW")
-_NODES = constant(_BRDF, "MATERIAL_NODES")
-_KINDS = {kind: constant(_BRDF, f"KIND_{kind.upper()}") for kind in get_args(MaterialKind)}
+_TABLE = "lib/world/material.h"
+MIN_ALPHA = float_constant(_TABLE, "MIN_ALPHA")
+MATERIAL_ROWS = constant(_TABLE, "MATERIAL_ROWS")
+"""float4 rows per material in the table; `cl/lib/world/material.h` documents them."""
+_FINISH_ROW, _MEDIUM_ROW = constant(_TABLE, "FINISH_ROW"), constant(_TABLE, "MEDIUM_ROW")
+_COVER_ROW = constant("lib/world/cover.h", "COVER_ROW")
+_NODES = constant(_TABLE, "MATERIAL_NODES")
+_KINDS = {kind: constant(_TABLE, f"KIND_{kind.upper()}") for kind in get_args(MaterialKind)}
 
-COAT_LEVELS = constant(_BRDF, "COAT_LEVELS")
+COAT_LEVELS = constant(_TABLE, "COAT_LEVELS")
 """Number of roughnesses in the table for a material with a map of roughness."""
 
 Lobe = Literal["diffuse", "glossy", "mirror"]
@@ -103,6 +105,17 @@ class Material:
         Of light inside of a dielectric, 1/m.
     priority : int
         Where dielectrics overlap, the one of the highest priority fills the space.
+    clearcoat : float
+        Strength of a clear coat above a principled material.
+    clearcoat_alpha : float
+        GGX roughness of the clear coat; 0 for a smooth one.
+    sheen : (r, g, b)
+        Color of the light that fibres of a principled material, below its clear coat, reflect at
+        grazing angles.
+    sheen_alpha : float
+        Roughness of the sheen, the square of glTF's.
+    tint : (r, g, b)
+        Factor of the reflection of a principled material's plastic at normal incidence.
     samplers : tuple of four Sampler
         Of `texture` and `opacity_texture`, `surface_texture`, `normal_texture`, and
         `emission_texture`.
@@ -126,11 +139,22 @@ class Material:
     thin: bool = False
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     priority: int = 0
+    clearcoat: float = 0.0
+    clearcoat_alpha: float = 0.0
+    sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sheen_alpha: float = 0.25
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def transmits(self) -> bool:
         """True if light passes through the surface, reflected and refracted by it."""
         return self.kind == "dielectric" or (self.kind == "principled" and self.transmission > 0.0)
+
+    @property
+    def is_covered(self) -> bool:
+        """True with a clear coat, sheen or a tint."""
+        covers = self.clearcoat > 0.0 or max(self.sheen) > 0.0 or min(self.tint) < 1.0
+        return self.kind == "principled" and covers
 
     @property
     def maps(self) -> tuple[NDArray[np.float32] | None, ...]:
@@ -178,7 +202,8 @@ class Material:
         if self.kind == "diffuse":
             return frozenset({"diffuse"})
         only_specular = self.kind in ("conductor", "dielectric")
-        specular: Lobe = "mirror" if only_specular and self.is_smooth else "glossy"
+        mirror = only_specular and self.is_smooth and not self.is_covered
+        specular: Lobe = "mirror" if mirror else "glossy"
         if self.kind == "principled" and self.maps[1] is None:
             only_specular = self.metallic >= 1.0 or self.transmission >= 1.0
         return frozenset({specular} if only_specular else {"diffuse", specular})
@@ -200,6 +225,8 @@ class MaterialNeeds:
         Some material emits light.
     glass : bool
         Some material transmits light.
+    covered : bool
+        Some material has a clear coat, sheen or a tint.
     """
 
     principled: bool
@@ -207,6 +234,7 @@ class MaterialNeeds:
     holes: bool
     emission: bool
     glass: bool
+    covered: bool
 
     @classmethod
     def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
@@ -218,6 +246,7 @@ class MaterialNeeds:
             holes=any(material.has_holes for material in every),
             emission=any(material.emits for material in every),
             glass=any(material.transmits for material in every),
+            covered=any(material.is_covered for material in every),
         )
 
     @property
@@ -233,6 +262,7 @@ class MaterialNeeds:
             "HOLES": self.holes,
             "EMISSION": self.emission,
             "GLASS": self.glass,
+            "COVERED": self.covered,
         }
 
 
@@ -245,8 +275,10 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
         Per material, with the means of its maps: kind, alpha (0 or at least `MIN_ALPHA`), index of
         refraction, scale factor of the base below a coat; the coat's transmittance at cosines
         (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness, transmission
-        and thinness; absorption and priority; emission and the mean of its channels. Entries for
-        maps of roughness follow the materials, `COAT_LEVELS` for each index of refraction.
+        and thinness; absorption and priority; the cover (`cl/lib/world/cover.h`); emission and
+        the mean of its channels. Entries for maps of roughness follow the materials, `COAT_LEVELS`
+        for each index of refraction.
+        Without materials there is one of zeros.
     """
     mapped = [material.ior for material in materials if material.maps[1] is not None]
     levels = {ior: index for index, ior in enumerate(dict.fromkeys(mapped))}
@@ -257,6 +289,7 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
     for ior in levels:
         roughness = np.linspace(0.0, 1.0, COAT_LEVELS)
         entries += [_entry(Material("principled", alpha=r * r, ior=ior)) for r in roughness]
+    entries = entries or [np.zeros((MATERIAL_ROWS, 4), np.float32)]
     return np.reshape(entries, (-1, 4)).astype(np.float32)
 
 
@@ -279,9 +312,25 @@ def _entry(material: Material) -> NDArray[np.float32]:
         entry[0, 3], entry[1:_FINISH_ROW] = coat["base"], coat["transmittance"]
     entry[_FINISH_ROW] = material.metallic, 0.0, material.transmission, material.thin
     entry[_MEDIUM_ROW] = *material.absorption, material.priority
+    entry[_COVER_ROW:-1] = _cover(material)
     emission = material.mean_emission
     entry[-1] = *emission, sum(emission) / 3.0
     return entry
+
+
+def _cover(material: Material) -> NDArray[np.float32]:
+    """Return the rows of the layers above a material."""
+    rows = np.zeros((MATERIAL_ROWS - 1 - _COVER_ROW, 4), np.float32)
+    rows[0, 2], rows[2, :3] = 1.0, 1.0
+    if material.is_covered:
+        smooth = material.clearcoat_alpha < MIRROR_ALPHA
+        alpha = 0.0 if smooth else max(material.clearcoat_alpha, MIN_ALPHA)
+        sheen_alpha = max(material.sheen_alpha, MIN_SHEEN_ALPHA)
+        rows[0, :3] = material.clearcoat, alpha, sheen_alpha
+        rows[1] = *material.sheen, max(material.sheen)
+        rows[2, :3] = material.tint
+        rows[3:11], rows[11:19] = clearcoat_table(alpha), sheen_table(sheen_alpha)
+    return rows
 
 
 @lru_cache(maxsize=256)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
+from iprt.geometry.light import Light
 from iprt.geometry.material import Material
 
 Float = NDArray[np.float64]
@@ -29,7 +30,7 @@ class Mesh:
     material_index : (F,) int32
         Indices into `materials`.
     materials : tuple of Material
-        At least one.
+        At least one, except of lights.
     dropped : tuple of str
         Unread contents of the file, one phrase each.
     warnings : tuple of str
@@ -39,6 +40,8 @@ class Mesh:
     tangents : (V, 4) float32 or None
         Unit vectors along u, or 0, and the sign of the bitangent (`with_tangents`); None without
         normal maps.
+    light : Light or None
+        A light without geometry, which this is instead of triangles.
     """
 
     positions: NDArray[np.float32]
@@ -51,6 +54,22 @@ class Mesh:
     warnings: tuple[str, ...] = ()
     deforms: bool = False
     tangents: NDArray[np.float32] | None = None
+    light: Light | None = None
+
+
+def light_mesh(light: Light) -> Mesh:
+    """Return a light as the mesh of an object. Its vertices are the corners of a box around it."""
+    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = (signs * light.reach).astype(np.float32)
+    return Mesh(
+        positions=corners,
+        normals=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(corners), 1)),
+        uvs=np.zeros((len(corners), 2), np.float32),
+        triangles=np.zeros((0, 3), np.int32),
+        material_index=np.zeros(0, np.int32),
+        materials=(),
+        light=light,
+    )
 
 
 def transformed(matrix: Float, points: NDArray[np.floating]) -> Float:
@@ -102,7 +121,7 @@ def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) 
     """Raise SceneError unless these are the same objects, possibly moved.
 
     Objects are the same if their names, order, triangles and materials agree. The vertices must
-    agree too unless the mesh deforms.
+    agree too unless the mesh deforms. Lights may change, but for their profiles.
     """
     names, others = ([instance.name for instance in those] for those in (before, after))
     if names != others:
@@ -121,20 +140,31 @@ def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) 
 
 
 def same_places(before: Sequence[Instance], after: Sequence[Instance]) -> bool:
-    """Return True if no object moved or deformed between two states of the same objects."""
+    """Return True if no object moved, deformed or shines otherwise in the second of two states."""
     return all(
         np.array_equal(old.to_world, new.to_world)
+        and old.mesh.light == new.mesh.light
         and (old.mesh is new.mesh or _equal(old.mesh, new.mesh, "positions", "normals"))
         for old, new in zip(before, after, strict=True)
     )
 
 
+def _same_kind(old: Light | None, new: Light | None) -> bool:
+    """Return True if both are lights of the same profile, or neither is a light."""
+    if old is None or new is None:
+        return old is new
+    return old.profile is new.profile
+
+
 def _same_shape(old: Mesh, new: Mesh) -> bool:
-    vertices = () if old.deforms else ("positions", "normals")
+    # The vertices of a light are a mark of where it is.
+    varies = old.deforms or old.light is not None
+    vertices = () if varies else ("positions", "normals")
     return (
         old.deforms == new.deforms
         and old.positions.shape == new.positions.shape
         and _equal(old, new, "uvs", "triangles", "material_index", *vertices)
+        and _same_kind(old.light, new.light)
         and old.materials == new.materials
         and all(
             one is other

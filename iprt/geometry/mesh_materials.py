@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from iprt.geometry.gltf_document import GltfMaterial
 from iprt.geometry.gltf_materials import from_gltf
+from iprt.geometry.gltf_surfaces import GltfMaterial
 from iprt.geometry.material import MAX_EMISSION, Material
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mtl_materials import from_mtl

@@ -21,14 +21,13 @@ from iprt.files.safe_reading import MAX_TRIANGLES, MAX_VERTICES
 from iprt.geometry.animation import Float, Skeleton
 from iprt.geometry.gltf_check import READ_ATTRIBUTES, UV_SETS
 from iprt.geometry.gltf_document import (
-    IDENTITY,
     TRIANGLE_STRIP,
     TRIANGLES,
-    GltfMaterial,
     GltfMesh,
     Primitive,
 )
 from iprt.geometry.gltf_skin import read_bones, require_few_vertices, scene_nodes, skin_of
+from iprt.geometry.gltf_surfaces import IDENTITY, GltfMaterial
 from iprt.geometry.mesh_files import MeshFile
 
 Ints = NDArray[np.int64]

@@ -30,8 +30,7 @@ def metal_or_not(
     It is plastic without metalness and maps of it, and diffuse if that is rough or reflects
     nothing.
     """
-    metallic, roughness = float(np.clip(metallic, 0.0, 1.0)), float(np.clip(roughness, 0.0, 1.0))
-    alpha = roughness**2
+    metallic, alpha = float(np.clip(metallic, 0.0, 1.0)), plain_alpha(roughness)
     if surface is not None or metallic > NEARLY:
         metallic = 1.0 if metallic > 1.0 - NEARLY else metallic
         return Material(
@@ -43,9 +42,14 @@ def metal_or_not(
             metallic=metallic,
             surface_texture=surface,
         )
-    if roughness >= MATTE_ROUGHNESS or ior <= LEAST_IOR:
+    if alpha >= MATTE_ROUGHNESS**2 or ior <= LEAST_IOR:
         return Material("diffuse", albedo, texture=texture)
     return Material("plastic", albedo, alpha=alpha, ior=ior, texture=texture)
+
+
+def plain_alpha(roughness: float) -> float:
+    """Return the alpha of glTF's roughness."""
+    return float(np.clip(roughness, 0.0, 1.0)) ** 2
 
 
 def triple(values: Any, most: float) -> tuple[float, float, float]:

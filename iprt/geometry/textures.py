@@ -15,6 +15,9 @@ from iprt.errors import FormatError
 from iprt.files.images import decode_srgb, has_alpha, texture_alpha, texture_pixels
 from iprt.files.safe_reading import MAX_PIXELS
 
+RED, GREEN, ALPHA = 0, 1, 3
+"""Channels of a picture."""
+
 
 class Textures:
     """Decoded textures of one mesh file, each stored once and shared by its materials."""
@@ -78,6 +81,19 @@ class Textures:
             return np.asarray((2.0 * _fractions(pixels) - 1.0) * stretch, np.float32)
 
         return self._decode(image, f"normals {scale}", vectors)
+
+    def mean(self, image: Any, channel: int, power: int = 1) -> float:
+        """Return the mean of a power of a channel of a Pillow image, 1 for other objects.
+
+        Channels are red, green, blue and alpha; errors as above.
+        """
+        if not isinstance(image, Image.Image):
+            return 1.0
+        if channel == ALPHA:
+            pixels = texture_alpha(image, self._path)
+        else:
+            pixels = texture_pixels(image, self._path)[..., channel]
+        return float(np.mean(np.power(_fractions(pixels), power), dtype=np.float64))
 
     def _decode(
         self,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from iprt.geometry.gltf_document import IDENTITY, Coefficients
+from iprt.geometry.gltf_surfaces import IDENTITY, Coefficients
 from iprt.geometry.material import Wrap
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")

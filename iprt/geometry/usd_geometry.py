@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pxr import UsdGeom, UsdShade
 
 from iprt.geometry.creases import same_position
-from iprt.geometry.gltf_document import IDENTITY, Coefficients
+from iprt.geometry.gltf_surfaces import IDENTITY, Coefficients
 from iprt.geometry.usd_data import UsdMaterial
 
 Float = NDArray[np.float64]

@@ -13,7 +13,7 @@ from typing import Any
 from pxr import Usd, UsdShade
 
 from iprt.files.message_text import printable
-from iprt.geometry.gltf_document import IDENTITY, Coefficients
+from iprt.geometry.gltf_surfaces import IDENTITY, Coefficients
 from iprt.geometry.material import Wrap
 from iprt.geometry.usd_data import Color, UsdMaterial, UsdTexture
 from iprt.geometry.usd_layers import Layers

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, Literal, Protocol, TypeVar
+from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -17,6 +17,7 @@ from pydantic import (
     ValidationError,
     ValidationInfo,
     field_validator,
+    model_validator,
 )
 
 from iprt.errors import SceneError
@@ -48,6 +49,8 @@ from iprt.geometry.keyframes import (
     ViewKeyframe,
     ViewKeyframes,
 )
+from iprt.geometry.light import MOST_LIGHTS
+from iprt.scene.light_tables import LIGHTS, LightTable
 from iprt.scene.material_tables import (
     ConductorTable,
     DiffuseTable,
@@ -88,16 +91,26 @@ def allowed_transform(values: list[float]) -> list[float]:
 
 
 class ObjectTable(Table):
-    """`[[objects]]`: a mesh with its placement and motion."""
+    """`[[objects]]`: a mesh, or a light without geometry, with its placement and motion."""
 
     name: Name
-    mesh: RelativePath
+    mesh: RelativePath | None = None
+    light: LightTable | None = None
     to_world: Annotated[
         list[float], Field(min_length=16, max_length=16), AfterValidator(allowed_transform)
     ]
     material: MaterialTable | None = None
     animation: Clip = None
     keyframes: ObjectKeyframes = Field(default=[])
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        if (self.mesh is None) == (self.light is None):
+            raise ValueError("needs either a mesh or a light")
+        for key in ("material", "animation"):
+            if self.light is not None and getattr(self, key) is not None:
+                raise ValueError(f"is a light, which has no {key}")
+        return self
 
 
 class ViewTable(Table):
@@ -154,6 +167,8 @@ class Manifest(Table):
     format: Literal[1]
     name: Name
     exposure: Factor = 1.0
+    nits: Factor = 100.0
+    """Luminance in cd/m² of a radiance of 1, by which lights have photometric units."""
     video: VideoTable
     objects: Annotated[
         list[ObjectTable], Field(max_length=MAX_OBJECTS), AfterValidator(_unique)
@@ -166,6 +181,14 @@ class Manifest(Table):
     )
     settings: dict[str, Any] = Field(default={})
     """`[settings]`: settings that suit the scene, checked where they are used."""
+
+    @field_validator("objects")
+    @classmethod
+    def _few_lights(cls, objects: list[ObjectTable]) -> list[ObjectTable]:
+        lights = sum(table.light is not None for table in objects)
+        if lights > MOST_LIGHTS:
+            raise ValueError(f"{lights} of them are lights without geometry; at most {MOST_LIGHTS}")
+        return objects
 
     @field_validator("views")
     @classmethod
@@ -233,6 +256,7 @@ _TABLES: dict[tuple[str, str], type[BaseModel]] = {
     ("objects", "conductor"): ConductorTable,
     ("objects", "plastic"): PlasticTable,
     ("objects", "principled"): PrincipledTable,
+    **{("objects", kind): table for kind, table in LIGHTS.items()},
     ("real_materials", "conductor"): RealConductorTable,
     ("real_materials", "plastic"): RealPlasticTable,
     ("real_materials", "plane"): PlaneTable,

@@ -161,6 +161,11 @@ def object_text(
     )
 
 
+def light_text(name: str, light: Mapping[str, Any], to_world: NDArray[np.float64]) -> str:
+    """Return an `[[objects]]` table of a light without geometry."""
+    return table_text("objects", name=name, light=inline(light), to_world=matrix_array(to_world))
+
+
 def outdate_truths(document: Any, names: Iterable[str]) -> bool:
     """Mark the truths of a `scene.toml` that show edited objects; return True if there are any.
 
@@ -176,6 +181,23 @@ def outdate_truths(document: Any, names: Iterable[str]) -> bool:
         if "truth" in view and not edited.isdisjoint(view.get("objects", edited)):
             view["truth_outdated"] = found = True
     return found
+
+
+def show_object(document: Any, name: str) -> bool:
+    """Add a new object to the views that list their objects, except views with a truth.
+
+    Returns
+    -------
+    bool
+        True if all views show it.
+    """
+    everywhere = True
+    for view in document.get("views", ()):
+        if "objects" in view and "truth" not in view:
+            view["objects"].append(name)
+        elif "objects" in view:
+            everywhere = False
+    return everywhere
 
 
 def mesh_copies(

@@ -93,7 +93,7 @@ class PlasticTable(_EmittingTable):
 
 
 class PrincipledTable(_TransmittingTable):
-    """A mixture of a plastic, a metal and a dielectric, as in glTF."""
+    """A mixture of a plastic, a metal and a dielectric, as in glTF, and its layers."""
 
     kind: Literal["principled"]
     albedo: Color
@@ -101,6 +101,11 @@ class PrincipledTable(_TransmittingTable):
     alpha: Unit = 0.1
     ior: Ior = 1.5
     transmission: Unit = 0.0
+    clearcoat: Unit = 0.0
+    clearcoat_alpha: Unit = 0.0
+    sheen: Color = Field(default=[0.0, 0.0, 0.0])
+    sheen_alpha: Unit = 0.25
+    tint: Color = Field(default=[1.0, 1.0, 1.0])
 
     def material(self) -> Material:
         """Build the material."""
@@ -112,6 +117,11 @@ class PrincipledTable(_TransmittingTable):
                 ior=self.ior,
                 metallic=self.metallic,
                 transmission=self.transmission,
+                clearcoat=self.clearcoat,
+                clearcoat_alpha=self.clearcoat_alpha,
+                sheen=_triple(self.sheen),
+                sheen_alpha=self.sheen_alpha,
+                tint=_triple(self.tint),
             )
         )
 

@@ -107,7 +107,7 @@ def add_object(
     pose = pose or MeshPose()
     with changing(scene_path.parent if scene_path.name == MANIFEST_NAME else scene_path):
         scene = Scene.open(scene_path, allow_outside=allow_outside)
-        chosen = _name(scene, mesh_path, name)
+        chosen = object_name(scene, mesh_path.stem, name)
         view_name = free_name(chosen, set(scene.views))
         file = MeshFile(mesh_path, anywhere(mesh_path.parent) if allow_outside else None)
         mesh = _mesh(file, animation, allow_outside=allow_outside)
@@ -186,8 +186,14 @@ def parse_material(text: str) -> dict[str, Any]:
     return {"kind": kind, key: color} | rough
 
 
-def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
-    """Return the name for the object, free and valid."""
+def object_name(scene: Scene, wanted: str, name: str | None) -> str:
+    """Return a free and valid name for an object: `name`, or by default like `wanted`.
+
+    Raises
+    ------
+    SceneError
+        The name is taken or not valid, or the scene is full.
+    """
     if len(scene.manifest.objects) >= MAX_OBJECTS:
         raise SceneError(
             f"{scene.root}: has {MAX_OBJECTS} objects, and no more are read; join some of their "
@@ -195,7 +201,7 @@ def _name(scene: Scene, mesh_path: Path, name: str | None) -> str:
         )
     taken = {table.name for table in scene.manifest.objects}
     if name is None:
-        return free_name(mesh_path.stem, taken)
+        return free_name(wanted, taken)
     if name in taken:
         raise SceneError(f"{scene.root}: an object is named '{name}' already; choose another name")
     if name != free_name(name, set()):

@@ -21,6 +21,7 @@ from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material, MaterialKind
 from iprt.geometry.mesh_files import MeshFile
 from iprt.scene.light_edits import UNEDITED, LightEdit, write_light
+from iprt.scene.light_tables import LightTable, written_light
 from iprt.scene.manifest import (
     MANIFEST_NAME,
     allowed_transform,
@@ -31,15 +32,17 @@ from iprt.scene.manifest_writing import (
     changing,
     extended,
     inline,
+    light_text,
     matrix_array,
     mesh_copies,
     object_text,
     outdate_truths,
+    show_object,
     table_text,
     write_manifest,
 )
 from iprt.scene.material_tables import DiffuseTable
-from iprt.scene.objects import AnyMesh, SceneObject, painted
+from iprt.scene.objects import AnyMesh, SceneLight, SceneObject, painted
 from iprt.scene.scene import Scene
 
 SAVED_VIEW = "saved"
@@ -66,6 +69,8 @@ class ObjectEdit:
         Source file of `mesh`.
     removed : bool
         The object is removed.
+    light : LightTable or None
+        Replaces the object's own, or makes a new light without geometry.
     textured : bool
         `material` has a texture. Comparisons of materials ignore textures.
     """
@@ -76,6 +81,7 @@ class ObjectEdit:
     mesh: AnyMesh | None = field(default=None, compare=False)
     path: Path | None = None
     removed: bool = False
+    light: LightTable | None = field(default=None, hash=False)  # has lists
     textured: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -103,15 +109,22 @@ def require_place(name: str, to_world: NDArray[np.float64]) -> None:
 
 
 def edited_objects(
-    objects: Sequence[SceneObject], edits: Iterable[ObjectEdit]
+    objects: Sequence[SceneObject], edits: Iterable[ObjectEdit], nits: float
 ) -> tuple[SceneObject, ...]:
-    """Return the objects with all edits applied; objects new to the scene come last."""
+    """Return the objects with all edits applied; objects new to the scene come last.
+
+    `nits` are the scene's.
+    """
     by_name = {edit.name: edit for edit in edits}
     known = {entry.name for entry in objects}
     found = [_edited(entry, by_name.get(entry.name)) for entry in objects]
     for edit in by_name.values():
         if edit.name not in known and edit.mesh is not None:
             entry = SceneObject(edit.name, edit.mesh, ObjectMotion(np.eye(4)))
+            found.append(_edited(entry, edit))
+        elif edit.name not in known and edit.light is not None:
+            light = SceneLight(edit.light, nits)
+            entry = SceneObject(edit.name, light.mesh(), ObjectMotion(np.eye(4)), light)
             found.append(_edited(entry, edit))
     return tuple(entry for entry in found if entry is not None)
 
@@ -124,6 +137,9 @@ def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
     if edit.to_world is not None:
         to_world = np.reshape(np.array(edit.to_world, np.float64), (4, 4))
         entry = replace(entry, motion=replace(entry.motion, to_world=to_world))
+    if edit.light is not None and entry.light is not None:
+        light = replace(entry.light, table=edit.light)
+        entry = replace(entry, light=light, mesh=light.mesh())
     if edit.material is not None:
         entry = replace(entry, mesh=painted(entry.mesh, edit.material))
     return entry
@@ -196,6 +212,7 @@ def _save(
     copies: dict[Path, Path] = {}
     added: dict[str, Path] = {}
     texts: list[str] = []
+    new: list[str] = []
     for edit in edits:
         table = tables.get(edit.name)
         if edit.removed:
@@ -209,7 +226,12 @@ def _save(
             to_world = np.reshape(np.array(edit.to_world), (4, 4))
             texts.append(object_text(edit.name, target, to_world, material))
             added[edit.name] = scene.root / target
-    shown = [_show(document, name) for name in added]
+            new.append(edit.name)
+        elif edit.light is not None and edit.to_world is not None:
+            to_world = np.reshape(np.array(edit.to_world), (4, 4))
+            texts.append(light_text(edit.name, written_light(edit.light), to_world))
+            new.append(edit.name)
+    shown = [show_object(document, name) for name in new]
     if look is not None and look.view.projection == "perspective":
         texts += _keep(document, look, needed=not all(shown))
     for copy in copies:
@@ -230,23 +252,6 @@ def _remove(document: Any, name: str) -> None:
     for view in document.get("views", ()):
         if name in view.get("objects", ()):
             view["objects"].remove(name)
-
-
-def _show(document: Any, name: str) -> bool:
-    """Add a new object to the views that list their objects, except views with a truth.
-
-    Returns
-    -------
-    bool
-        True if all views show it.
-    """
-    everywhere = True
-    for view in document.get("views", ()):
-        if "objects" in view and "truth" not in view:
-            view["objects"].append(name)
-        elif "objects" in view:
-            everywhere = False
-    return everywhere
 
 
 def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
@@ -276,6 +281,8 @@ def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
         table["to_world"] = matrix_array(np.reshape(edit.to_world, (4, 4)))
     if edit.material is not None:
         table["material"] = inline(_material_table(edit, scene))
+    if edit.light is not None:
+        table["light"] = inline(written_light(edit.light))
 
 
 def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
@@ -290,6 +297,7 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
         written["ior"] = material.ior
     if material.kind == "principled":
         written["metallic"] = material.metallic
+        written |= _cover(material)
     if material.transmits:
         written |= _transmission(material)
     if material.emits:
@@ -302,6 +310,18 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
         )
     if material.texture is not None:
         written["texture"] = _texture_name(edit.name, material.texture, scene)
+    return written
+
+
+def _cover(material: Material) -> dict[str, Any]:
+    """Return the keys of the layers above a principled material, without keys of no effect."""
+    written: dict[str, Any] = {}
+    if material.clearcoat > 0.0:
+        written |= {"clearcoat": material.clearcoat, "clearcoat_alpha": material.clearcoat_alpha}
+    if max(material.sheen) > 0.0:
+        written |= {"sheen": list(material.sheen), "sheen_alpha": material.sheen_alpha}
+    if min(material.tint) < 1.0:
+        written["tint"] = list(material.tint)
     return written
 
 

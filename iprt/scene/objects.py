@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,15 @@ from iprt.errors import FormatError
 from iprt.files.images import read_color
 from iprt.files.safe_reading import MAX_PIXELS, MAX_TRIANGLES
 from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
+from iprt.geometry.ies import Luminaire, read_ies
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh
+from iprt.geometry.mesh import Instance, Mesh, light_mesh
 from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
 from iprt.geometry.solids import OPEN, with_solids
-from iprt.scene.manifest import Manifest
+from iprt.scene.light_tables import LightTable, PointTable
+from iprt.scene.manifest import Manifest, ObjectTable
 from iprt.scene.material_tables import DiffuseTable
 
 LOG = logging.getLogger(__name__)
@@ -29,12 +32,58 @@ AnyMesh = Mesh | AnimatedMesh
 
 
 @dataclass(frozen=True)
+class SceneLight:
+    """A light of a scene.
+
+    Attributes
+    ----------
+    table : LightTable
+        Its description in `scene.toml`.
+    nits : float
+        The scene's luminance of a radiance of 1, in cd/m².
+    luminaire : Luminaire or None
+        Content of the photometric file that the table names.
+    """
+
+    table: LightTable
+    nits: float
+    luminaire: Luminaire | None = None
+
+    @classmethod
+    def read(cls, table: LightTable, root: Path, nits: float) -> Self:
+        """Read a light with its photometric file, named relative to the folder `root`.
+
+        Raises
+        ------
+        FormatError
+            The file cannot be read.
+        """
+        named = table.profile if isinstance(table, PointTable) else None
+        return cls(table, nits, None if named is None else read_ies(root / named))
+
+    def mesh(self) -> Mesh:
+        """Return the light as an object's mesh."""
+        named = isinstance(self.table, PointTable) and self.table.profile is not None
+        return light_mesh(self.table.light(self.nits, self.luminaire if named else None))
+
+
+@dataclass(frozen=True)
 class SceneObject:
-    """An object with its motion."""
+    """An object with its motion.
+
+    Attributes
+    ----------
+    name : str
+    mesh : Mesh or AnimatedMesh
+    motion : ObjectMotion
+    light : SceneLight or None
+        A light without geometry, which `mesh` marks the place of.
+    """
 
     name: str
     mesh: AnyMesh
     motion: ObjectMotion
+    light: SceneLight | None = None
 
     @property
     def bound(self) -> Mesh:
@@ -87,8 +136,8 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
             return load_mesh(root / name, material, within)
         return load_animated_mesh(root / name, animation, material, within)
 
-    objects: list[SceneObject] = []
-    for table in manifest.objects:
+    def shaped(table: ObjectTable) -> AnyMesh:
+        assert table.mesh is not None
         own = table.material
         loaded = mesh(table.mesh, table.animation, None if own is None else DEFAULT_MATERIAL)
         if own is not None:
@@ -99,9 +148,17 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
             loaded = painted(loaded, own.emitting(material))
             if OPEN in _bound(loaded).warnings:
                 LOG.warning("%s: %s", root / table.mesh, OPEN)
+        return loaded
+
+    objects: list[SceneObject] = []
+    for table in manifest.objects:
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         motion = ObjectMotion.of(to_world, table.keyframes)
-        objects.append(SceneObject(table.name, loaded, motion))
+        if table.light is None:
+            objects.append(SceneObject(table.name, shaped(table), motion))
+        else:
+            light = SceneLight.read(table.light, root, manifest.nits)
+            objects.append(SceneObject(table.name, light.mesh(), motion, light))
         _require_readable(manifest.name, [entry.bound for entry in objects])
     return tuple(objects)
 

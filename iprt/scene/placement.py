@@ -113,8 +113,7 @@ class RealSurfaces:
         SceneError
             The panorama has no depth there.
         """
-        view = View(1, 1, yaw_deg, pitch_deg)
-        direction = view.world_from_view @ np.array([0.0, 0.0, -1.0])
+        direction = direction_of(yaw_deg, pitch_deg)
         row, column = equirect_texel(direction, self._frame.width, self._frame.height)
         if not np.isfinite(self._frame.depth[row, column]):
             where = "lower" if pitch_deg > 0.0 else "beside it"
@@ -173,6 +172,10 @@ class RealSurfaces:
         row, column = equirect_texel(vertices, self._frame.width, self._frame.height)
         distance = np.linalg.norm(vertices, axis=1)
         nearest = float(distance.min())
+        light = instance.mesh.light
+        if light is not None:
+            hidden = light.kind != "sun" and (distance > self._frame.depth[row, column]).all()
+            return ["lies behind the real surfaces, outside the room"] if hidden else []
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         size = high - low
         found = []
@@ -225,6 +228,11 @@ class RealSurfaces:
         return np.asarray(high - low)
 
 
+def direction_of(yaw_deg: float, pitch_deg: float) -> Array:
+    """Return the unit direction (3,) from the capture centre, to the right and up of -Z."""
+    return -View(1, 1, yaw_deg, pitch_deg).world_from_view[:, 2]
+
+
 def metres(size: Array) -> str:
     """Format a size, such as `1.20 x 0.85 x 0.40 m`; small or large values get 3 digits."""
     return (
@@ -233,11 +241,11 @@ def metres(size: Array) -> str:
 
 
 def bounds(mesh: Mesh, rotation: Array | None = None) -> tuple[Array, Array]:
-    """Return the lowest and highest corner, (3,) each, of the triangles of a mesh.
+    """Return the lowest and highest corner, (3,) each, of the triangles of a mesh, or of a light.
 
     The rotation (3, 3), if given, is applied first.
     """
-    used = np.zeros(len(mesh.positions), np.bool_)
+    used = np.full(len(mesh.positions), mesh.light is not None)
     used[mesh.triangles] = True
     corners = mesh.positions[used].astype(np.float64)
     if rotation is not None:

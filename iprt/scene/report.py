@@ -25,6 +25,7 @@ from iprt.footage.video.tracks import depth_code
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, transformed
 from iprt.scene.light_report import LightReport, Share, Shares, describe_light
+from iprt.scene.light_tables import described
 from iprt.scene.manifest import MANIFEST_NAME
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import RealSurfaces
@@ -35,13 +36,14 @@ from iprt.scene.scene import Scene
 class ObjectReport:
     """Statistics of an object.
 
-    They are its initial size in metres, its motion, unread contents of its file, and faults of its
-    placement.
+    They are its triangles and materials, or its `light`; its initial size in metres, its motion,
+    unread contents of its file, and faults of its placement.
     """
 
     name: str
     triangles: int
     materials: tuple[str, ...]
+    light: str | None
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     moves: tuple[str, ...]
@@ -226,6 +228,7 @@ def _describe_object(
         name=instance.name,
         triangles=len(mesh.triangles),
         materials=tuple(map(_material_name, mesh.materials)),
+        light=None if entry.light is None else described(entry.light.table),
         low=(float(low[0]), float(low[1]), float(low[2])),
         high=(float(high[0]), float(high[1]), float(high[2])),
         moves=entry.describe(),

@@ -72,7 +72,11 @@ def input_files(scene: NamesFiles) -> set[Path]:
 def _files(scene: NamesFiles) -> Iterator[tuple[str, str]]:
     """Yield the key and name of each file other than frames and truths."""
     for table in scene.manifest.objects:
-        yield f"objects.{table.name}.mesh", table.mesh
+        if table.mesh is not None:
+            yield f"objects.{table.name}.mesh", table.mesh
+        profile = getattr(table.light, "profile", None)
+        if profile is not None:
+            yield f"objects.{table.name}.light.profile", profile
         texture = getattr(table.material, "texture", None)
         if texture is not None:
             yield f"objects.{table.name}.material.texture", texture

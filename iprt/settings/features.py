@@ -38,6 +38,8 @@ class Features:
         Lobes of the objects' reflectance (`Material.lobes`).
     materials : MaterialNeeds
         Needs of the objects' materials.
+    virtual_lights : bool
+        Lights without geometry shine.
     deforming : bool
         Some object's mesh deforms.
     equirect_view : bool
@@ -67,6 +69,7 @@ class Features:
     tracing: bool
     lobes: frozenset[Lobe]
     materials: MaterialNeeds
+    virtual_lights: bool
     deforming: bool
     equirect_view: bool
     opening_environment: bool
@@ -88,6 +91,7 @@ class Features:
         settings: Settings,
         footage: Footage,
         *,
+        lights: bool = False,
         deforming: bool = False,
     ) -> Features:
         """Derive the features of a picture.
@@ -99,17 +103,22 @@ class Features:
         view : View
         settings : Settings
         footage : Footage
+        lights : bool
+            Some object is a light without geometry.
         deforming : bool
             Some object's mesh deforms.
         """
         materials = list(materials)
         needs = method(settings.method).needs(settings)
-        tracing = bool(materials) and needs.tracing
+        virtual_lights = lights and needs.lights
+        objects = bool(materials) or virtual_lights
+        tracing = objects and needs.tracing
         return cls(
-            objects=bool(materials),
+            objects=objects,
             tracing=tracing,
             lobes=frozenset().union(*(material.lobes for material in materials)),
             materials=MaterialNeeds.of(materials),
+            virtual_lights=virtual_lights,
             deforming=deforming,
             equirect_view=view.projection == "equirect",
             opening_environment=tracing
@@ -117,14 +126,14 @@ class Features:
             and settings.trace.openings == "environment"
             and footage.openings,
             clipped=footage.clips,
-            color_map=bool(materials) and footage.drifts,
+            color_map=objects and footage.drifts,
             video=footage.video,
             background=tracing
             and not (needs.distant or needs.impostor)
             and settings.trace.background
             and footage.static_camera,
             real_materials=footage.real_materials if tracing and needs.gloss else (),
-            moving_camera=bool(materials) and footage.poses,
+            moving_camera=objects and footage.poses,
             sun=tracing and needs.sun and settings.trace.light_sampling and footage.sun,
             needs=needs,
             settings=settings,
@@ -137,8 +146,8 @@ class Features:
 
     @property
     def diffuse_signal(self) -> bool:
-        """True if objects have a diffuse lobe."""
-        return "diffuse" in self.lobes
+        """True if objects have a diffuse lobe; lights alone have one, because passes need it."""
+        return "diffuse" in self.lobes or (self.virtual_lights and not self.lobes)
 
     @property
     def specular_signal(self) -> bool:
@@ -149,6 +158,11 @@ class Features:
     def relit(self) -> bool:
         """True if objects shadow and light real surfaces."""
         return self.objects and self.needs.relit
+
+    @property
+    def added_light(self) -> bool:
+        """True if objects emit light."""
+        return self.materials.emission or self.virtual_lights
 
     @property
     def jitter(self) -> bool:
@@ -242,6 +256,8 @@ class Features:
             "DISTANT_ENVIRONMENT": self.needs.distant or not self.tracing,
             "IMPOSTOR": self.impostor,
             "SUN": self.sun,
+            "ADDED_LIGHT": self.added_light,
+            "VIRTUAL_LIGHTS": self.virtual_lights,
             **self.materials.defines(),
         }
 
@@ -264,6 +280,7 @@ class Features:
             "irradiance cache of the panorama": self.delta,
             "aiming rays at lights": self.light_sampling,
             "sun that the panorama does not show": self.sun,
+            "lights without geometry": self.virtual_lights,
             "distance impostor around the objects": self.impostor,
             "shadows in reflections of off-screen surfaces": self.ratio_map,
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,

@@ -62,6 +62,8 @@ class Needs:
         Highlights of glossy real surfaces are split from their diffuse part.
     sun : bool
         A sun that the panorama does not show is a light.
+    lights : bool
+        Lights without geometry shine. Rays meet triangles then.
     relit_reflections : bool
         Objects reflect relit real surfaces.
     ratio_rows : int
@@ -78,6 +80,7 @@ class Needs:
     irradiance: bool = False
     gloss: bool = False
     sun: bool = False
+    lights: bool = False
     relit_reflections: bool = False
     ratio_rows: int = 0
     published_filter: bool = False

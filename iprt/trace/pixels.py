@@ -77,7 +77,7 @@ class RealPixels:
         settings = features.settings
         self._features = features
         self.layer = layer
-        self._min_solid_angle = EVERYWHERE if features.materials.emission else min_solid_angle
+        self._min_solid_angle = EVERYWHERE if features.added_light else min_solid_angle
         self.guide = guide
         self.mask = Mask(device, guide, settings.mask, name=name, graded=features.delta)
         self._trace = RealTracer(device, guide, features, kernel, name=name)
@@ -96,7 +96,7 @@ class RealPixels:
             next(iter(self._filter.variances), None),
             delta=features.delta,
             sun=features.sun,
-            emission=features.materials.emission,
+            added_light=features.added_light,
             name=name,
         )
 

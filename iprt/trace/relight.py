@@ -31,7 +31,7 @@ class Relight:
         *,
         delta: bool,
         sun: bool,
-        emission: bool,
+        added_light: bool,
         name: str,
     ) -> None:
         """Build the kernel and its output.
@@ -44,7 +44,7 @@ class Relight:
             Signals are relative to a cached E_R.
         sun : bool
             There is a sun that the panorama does not show; it is not part of the cached E_R.
-        emission : bool
+        added_light : bool
             Objects emit light.
         """
         self._guide = guide
@@ -53,7 +53,7 @@ class Relight:
             DELTA=delta,
             NOISE=noise is not None,
             SUN=sun,
-            EMISSION=emission,
+            ADDED_LIGHT=added_light,
             HALF_PLANES=device.half_planes,
         )
         pixels = guide.layout.width * guide.layout.height

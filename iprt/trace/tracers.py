@@ -155,7 +155,7 @@ class RayKernels:
 
         real = "trace/trace_delta" if features.delta else "trace/trace_real"
         gloss = features.gloss_defines()
-        passes_on = features.delta and features.materials.emission
+        passes_on = features.delta and features.added_light
         return cls(
             RayKernel(real, features.trace_defines() | {"RELIT": passes_on}, scene),
             RayKernel("trace/trace_virtual", gloss, scene),

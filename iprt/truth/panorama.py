@@ -14,6 +14,7 @@ from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.geometry.mesh import Instance
 from iprt.truth.denoise import denoise
+from iprt.truth.lights import instance_lights
 from iprt.truth.sensor import sensor
 from iprt.truth.shapes import instance_shapes
 
@@ -62,7 +63,7 @@ def load_world(frame: Frame, instances: Sequence[Instance]) -> World:
     """
     from iprt.truth.transport import World
 
-    return World(frame, instance_shapes(instances))
+    return World(frame, instance_shapes(instances), instance_lights(instances))
 
 
 def render_reference(

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.errors import IprtError
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, transformed
 from iprt.truth.backend import mitsuba
@@ -73,6 +74,11 @@ def bsdf_of(material: Material) -> dict[str, Any]:
 
     A principled one is a blend of `roughplastic`, whose roughness is the mean of its map, and of
     `principled`.
+
+    Raises
+    ------
+    IprtError
+        Mitsuba has no equivalent: its clearcoat and sheen are other functions.
     """
     color: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
@@ -115,6 +121,11 @@ def _dielectric(material: Material, color: dict[str, Any]) -> dict[str, Any]:
 
 
 def _principled(material: Material, color: dict[str, Any]) -> dict[str, Any]:
+    if material.is_covered:
+        raise IprtError(
+            "a material has clearcoat, sheen or a tint, which Mitsuba defines differently; set "
+            "clearcoat and sheen to 0 and tint to 1 for reference pictures"
+        )
     surface, alpha = material.maps[1], material.alpha
     metallic: Any = material.metallic
     roughness: Any = float(np.sqrt(alpha))

@@ -94,22 +94,20 @@ class RealHit:
 
 
 class World:
-    """Frame and virtual objects, Mitsuba shapes by name, ready for rays.
+    """Frame, objects and lights, which are Mitsuba shapes and emitters by name, ready for rays.
 
-    Attributes
-    ----------
-    empty : bool
-        There are no objects.
+    `empty` tells that there are no objects and no lights.
     """
 
-    def __init__(self, frame: Frame, shapes: dict[str, Any]) -> None:
+    def __init__(self, frame: Frame, shapes: dict[str, Any], lights: dict[str, Any]) -> None:
         self.scale = frame.median_depth
         self.width, self.height = frame.width, frame.height
         mesh = depth_mesh(frame)
         self.real = mi.load_dict(
             {"type": "scene", "surface": _shape(mesh.positions, mesh.triangles)}
         )
-        self.empty = not shapes
+        self.empty = not (shapes or lights)
+        self._lights = mi.load_dict({"type": "scene", **lights}) if lights else None
         self._absorbs = any(shape.interior_medium() is not None for shape in shapes.values())
         self.objects = mi.load_dict({"type": "scene", **shapes})
         self._color = _texture(frame.radiance)
@@ -210,6 +208,26 @@ class World:
         free = active & self.leaves(self.hit_real(point, towards, active))
         return towards, dr.select(free, self._sun.irradiance, 0.0)
 
+    def lamplight(self, si: Any, origin: Any, sampler: Any, active: Any) -> tuple[Any, Any]:
+        """Sample the lights without geometry from `origin`, just above the surfaces `si`.
+
+        Returns the direction, and the irradiance across it.
+        """
+        if self._lights is None:
+            return mi.Vector3f(0.0, 1.0, 0.0), mi.Color3f(0.0)
+        seen, irradiance = self._lights.sample_emitter_direction(
+            si, sampler.next_2d(active), False, active
+        )
+        free = active & (seen.pdf > 0.0)
+        shadow = mi.Ray3f(origin, seen.d)
+        shadow.maxt = seen.dist - LIFT * self.scale
+        real = self.hit_real(origin, seen.d, free)
+        # A distant light is seen where rays leave.
+        distant = seen.dist > 1e3 * self.scale
+        free &= dr.select(distant, self.leaves(real), real.t > shadow.maxt)
+        free &= ~self.objects.ray_test(shadow, free)
+        return seen.d, dr.select(free, irradiance, 0.0)
+
     def sun_seen(self, direction: Any, hit: RealHit) -> Any:
         """Return the sun's radiance along rays that end in `hit`."""
         if self._sun is None:
@@ -258,6 +276,9 @@ class World:
             free &= ~self.objects.ray_test(mi.Ray3f(si.spawn_ray(towards)), free)
             value = bsdf.eval(context, si, si.to_local(towards), free)
             total += dr.select(free, throughput * value * sun, 0.0)
+            towards, lamp = self.lamplight(si, si.p + lift * si.n, sampler, lit)
+            value = bsdf.eval(context, si, si.to_local(towards), lit)
+            total += dr.select(dr.max(lamp) > 0.0, throughput * value * lamp, 0.0)
             # BSDF sampling.
             sample, value = bsdf.sample(
                 context, si, sampler.next_1d(active), sampler.next_2d(active), active
@@ -322,7 +343,17 @@ class World:
         shaded = (dr.max(sun) > 0.0) & self.objects.ray_test(mi.Ray3f(origin, towards), active)
         without += sun
         both += dr.select(shaded, 0.0, sun)
-        return without, both, blocked | hidden | shaded
+
+        towards, lamp = self.lamplight(_surface(origin, normal), origin, sampler, active)
+        lamp *= dr.maximum(dr.dot(towards, normal), 0.0) / dr.pi
+        return without, both + lamp, blocked | hidden | shaded | (dr.max(lamp) > 0.0)
+
+
+def _surface(point: Any, normal: Any) -> Any:
+    """Return surfaces for the sampling of emitters."""
+    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(point))
+    si.p, si.n, si.sh_frame = point, normal, mi.Frame3f(normal)
+    return si
 
 
 def _transmittance(si: Any, direction: Any, way: Any, active: Any) -> Any:

@@ -50,7 +50,8 @@ def actions(ui: UiState) -> dict[str, Action]:
     engine = ui.engine
 
     def textured() -> bool:
-        material = None if ui.state is None else ui.state.materials[0]
+        state = ui.state
+        material = None if state is None or state.light is not None else state.materials[0]
         return material is not None and (material.textured or material.has_holes)
 
     def bare() -> None:
@@ -79,6 +80,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         ),
         Action("save", PARTS["save"], ui.save, "Ctrl+S", enabled=lambda: bool(engine.unsaved)),
         Action("remove", PARTS["remove"], ui.remove, "Delete", visible=selected),
+        Action("light", PARTS["add light"], ui.add_light, "L"),
         Action("texture", PARTS["texture"], bare, visible=textured),
         Action("play", PARTS["play"], ui.toggle_playing, "Space"),
     )

@@ -18,6 +18,7 @@ from iprt.footage.video.video_table import VideoTable
 from iprt.geometry.material import Material
 from iprt.measure.tradeoff import Tradeoff, shipped
 from iprt.scene.light_edits import LightEdit
+from iprt.scene.light_tables import LightTable
 from iprt.scene.manifest_writing import free_name
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import Look, ObjectEdit, flat, require_place
@@ -245,6 +246,10 @@ class Engine:
         """Give an object a single other material."""
         return self._shared.edit(name, lambda edit: replace(edit, material=material))
 
+    def shine(self, name: str, light: LightTable) -> int:
+        """Change a light without geometry."""
+        return self._shared.edit(name, lambda edit: replace(edit, light=light))
+
     def remove(self, name: str) -> int:
         """Remove an object."""
         return self._shared.edit(name, lambda edit: replace(edit, removed=True))
@@ -336,6 +341,21 @@ class Engine:
         self._names.add(name)
         edit = ObjectEdit(name, material=material, path=path)
         self._core.add(edit, (yaw_deg, pitch_deg), pose or MeshPose())
+        return name
+
+    def add_light(self, light: LightTable, to_world: NDArray[np.float64]) -> str:
+        """Add a light without geometry with a transform (4, 4), and return its name.
+
+        Raises
+        ------
+        SceneError
+            The numbers are not finite, too large, or singular.
+        """
+        name = free_name(light.kind, self._core.object_names() | self._names)
+        require_place(name, to_world)
+        self._names.add(name)
+        placed = flat(to_world)
+        self._shared.edit(name, lambda edit: replace(edit, light=light, to_world=placed))
         return name
 
     def save(

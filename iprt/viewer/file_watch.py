@@ -66,11 +66,11 @@ class Watch:
         """Return meshes, the files that they refer to, and textures."""
         files = set()
         for table in manifest.objects:
-            mesh = self._root / table.mesh
-            files |= {mesh, *self._referred(mesh)}
-            texture = getattr(table.material, "texture", None)
-            if texture is not None:
-                files.add(self._root / texture)
+            if table.mesh is not None:
+                mesh = self._root / table.mesh
+                files |= {mesh, *self._referred(mesh)}
+            named = getattr(table.material, "texture", None), getattr(table.light, "profile", None)
+            files |= {self._root / name for name in named if name is not None}
         return files
 
     def _referred(self, mesh: Path) -> Iterable[Path]:

@@ -74,7 +74,7 @@ def _changed(before: Edits, after: Edits) -> Changed:
     objects = [
         (name, part)
         for name in old.keys() | new.keys()
-        for part in ("to_world", "material", "path", "removed")
+        for part in ("to_world", "material", "light", "path", "removed")
         if getattr(old.get(name, ObjectEdit(name)), part)
         != getattr(new.get(name, ObjectEdit(name)), part)
     ]

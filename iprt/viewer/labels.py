@@ -75,6 +75,21 @@ SUNS: Mapping[str, Label] = {
     BY_HAND: Label("Set by hand", "The sun of the numbers below, or of the arrow."),
 }
 
+LIGHTS: Mapping[str, Label] = {
+    "point": Label(
+        "Point or sphere", "It shines in all directions, or as its photometric file says."
+    ),
+    "spot": Label("Spot", "It shines in a cone."),
+    "rectangle": Label("Rectangle", "It shines to one side."),
+    "sun": Label("Sun", "It shines from far away, in through windows."),
+}
+UNITS: Mapping[str, Label] = {
+    "relative": Label("relative", "Intensity in units of the picture's radiance."),
+    "candela": Label("candela", "Luminous intensity in its main direction."),
+    "lumen": Label("lumen", "Luminous flux in all directions together."),
+    "watt": Label("watt", "Radiant flux of white light, 179 lumen each."),
+    "lux": Label("lux", "Illuminance of a surface that faces the sun."),
+}
 PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
     "selected": Label("Selected", "Or click one in the picture. Shift+click puts it there."),
@@ -106,11 +121,32 @@ PARTS: Mapping[str, Label] = {
     ),
     "transmittance": Label("Color", "Share of light that each surface of the glass lets through."),
     "transmission": Label("Transmission", "Share of light that passes, as through glass."),
+    "clearcoat": Label("Clearcoat", "Strength of a clear coat above it, like varnish."),
+    "clearcoat_alpha": Label("Clearcoat roughness", "0 is polished, 1 is dull (GGX alpha)."),
+    "sheen": Label("Sheen", "Color of its edges, as fibres of velvet or dust give them."),
+    "sheen_alpha": Label("Sheen roughness", "Small values keep to the edges, 1 is all over."),
+    "tint": Label("Tint", "Of the reflection of its plastic, where one looks straight at it."),
     "thin": Label("Thin", "A pane or a bubble, without inside: light goes straight on."),
     "absorption": Label("Absorption", "Of red, green and blue inside of the glass, per metre."),
     "priority": Label(
         "Priority", "Where glass and liquid overlap, the higher one fills the space."
     ),
+    "add light": Label(
+        "Add a light", "Above the surface in the middle of the picture. It is not seen itself."
+    ),
+    "light": Label("Light", "The light is not seen itself. Move and turn it like an object."),
+    "power": Label("Power", "Brightness of white light, in the unit below."),
+    "unit": Label(
+        "Unit",
+        "The scene's `nits` tell how many candela per square metre a radiance of 1 is.",
+    ),
+    "light color": Label("Color", "Red, green and blue, which multiply the power."),
+    "radius": Label("Radius", "Metres. A larger light casts softer shadows."),
+    "inner": Label("Inner angle", "Half angle in degrees within which a spot is brightest."),
+    "outer": Label("Outer angle", "Half angle in degrees beyond which a spot is dark."),
+    "width": Label("Width", "Metres."),
+    "height": Label("Height", "Metres."),
+    "diameter": Label("Diameter", "Degrees that the sun appears to be wide."),
     "texture": Label(
         "Remove texture", "A texture of a mesh file can be saved only with the file's own material."
     ),

@@ -19,7 +19,8 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
     """Build the fields of the selected object's material."""
 
     def material() -> Material:
-        return PLASTIC if ui.state is None else ui.state.materials[0]
+        state = ui.state
+        return PLASTIC if state is None or state.light is not None else state.materials[0]
 
     def color() -> Label:
         part = PARTS[COLORS.get(material().kind, "albedo")]
@@ -54,10 +55,12 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             ui.paint(absorption=tuple(map(float, values)))
 
     alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
-    rough, coated, mixed, clear, solid = (
+    rough, coated, mixed, coat, fibres, clear, solid = (
         {"enabled": lambda: material().kind != "diffuse"},
         {"enabled": lambda: material().kind in ("plastic", "principled", "dielectric")},
         {"enabled": lambda: material().kind == "principled"},
+        {"enabled": lambda: material().kind == "principled" and material().clearcoat > 0.0},
+        {"enabled": lambda: material().kind == "principled" and max(material().sheen) > 0.0},
         {"enabled": lambda: material().transmits},
         {"enabled": lambda: material().transmits and not material().thin},
     )
@@ -68,6 +71,11 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         field("ior", "number", "ior", slider=indices, **coated),
         field("metallic", "number", "metallic", slider=alphas, **mixed),
         field("transmission", "number", "transmission", slider=alphas, **mixed),
+        field("clearcoat", "number", "clearcoat", slider=alphas, **mixed),
+        field("clearcoat_alpha", "number", "clearcoat_alpha", slider=alphas, **coat),
+        field("sheen", "color", "sheen", **mixed),
+        field("sheen_alpha", "number", "sheen_alpha", slider=alphas, **fibres),
+        field("tint", "color", "tint", **mixed),
         field("thin", "switch", "thin", **clear),
         Field(
             "absorption",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
+from iprt.scene.light_tables import LightTable
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import bounds
@@ -37,6 +38,8 @@ class ObjectState:
         Time of that frame.
     mesh : Mesh
         Mesh in that frame.
+    light : LightTable or None
+        A light without geometry.
     """
 
     name: str
@@ -46,6 +49,7 @@ class ObjectState:
     motion: ObjectMotion
     time_s: float
     mesh: Mesh
+    light: LightTable | None
 
     @property
     def size(self) -> Float:
@@ -83,6 +87,8 @@ class ObjectState:
             state = replace(state, motion=motion, to_world=motion.at(state.time_s))
         if edit.material is not None:
             state = replace(state, materials=(edit.material,))
+        if edit.light is not None:
+            state = replace(state, light=edit.light)
         return state
 
 
@@ -108,6 +114,7 @@ def object_states(
                 entry.motion,
                 time_s,
                 mesh,
+                None if entry.light is None else entry.light.table,
             )
         )
     return tuple(states)

@@ -62,7 +62,7 @@ class PictureJob:
 def _needs(world: World, request: Request) -> tuple[object, ...]:
     """Return the values that require another renderer when they change."""
     view = request.view
-    made = [(edit.material, edit.removed, edit.path) for edit in world.edits]
+    made = [(e.material, e.removed, e.path, e.light is not None) for e in world.edits]
     return (
         (view.width, view.height, view.projection),
         request.settings or world.settings,

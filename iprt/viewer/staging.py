@@ -95,7 +95,7 @@ class Staging:
     def _edited(self, loaded: Loaded, world: World) -> Objects:
         known = self._objects
         if known is None or known[0] is not loaded.objects or known[1] != world.edits:
-            edited = edited_objects(loaded.objects, world.edits)
+            edited = edited_objects(loaded.objects, world.edits, loaded.origin.manifest.nits)
             self._objects = known = (loaded.objects, world.edits, edited)
         return known[2]
 

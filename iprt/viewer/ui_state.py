@@ -17,6 +17,8 @@ from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.scene.light_edits import LightEdit, sun_table, towards
+from iprt.scene.light_tables import LightTable, PointTable
+from iprt.scene.new_light import hanging
 from iprt.settings.model import Settings
 from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
@@ -25,6 +27,9 @@ from iprt.viewer.object_states import ObjectState
 from iprt.viewer.sun_arrow import ArrowPlace, SunArrow
 from iprt.viewer.viewport import Viewport
 
+FIRST_LIGHT = PointTable(kind="point", power=1.0)
+ABOVE_M = 0.8
+"""Height of a new light above the surface."""
 FIRST_SUN_DEG = 45.0
 """Pitch of a sun that is set by hand where there was none."""
 
@@ -186,6 +191,20 @@ class UiState(ABC):
         state = self.state
         if state is not None:
             self.engine.paint(state.name, replace(state.materials[0], **part))
+
+    def shine_as(self, light: LightTable) -> None:
+        """Change the selected light without geometry."""
+        state = self.state
+        if state is not None:
+            self.engine.shine(state.name, light)
+
+    def add_light(self) -> None:
+        """Add a light above the surface in the middle of the picture, and select it."""
+        surface = self.viewport.picking.ground(0.5, 0.5, 0.0)
+        if surface is None:
+            self.say("no surface in the middle of the picture to put a light above", bad=True)
+        else:
+            self.selected = self.engine.add_light(FIRST_LIGHT, hanging(surface.point, ABOVE_M))
 
     def remove(self) -> None:
         """Remove the selected object."""

@@ -18,7 +18,7 @@ from tests.films import planned_kernels
 MOST_BUFFERS = 31
 """What Apple's GPUs let a kernel take."""
 MORE_BUFFERS = {
-    "trace_delta": 32,
+    "trace_delta": 33,
     "trace_virtual": 43,
     "trace_gloss": 40,
     "path_trace_real": 33,

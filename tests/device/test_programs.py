@@ -25,8 +25,8 @@ MOST_PROGRAMS = 52
 """All scenes, projections and presets, and the films of the tests, with the default method, of
 objects without the lobes of `LOBES`."""
 
-LOBES = ("EMISSION", "GLASS", "PRINCIPLED")
-"""Defines of programs that only some objects need."""
+LOBES = ("COVERED", "EMISSION", "GLASS", "PRINCIPLED", "VIRTUAL_LIGHTS")
+"""Defines of programs that only some objects need; lamps and lights share `ADDED_LIGHT`."""
 
 MOST_PER_LOBE = 12
 """Programs for one of these."""
@@ -80,7 +80,8 @@ def counted(found: set[Program]) -> str:
 def test_scenes_projections_and_presets_share_programs() -> None:
     assert len(SCENES) >= 4
     found = set().union(*(programs(device.kernels) for device in all_planned()))
-    plain = {program for program in found if not any(lobe in program.name for lobe in LOBES)}
+    apart = (*LOBES, "ADDED_LIGHT")
+    plain = {program for program in found if not any(lobe in program.name for lobe in apart)}
     assert len(plain) <= MOST_PROGRAMS, counted(plain)
     for lobe in LOBES:
         own = {program for program in found if lobe in program.name}

@@ -248,9 +248,14 @@ def test_without_a_reflection_it_is_diffuse(
     assert material.kind == "diffuse"
 
 
-def test_a_colored_reflection_is_named(tmp_path: Path) -> None:
-    mesh = extended(tmp_path, "specular", {"specularColorFactor": [1.0, 0.5, 0.0]})
-    assert mesh.dropped == ("color of the specular reflection",)
+def test_a_colored_reflection_is_a_tint(tmp_path: Path) -> None:
+    """The greatest channel gives the index of refraction."""
+    mesh = extended(tmp_path, "specular", {"specularColorFactor": [2.0, 1.0, 0.0]})
+    (material,) = mesh.materials
+    assert (material.kind, material.tint) == ("principled", (1.0, 0.5, 0.0))
+    reflectance = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2
+    assert reflectance == pytest.approx(0.08)
+    assert mesh.dropped == ()
 
 
 def test_unlit_shows_its_color(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.material import Material, material_table
+from iprt.geometry.material import Material, MaterialNeeds, material_table
 from tests.kernels.wrap import evaluate
 
 Array = NDArray[np.float32]
@@ -48,8 +48,14 @@ def call(
         inputs,
         OUTPUTS[function],
         {"materials": material_table([material])},
-        ("PRINCIPLED",) if material.kind == "principled" else (),
+        defines_of(material),
     )
+
+
+def defines_of(material: Material) -> tuple[str, ...]:
+    """Return the defines that a material needs."""
+    needed = MaterialNeeds.of([material]).defines()
+    return tuple(name for name, given in needed.items() if given and name != "EMISSION")
 
 
 def grid(side: int, choices: int = 1) -> Array:

@@ -1,5 +1,7 @@
 """Chi-square tests: brdf_sample() draws directions with the density that brdf_pdf() states."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -11,6 +13,8 @@ from tests.oracles import brdf as oracle
 SAMPLES = 1 << 17
 BINS = 20
 NODES = 20  # quadrature nodes per bin and axis
+COATED = Material("principled", (0.4, 0.3, 0.2), 0.5, clearcoat=0.9)
+MIRRORED = 2
 CASES = (
     [
         (Material(kind, (0.4, 0.3, 0.2), alpha, 1.5), angle)
@@ -22,6 +26,13 @@ CASES = (
         (Material("principled", (0.4, 0.3, 0.2), alpha, 1.5, metallic=metallic), angle)
         for alpha in (0.125, 0.5)
         for metallic in (0.0, 0.3, 1.0)
+        for angle in (30, 85)
+    ]
+    + [
+        (replace(COATED, clearcoat_alpha=alpha, metallic=metallic, **more), angle)
+        for alpha in (0.0, 0.125)
+        for metallic in (0.3, 1.0)
+        for more in ({}, {"sheen": (0.9, 0.3, 0.1)})
         for angle in (30, 85)
     ]
     + [(Material("diffuse"), 60), (Material("plastic", (0.4, 0.3, 0.2), 0.0, 1.5), 60)]
@@ -72,8 +83,11 @@ def test_samples_follow_their_density(device, material, angle):
     o = oracle.direction(angle, 25)
     drawn = call(device, "sample", material, o, rng.random((SAMPLES, 3), np.float32))
     i = drawn["wi"].astype(float)
-    if material.alpha == 0:
-        i = i[drawn["specular"] == 0]  # the mirror direction has no density
+    # The mirror direction has no density.
+    if material.is_covered:
+        i = i[drawn["specular"] != MIRRORED]
+    elif material.alpha == 0:
+        i = i[drawn["specular"] == 0]
     above = angles(i[i[:, 2] > 0], o)
     # Bins from one half of the samples, counts from the other: the edges are no fit to the counts.
     pilot, counted = above[::2], above[1::2]

@@ -6,6 +6,8 @@ from the rearranged forms that the kernels use.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -64,6 +66,8 @@ def half(o: Array, i: Array) -> Array:
 
 def reflectance(material: Material, cos_h: Array) -> Array:
     coat = np.broadcast_to(fresnel(cos_h, material.ior)[..., None], (*cos_h.shape, 3))
+    if material.kind == "principled":
+        coat = coat * (1 - (1 - np.array(material.tint)) * (1 - (1 - cos_h[..., None]) ** 5))
     if material.kind == "plastic":
         return coat
     albedo = np.broadcast_to(np.array(material.albedo), (*cos_h.shape, 3))
@@ -73,15 +77,65 @@ def reflectance(material: Material, cos_h: Array) -> Array:
     return albedo
 
 
-def evaluate_specular(material: Material, o: Array, i: Array, separable: bool = False) -> Array:
-    """f of the rough specular lobe: D F G2 / (4 cos_i cos_o), G2 height-correlated, or the
-    product of two G1 as in Mitsuba if `separable`."""
-    alpha = roughness(material)
-    h = half(o, i)
+def microfacets(alpha: float, o: Array, i: Array, separable: bool = False) -> Array:
+    """D G2 / (4 cos_i cos_o), G2 height-correlated, or the product of two G1 as in Mitsuba if
+    `separable`."""
     lambda_o, lambda_i = smith_lambda(o, alpha), smith_lambda(i, alpha)
     g2 = 1 / (1 + lambda_o + lambda_i + separable * lambda_o * lambda_i)
-    value = ggx(h, alpha) * g2 / (4 * o[..., 2] * i[..., 2])
-    return reflectance(material, np.sum(o * h, -1)) * value[..., None]
+    return ggx(half(o, i), alpha) * g2 / (4 * o[..., 2] * i[..., 2])
+
+
+def evaluate_specular(material: Material, o: Array, i: Array, separable: bool = False) -> Array:
+    """f of the rough specular lobes and of sheen."""
+    alpha, cos_h = roughness(material), np.sum(o * half(o, i), -1)
+    value = np.zeros(i.shape)
+    if alpha > 0:
+        value = microfacets(alpha, o, i, separable)[..., None] * reflectance(material, cos_h)
+    if not material.is_covered:
+        return value
+    value = value * below_cover(material, o, i)[..., None] + sheen(material, o, i)
+    if (alpha := coat_roughness(material)) > 0:
+        coat = material.clearcoat * fresnel(cos_h, 1.5) * microfacets(alpha, o, i)
+        value = value + coat[..., None]
+    return value
+
+
+def coat_roughness(material: Material) -> float:
+    return roughness(replace(material, alpha=material.clearcoat_alpha))
+
+
+def covers(material: Material, v: Array) -> Array:
+    """(2, ...) share of light that the clearcoat and white sheen, unlimited, reflect: the table's
+    piecewise linear values."""
+    rows = table(material)
+    found = [
+        np.interp(np.sqrt(v[..., 2]), np.linspace(0, 1, 32), rows[first : first + 8].ravel())
+        for first in (14, 22)
+    ]
+    return np.stack([material.clearcoat * found[0], found[1]])
+
+
+def most_covers(material: Material, o: Array, i: Array) -> Array:
+    """`covers` of the direction in which more is reflected."""
+    o = np.broadcast_to(o, i.shape)
+    return np.maximum(covers(material, o), covers(material, i))
+
+
+def below_cover(material: Material, o: Array, i: Array) -> Array:
+    """Factor of all that is below both layers."""
+    coat, white = most_covers(material, o, i)
+    return (1 - coat) * (1 - max(material.sheen) * np.minimum(white, 1))
+
+
+def sheen(material: Material, o: Array, i: Array) -> Array:
+    """Estevez and Kulla's distribution with Neubelt and Pettineo's visibility, limited."""
+    alpha = max(material.sheen_alpha, 0.01)
+    coat, white = most_covers(material, o, i)
+    sine = np.sin(np.arccos(np.clip(half(o, i)[..., 2], -1, 1)))
+    distribution = (2 + 1 / alpha) * sine ** (1 / alpha) / (2 * np.pi)
+    visibility = 1 / (4 * (o[..., 2] + i[..., 2] - o[..., 2] * i[..., 2]))
+    value = (1 - coat) * distribution * visibility / np.maximum(white, 1)
+    return value[..., None] * np.array(material.sheen)
 
 
 @lru_cache
@@ -106,6 +160,8 @@ def evaluate_diffuse(material: Material, o: Array, i: Array) -> Array:
     if is_specular(material):
         return np.zeros(i.shape[:-1])
     crossed = transmittance(material, o[..., 2]) * transmittance(material, i[..., 2])
+    if material.is_covered:
+        crossed = crossed * below_cover(material, o, i)
     return crossed * base(material) / np.pi
 
 
@@ -126,26 +182,51 @@ def specular_probability(material: Material, o: Array) -> float:
     return float(np.clip(specular / (specular + diffuse), MIN_LOBE, 1 - MIN_LOBE))
 
 
+def lobe_probabilities(material: Material, o: Array) -> tuple[float, float]:
+    """Of the specular lobe and of the clearcoat."""
+    specular = specular_probability(material, o)
+    if not material.is_covered:
+        return specular, 0.0
+    coat, white = covers(material, o)
+    chosen = [
+        float(np.clip(share, MIN_LOBE, 1 - MIN_LOBE)) if strength > 0 else 0.0
+        for share, strength in (
+            (coat, material.clearcoat),
+            (max(material.sheen) * white, max(material.sheen)),
+        )
+    ]
+    return specular * (1 - chosen[1]) * (1 - chosen[0]), chosen[0]
+
+
 def density(material: Material, o: Array, i: Array) -> Array:
-    """(..., 2): 1/sr of the diffuse and the specular lobe, probabilities included; i above."""
-    p = specular_probability(material, o)
+    """(..., 2): 1/sr of the diffuse and the specular lobes, probabilities included; i above."""
+    p, p_coat = lobe_probabilities(material, o)
     out = np.zeros((*i.shape[:-1], 2))
-    out[..., 0] = (1 - p) * i[..., 2] / np.pi
-    alpha = roughness(material)
-    if material.kind != "diffuse" and alpha > 0:
-        h = half(o, i)
-        cos_h = np.sum(o * h, -1)
-        visible = ggx(h, alpha) * cos_h / (1 + smith_lambda(o, alpha)) / o[..., 2]
-        out[..., 1] = p * visible / (4 * cos_h)
+    out[..., 0] = (1 - p - p_coat) * i[..., 2] / np.pi
+    lobes = [(p, roughness(material)), (p_coat, coat_roughness(material))]
+    for probability, alpha in lobes if material.kind != "diffuse" else ():
+        if alpha > 0:
+            h = half(o, i)
+            cos_h = np.sum(o * h, -1)
+            visible = ggx(h, alpha) * cos_h / (1 + smith_lambda(o, alpha)) / o[..., 2]
+            out[..., 1] += probability * visible / (4 * cos_h)
     return out
 
 
 def specular_albedo(
     material: Material, o: Array, separable: bool = False, nodes: int = 250
 ) -> Array:
-    """(3,) share of light from direction o that the rough lobe reflects, by quadrature over the
-    distribution's slopes: independent of any sampling routine."""
-    alpha = roughness(material)
+    """(3,) share of light from direction o that the rough lobe reflects."""
+    return over_slopes(
+        roughness(material), o, lambda o, i: evaluate_specular(material, o, i, separable), nodes
+    )
+
+
+def over_slopes(
+    alpha: float, o: Array, value: Callable[[Array, Array], Array], nodes: int = 250
+) -> Array:
+    """(3,) integral of f cos for a lobe of this roughness, by quadrature over the distribution's
+    slopes: independent of any sampling routine."""
     o = np.array([np.hypot(o[0], o[1]), 0, o[2]])  # so that half a turn of azimuth suffices
     # Normals by tan(theta_h) = alpha tan(w): the lobe's width is divided out. dw_h carries D.
     x, weight = nodes_and_weights(nodes)
@@ -165,10 +246,48 @@ def specular_albedo(
     i = 2 * cos_h[..., None] * h - o
     seen = (cos_h > 0) & (i[..., 2] > 0)
     i = np.where(seen[..., None], i, [0, 0, 1])
-    f = evaluate_specular(material, o, i, separable)
-    f = f * np.where(seen, i[..., 2] * 4 * cos_h, 0)[..., None]
+    f = value(o, i) * np.where(seen, i[..., 2] * 4 * cos_h, 0)[..., None]
     solid_angle = weight * np.pi / 4 * np.sin(theta) * jacobian * 2 * np.pi / nodes
     return np.einsum("wpc,w->c", f, solid_angle)
+
+
+def over_hemisphere(o: Array, value: Callable[[Array, Array], Array], nodes: int = 256) -> Array:
+    """(3,) integral of f cos by quadrature that is fine at grazing angles, for wide lobes."""
+    x, weight = nodes_and_weights(nodes)
+    cosine = ((x + 1) / 2) ** 2
+    phi = (np.arange(nodes) + 0.5) * 2 * np.pi / nodes
+    sine = np.sqrt(1 - cosine**2)[:, None]
+    i = np.stack(
+        np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), cosine[:, None]), axis=-1
+    )
+    mean = value(np.broadcast_to(o, i.shape), i).mean(axis=1)
+    return 2 * np.pi * np.einsum("zc,z->c", mean, weight * (x + 1) / 2 * cosine)
+
+
+def covered_albedo(material: Material, o: Array) -> dict[str, Array]:
+    """(3,) share of light from o that each layer of a covered material reflects."""
+    alpha, coat_alpha = roughness(material), coat_roughness(material)
+
+    def coat(o: Array, i: Array) -> Array:
+        cos_h = np.sum(o * half(o, i), -1)
+        return (fresnel(cos_h, 1.5) * microfacets(coat_alpha, o, i))[..., None] * np.ones(3)
+
+    def specular(o: Array, i: Array) -> Array:
+        f = microfacets(alpha, o, i)[..., None] * reflectance(material, np.sum(o * half(o, i), -1))
+        return f * below_cover(material, o, i)[..., None]
+
+    smooth_coat, smooth = (
+        fresnel(o[2], 1.5) * np.ones(3),
+        reflectance(material, o[2:])[0] * below_cover(material, o, o),
+    )
+    diffuse = 0.0 if is_specular(material) else diffuse_albedo(material, o)
+    return {
+        "clearcoat": material.clearcoat
+        * (over_slopes(coat_alpha, o, coat) if coat_alpha else smooth_coat),
+        "sheen": over_hemisphere(o, lambda o, i: sheen(material, o, i)),
+        "specular": over_slopes(alpha, o, specular) if alpha else smooth,
+        "diffuse": (1 - material.metallic) * diffuse * np.array(material.albedo),
+    }
 
 
 def diffuse_albedo(material: Material, o: Array) -> float:

@@ -12,6 +12,7 @@ from iprt.footage.sun import Sun
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
 from iprt.geometry.keyframes import ObjectMotion
+from iprt.geometry.light import Light
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh, transformed
 from iprt.geometry.meshes import load_mesh
@@ -23,10 +24,10 @@ from tests.scene.files import CUBE, MANIFEST, VIEW, box_room, write_channels, wr
 pytest.importorskip("pxr", reason="needs the extra `usd`")
 from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
+from iprt.output.usd.lights import write_dome, write_light, write_sun
 from iprt.output.usd.materials import MaterialWriter
 from iprt.output.usd.objects import write_objects
 from iprt.output.usd.pictures import Pictures
-from iprt.output.usd.room import write_dome, write_sun
 from iprt.output.usd.stage import write_scene as write_stage
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -264,3 +265,38 @@ def test_a_still_without_objects_and_sun(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(tmp_path / "still.usdc"))
     assert not stage.HasAuthoredTimeCodeRange()
     assert not stage.GetPrimAtPath("/box/sun").IsValid()
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        Light("sphere", (2.0, 1.0, 0.5), radius=0.1),
+        Light("sphere", (2.0, 1.0, 0.5)),
+        Light("sphere", (2.0, 1.0, 0.5), cone_deg=(15.0, 30.0)),
+        Light("rectangle", (2.0, 1.0, 0.5), size=(0.5, 0.2)),
+        Light("sun", (2.0, 1.0, 0.5)),
+    ],
+)
+def test_lights_have_the_intensity_of_their_area(light: Light) -> None:
+    """The radiance of a normalized light is its intensity over its area (UsdLuxLightAPI)."""
+    stage = Usd.Stage.CreateInMemory()
+    later = np.eye(4)
+    later[:3, 3] = 1.0, 2.0, 3.0
+    write_light(stage, "/light", light, np.eye(4), [(5, later)])
+    prim = stage.GetPrimAtPath("/light")
+    written = UsdLux.LightAPI(prim)
+    assert written.GetNormalizeAttr().Get()
+    strength = written.GetIntensityAttr().Get() * np.array(written.GetColorAttr().Get())
+    if light.kind == "sphere":
+        radius = UsdLux.SphereLight(prim).GetRadiusAttr().Get()
+        radiance = strength / (4.0 * np.pi * radius**2)
+        np.testing.assert_allclose(radiance * np.pi * radius**2, light.intensity, rtol=1e-6)
+        assert UsdLux.SphereLight(prim).GetTreatAsPointAttr().Get() == (light.radius == 0.0)
+    else:
+        np.testing.assert_allclose(strength, light.intensity, rtol=1e-6)
+    if light.cone_deg is not None:
+        shaping = UsdLux.ShapingAPI(prim)
+        assert shaping.GetShapingConeAngleAttr().Get() == 30.0
+        assert shaping.GetShapingConeSoftnessAttr().Get() == 0.5
+    there = UsdGeom.XformCache(5).GetLocalToWorldTransform(prim).ExtractTranslation()
+    assert tuple(there) == (1.0, 2.0, 3.0)

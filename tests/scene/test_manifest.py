@@ -78,12 +78,25 @@ def test_transforms(matrix: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("material", "message"),
     [
-        ('{ kind = "glass" }', "material: expected kind = 'diffuse', 'conductor' or 'plastic'"),
+        ('{ kind = "glass" }', "material: expected kind = 'diffuse', 'conductor', 'plastic', 'pr"),
         ('"red"', "material: expected kind ="),
         ('{ kind = "diffuse" }', "material.albedo: required key is missing"),
         ('{ kind = "diffuse", albedo = [1, 2, 0] }', "material.albedo[1]: expected less than or"),
         ('{ kind = "diffuse", albedo = [1, 1] }', "material.albedo: expected 3 values, got 2"),
         ('{ kind = "diffuse", albedo = [1, 1, 1], alpha = 0.1 }', "material.alpha: unknown key"),
+        (
+            '{ kind = "principled", albedo = [1, 1, 1], clearcoat = 1.5 }',
+            "material.clearcoat: expected less than or equal to 1, got 1.5",
+        ),
+        ('{ kind = "principled", albedo = [1, 1, 1], sheen = 0.5 }', "material.sheen: expected"),
+        (
+            '{ kind = "principled", albedo = [1, 1, 1], tint = [1, 1, 2] }',
+            "material.tint",
+        ),
+        (
+            '{ kind = "plastic", albedo = [1, 1, 1], clearcoat = 1 }',
+            "material.clearcoat: unknown key",
+        ),
         (
             '{ kind = "plastic", albedo = [1, 1, 1], alpha = -0.1 }',
             "material.alpha: expected greater than or equal to 0, got -0.1",

@@ -120,7 +120,7 @@ def test_what_is_read_again_is_what_was_edited(scene: Scene, tmp_path: Path) -> 
     save_edits(scene, edits)
     again = Scene.open(scene.root)
     for time in (0.0, 2.0):
-        shown = objects_at(edited_objects(scene.objects, edits), time)
+        shown = objects_at(edited_objects(scene.objects, edits, scene.manifest.nits), time)
         read = objects_at(again.objects, time)
         assert [entry.name for entry in read] == ["tiles", "last", "one", "two", "three", "here"]
         for one, other in zip(shown, read, strict=True):
@@ -186,9 +186,11 @@ def test_an_object_of_another_ones_texture(scene: Scene) -> None:
         Material("dielectric", (0.9, 1.0, 0.8), alpha=0.0, thin=True),
         Material("dielectric", (1.0, 1.0, 1.0), alpha=0.2, absorption=(3.0, 0.0, 1.0), priority=-2),
         Material("principled", (0.9, 1.0, 0.8), transmission=0.4, thin=True),
+        Material("principled", (0.9, 1.0, 0.8), clearcoat=0.5, clearcoat_alpha=0.25),
+        Material("principled", sheen=(0.5, 0.25, 0.0), sheen_alpha=0.125, tint=(1.0, 0.5, 0.25)),
     ],
 )
-def test_glass_is_written(scene: Scene, material: Material) -> None:
+def test_glass_and_covers_are_written(scene: Scene, material: Material) -> None:
     save_edits(scene, [ObjectEdit("last", material=material)])
     found = Scene.open(scene.root).objects[2].bound.materials
     assert found == (material,)

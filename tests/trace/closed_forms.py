@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
-from tests.oracles.brdf import diffuse_albedo, specular_albedo
+from tests.oracles.brdf import covered_albedo, diffuse_albedo, specular_albedo
 from tests.trace.estimators import Kernels, confirm
 from tests.worlds import Float, cuboid
 
@@ -92,7 +92,10 @@ def box_truth(run: Kernels, material: Material) -> tuple[NDArray[np.bool_], dict
     outgoing = [np.array([np.sqrt(1.0 - c * c), 0.0, c]) for c in nodes]
     diffuse = [diffuse_albedo(material, o) for o in outgoing]
     specular = np.zeros(24)
-    if material.kind != "diffuse":
+    if material.is_covered:
+        layers = [covered_albedo(material, o) for o in outgoing]
+        specular = np.array([sum(one.values())[0] - one["diffuse"][0] for one in layers])
+    elif material.kind != "diffuse":
         specular = np.array([specular_albedo(material, o, nodes=120)[0] for o in outgoing])
     return inside, {
         "diffuse": np.interp(cosine, nodes, diffuse),

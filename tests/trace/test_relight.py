@@ -36,7 +36,7 @@ def run(
     guide = gbuffer.guide(device)
     delta = irradiance is not None
     noise = None if variance is None else upload(device, layout, variance[None])
-    relight = Relight(device, guide, noise, delta=delta, sun=False, emission=False, name="test")
+    relight = Relight(device, guide, noise, delta=delta, sun=False, added_light=False, name="test")
     color = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
     planes, seen_planes = (upload(device, layout, image) for image in (signal, color))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)

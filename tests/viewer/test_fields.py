@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
 
 import numpy as np
 import pytest
@@ -26,9 +27,10 @@ from iprt.viewer.labels import TURNED
 from iprt.viewer.material_fields import material_fields
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
+from iprt.viewer.virtual_light_fields import virtual_light_fields
 from tests.clips import write_clip
 from tests.viewer.turns import SETTINGS, VIEW
-from tests.viewer.viewports import at_rest
+from tests.viewer.viewports import at_rest, until
 
 
 class Ui(UiState):
@@ -74,6 +76,11 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "ior": 1.25,
         "metallic": 0.75,
         "transmission": 0.25,
+        "clearcoat": 0.75,
+        "clearcoat_alpha": 0.25,
+        "sheen": (0.5, 0.25, 0.75),
+        "sheen_alpha": 0.5,
+        "tint": (0.75, 1.0, 0.5),
         "thin": True,
         "absorption": (0.5, 3.0, 7.0),
         "priority": 2,
@@ -195,3 +202,69 @@ def test_a_place_where_nothing_can_be_is_refused(ui: Ui) -> None:
     ((_, bad),) = ui.said
     assert bad
     assert ui.engine.world.edits == ()
+
+
+# Lights without geometry ---------------------------------------------------------------------
+
+
+def _shows_spot(ui: Ui) -> bool:
+    """The mesh is of the displayed stage, while the rest of a state has all edits at once."""
+    state = ui.state
+    light = None if state is None else state.mesh.light
+    return light is not None and light.cone_deg is not None
+
+
+def test_a_light_is_added_changed_and_saved(ui: Ui) -> None:
+    """As a user does: from a point to a spot, brighter, to one side; undone, and written."""
+    ui.add_light()
+    assert ui.selected == "point"
+    until(ui.viewport, lambda _: ui.state is not None)
+    light = by_key(virtual_light_fields(ui))
+    assert light["light"].read() == "point"
+    assert light["radius"].enabled()
+    assert not light["inner"].enabled()
+    light["power"].write(800.0)
+    light["unit"].write("lumen")
+    light["light color"].write((1.0, 0.5, 0.25))
+    light["light"].write("spot")
+    light["inner"].write(10.0)
+    light["outer"].write(5.0)  # smaller than the inner angle: refused
+    assert (light["inner"].read(), light["outer"].read()) == (10.0, 30.0)
+    ui.engine.undo()  # changes in quick succession are one
+    assert light["light"].read() == "point"
+    ui.engine.redo()
+    by_key(place_fields(ui))["position"].write((0.1, 0.2, -1.5))
+    until(ui.viewport, lambda _: _shows_spot(ui))
+    shown = ui.state
+    assert shown is not None
+    source = shown.mesh.light
+    assert source is not None
+    assert source.cone_deg == (10.0, 30.0)
+    assert source.intensity[0] == 2.0 * source.intensity[1] == 4.0 * source.intensity[2] > 0.0
+    done: SimpleQueue[str | None] = SimpleQueue()
+    ui.engine.save(done.put)
+    assert done.get(timeout=60.0) is None
+    saved = Scene.open(ui.engine.scene.root)
+    (written,) = (table for table in saved.manifest.objects if table.name == "point")
+    assert written.light == shown.light
+    assert written.to_world[3::4][:3] == [0.1, 0.2, -1.5]
+    until(ui.viewport, lambda _: ui.state is not None and not ui.engine.unsaved)
+    ui.remove()
+    until(ui.viewport, lambda _: [state.name for state in ui.engine.objects] == ["cube"])
+
+
+def test_kinds_of_light_keep_what_they_share(ui: Ui) -> None:
+    ui.add_light()
+    until(ui.viewport, lambda _: ui.state is not None)
+    light = by_key(virtual_light_fields(ui))
+    light["power"].write(7.0)
+    light["radius"].write(0.2)
+    for kind in ("spot", "rectangle", "sun", "point"):
+        light["light"].write(kind)
+        assert light["light"].read() == kind
+        assert light["power"].read() == 7.0
+        assert light["unit"].read() in light["unit"].options()
+    light["power"].write(-1.0)
+    assert light["power"].read() == 7.0
+    light["light"].write("sun")
+    assert set(light["unit"].options()) == {"relative", "lux"}

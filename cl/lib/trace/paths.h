@@ -101,7 +101,7 @@ static inline Scatter scatter_sampled(const World world, const PathSurface at, f
     become_opaque(&material);
 #endif
     const BrdfSample sample = brdf_sample(material, at.albedo, at.n, at.viewer, u);
-    if (sample.specular && !(material.alpha > 0.0f)) {
+    if (is_mirrored(material, sample)) {
         Scatter s = no_scatter(sample.wi);
         s.specular = sample.weight;
 #ifdef REFRACTS

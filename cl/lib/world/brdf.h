@@ -8,6 +8,7 @@
 //
 // -D PRINCIPLED adds the principled material, a mixture of a plastic and a metal whose base color is the albedo
 // (Khronos glTF 2.0, appendix B). Its parameters may vary over a surface: load_surface_material().
+// -D COVERED, with it, adds layers above it: lib/world/cover.h.
 // -D GLASS adds dielectrics, of which these functions have the reflection only. The rest: lib/world/glass.h.
 //
 // Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
@@ -16,61 +17,26 @@
 // color, as Mitsuba 3 defines `roughplastic` and `plastic`.
 #pragma once
 
-#include "maths/equirect.h"
-#include "maths/maths.h"
-#include "maths/sampling.h"
-
-// Layout of the table made by material_table(): MATERIAL_ROWS float4 per material.
-//   row 0      kind, alpha (GGX; 0: perfectly smooth, else >= MIN_ALPHA), index of refraction,
-//              1 / (ior^2 (1 - internal reflectance))
-//   rows 1-8   rough transmittance of the coat at cosines (i / 31)^2, i = 0..31
-//   row 9      metalness; index of the first of COAT_LEVELS further entries, coats of roughness
-//              (i / (COAT_LEVELS - 1))^2 for maps of roughness, or 0; share of light that passes the base; 1 if
-//              the surface is a thin wall
-//   row 10     absorption in 1/m, rgb; priority of the medium
-//   row 11     emitted radiance, rgb; the mean of its channels
-#define MATERIAL_ROWS 12
-#define FINISH_ROW 9
-#define MEDIUM_ROW 10
-#define MATERIAL_NODES 32
-#define KIND_DIFFUSE 0
-#define KIND_CONDUCTOR 1
-#define KIND_PLASTIC 2
-#define KIND_PRINCIPLED 3
-#define KIND_DIELECTRIC 4
-#define COAT_LEVELS 32
+#include "world/cover.h"
+#include "world/material.h"
+#include "world/microfacets.h"
 
 // Interpolated normals can turn away from the viewer: wo is bent to at least this cosine.
 #define BRDF_MIN_COSINE 1e-3f
 // Least share of the samples for either lobe of plastic. The reflection of the coat is faint, but a filter
 // can blur it far less than the irradiance below it.
 #define BRDF_MIN_LOBE 0.25f
-// Least GGX roughness of surfaces that are not mirrors; single precision cannot resolve a narrower lobe.
-#define MIN_ALPHA 1e-3f
-
-typedef struct {
-    int kind;
-    float alpha;
-    float ior;
-    float base;                              // scale of the base below the coat, row 0's w
-    __global const float *transmittance;     // MATERIAL_NODES values
-#ifdef PRINCIPLED
-    float metallic;
-    float rougher;                           // share of the next rougher coat's values
-#endif
-#ifdef GLASS
-    float transmission;                      // share of light that passes the base
-    int thin;                                // a wall without inside
-#endif
-} Material;
 
 // A direction sampled from one lobe. `weight` is f cos / density of that lobe, including the probability of
-// having chosen it; 0 where the direction lies below the surface.
+// having chosen it; 0 where the direction lies below the surface. Where sheen is sampled with the diffuse lobe, it is
+// not in the weight, only in brdf_eval().
 typedef struct {
     float3 wi;
     float3 weight;
-    int specular;    // the lobe: weight excludes the albedo iff this is 0
+    int specular;    // the lobe: weight excludes the albedo iff this is 0; MIRRORED (-D COVERED): it is smooth
 } BrdfSample;
+
+#define MIRRORED 2
 
 // BRDF f in 1/sr, without the cosine. Perfectly smooth lobes, which only sampling can find, are 0.
 typedef struct {
@@ -78,84 +44,14 @@ typedef struct {
     float3 specular;
 } BrdfValue;
 
-static inline Material load_material(__global const float4 *restrict materials, int index)
+// Return whether a sample is of a perfectly smooth lobe: it has a weight, and no density.
+static inline int is_mirrored(const Material material, const BrdfSample sample)
 {
-    __global const float *row = (__global const float *)(materials + index * MATERIAL_ROWS);
-    Material material = {(int)row[0], row[1], row[2], row[3], row + 4};
-#ifdef PRINCIPLED
-    material.metallic = row[4 * FINISH_ROW];
-    material.rougher = 0.0f;
+#ifdef COVERED
+    return sample.specular == MIRRORED;
+#else
+    return sample.specular && !(material.alpha > 0.0f);
 #endif
-#ifdef GLASS
-    material.transmission = row[4 * FINISH_ROW + 2];
-    material.thin = row[4 * FINISH_ROW + 3] > 0.0f;
-#endif
-    return material;
-}
-
-// Return a material with the finish of a point of a surface: its metalness and alpha. A negative one stands for the
-// means of the material.
-static inline Material load_surface_material(
-    __global const float4 *restrict materials, int index, float2 finish)
-{
-    Material material = load_material(materials, index);
-#ifdef PRINCIPLED
-    if (material.kind != KIND_PRINCIPLED || finish.x < 0.0f)
-        return material;
-    const int levels = (int)material.transmittance[MATERIAL_NODES + 1];
-    if (levels > 0) {
-        const float at = sqrt(clamp(finish.y, 0.0f, 1.0f)) * (COAT_LEVELS - 1);
-        const int level = min((int)at, COAT_LEVELS - 2);
-        const Material next = load_material(materials, levels + level + 1);
-#ifdef GLASS
-        const float transmission = material.transmission;
-        const int thin = material.thin;
-#endif
-        material = load_material(materials, levels + level);
-#ifdef GLASS
-        material.transmission = transmission;
-        material.thin = thin;
-#endif
-        material.rougher = at - level;
-        material.base = mix(material.base, next.base, material.rougher);
-        material.alpha = fmax(finish.y, MIN_ALPHA);
-    }
-    material.metallic = finish.x;
-#endif
-    return material;
-}
-
-// Return the factor of the diffuse lobe.
-static inline float3 diffuse_albedo(const Material material, float3 albedo)
-{
-#ifdef PRINCIPLED
-    albedo *= 1.0f - material.metallic;
-#endif
-    return albedo;
-}
-
-// Return whether a material has no diffuse lobe.
-static inline int is_specular(const Material material)
-{
-#ifdef PRINCIPLED
-    if (material.kind == KIND_PRINCIPLED)
-        return !(material.metallic < 1.0f);
-#endif
-#ifdef GLASS
-    if (material.kind == KIND_DIELECTRIC)
-        return 1;
-#endif
-    return material.kind == KIND_CONDUCTOR;
-}
-
-// Return whether a material has a diffuse base below a dielectric coat.
-static inline int is_coated(const Material material)
-{
-#ifdef PRINCIPLED
-    if (material.kind == KIND_PRINCIPLED)
-        return 1;
-#endif
-    return material.kind == KIND_PLASTIC;
 }
 
 static inline float3 brdf_local_wo(Frame frame, float3 wo)
@@ -177,17 +73,6 @@ static inline float coat_transmittance(const Material material, float cosine)
         crossed = mix(crossed, mix(next[i], next[i + 1], x - (float)i), material.rougher);
 #endif
     return crossed;
-}
-
-// Return the unpolarized reflectance of a smooth dielectric boundary; `ior` is the index of refraction of the far side
-// relative to the near one.
-static inline float fresnel_dielectric(float cosine, float ior)
-{
-    const float c = fmax(cosine, 1e-6f);
-    const float g = sqrt(fmax(ior * ior - 1.0f + c * c, 0.0f));
-    const float s = (c - g) / (c + g);
-    const float p = (ior * ior * c - g) / (ior * ior * c + g);
-    return 0.5f * (s * s + p * p);
 }
 
 // Return the probability of sampling the specular lobe: its share of the reflected luminance.
@@ -216,42 +101,16 @@ static inline float3 specular_reflectance(const Material material, float3 albedo
 #endif
     if (!is_coated(material))
         return albedo;
-    const float3 coat = (float3)(fresnel_dielectric(cos_h, material.ior));
+    float3 coat = (float3)(fresnel_dielectric(cos_h, material.ior));
+#ifdef COVERED
+    if (material.kind == KIND_PRINCIPLED)
+        coat *= coat_tint(material.cover, cos_h);
+#endif
 #ifdef PRINCIPLED
-    // Schlick, "An Inexpensive BRDF Model for Physically-based Rendering", 1994, equation 15.
-    const float grazing = 1.0f - clamp(cos_h, 0.0f, 1.0f), grazing2 = grazing * grazing;
-    return mix(coat, mix(albedo, (float3)(1.0f), grazing2 * grazing2 * grazing), material.metallic);
+    return mix(coat, mix(albedo, (float3)(1.0f), schlick_rise(cos_h)), material.metallic);
 #else
     return coat;
 #endif
-}
-
-// Return z (1 + 2 Lambda(v)) of Smith's masking function.
-static inline float ggx_slope(float3 v, float alpha)
-{
-    return sqrt(v.z * v.z + alpha * alpha * (v.x * v.x + v.y * v.y));
-}
-
-// Return the GGX distribution of normals at the half vector of i and o.
-static inline float ggx_distribution(float3 i, float3 o, float alpha)
-{
-    // h is not normalized: its length cancels, and rounding errors are smaller for small alpha.
-    const float3 h = i + o;
-    const float a2 = alpha * alpha;
-    const float spread = (h.x * h.x + h.y * h.y + a2 * h.z * h.z) / dot(h, h);
-    return a2 / (IPRT_PI * spread * spread);
-}
-
-static inline float3 ggx_sample_normal(float3 o, float alpha, float2 u)
-{
-    float3 stretched = (float3)(alpha * o.x, alpha * o.y, o.z);
-    stretched /= sqrt(dot(stretched, stretched));
-    const float height = (1.0f - u.y) * (1.0f + stretched.z);   // > 0: z of the half vector
-    const float z = height - stretched.z;
-    const float2 disk = sqrt(fmax(1.0f - z * z, 0.0f)) * unit_circle(u.x);
-    const float3 h = (float3)(alpha * (disk.x + stretched.x), alpha * (disk.y + stretched.y),
-                              height);
-    return h / sqrt(dot(h, h));
 }
 
 // Return pi times the diffuse lobe, without the albedo.
@@ -280,6 +139,9 @@ static inline BrdfSample sample_specular(const Material material, float3 albedo,
     }
     BrdfSample sample;
     sample.specular = 1;
+#ifdef COVERED
+    sample.specular = material.alpha > 0.0f ? 1 : MIRRORED;
+#endif
     sample.wi = frame_to_world(frame, i);
     sample.weight = specular_reflectance(material, albedo, cos_h) * unshadowed;
     return sample;
@@ -301,6 +163,32 @@ static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, c
     return sample;
 }
 
+// Return the probabilities of sampling the specular lobe (x) and the clearcoat (y); of the rest, directions are sampled
+// by the cosine.
+static inline float2 lobe_probabilities(const Material material, float3 albedo, float cos_o)
+{
+    float2 probability = (float2)(specular_probability(material, albedo, cos_o), 0.0f);
+#ifdef COVERED
+    const float2 cover = cover_probabilities(material.cover, cos_o, BRDF_MIN_LOBE);
+    probability.x *= (1.0f - cover.x) * (1.0f - cover.y);
+    probability.y = cover.y;
+#endif
+    return probability;
+}
+
+#ifdef COVERED
+// Return the clearcoat of a material, at full strength, as if it were a plastic's coat.
+static inline Material clearcoat_of(const Material material)
+{
+    Material coat = material;
+    coat.kind = KIND_PLASTIC;
+    coat.alpha = clearcoat_alpha(material.cover);
+    coat.ior = CLEARCOAT_IOR;
+    coat.metallic = 0.0f;
+    return coat;
+}
+#endif
+
 // Sample the BRDF: u.z chooses a lobe and u.xy a direction in it; u in [0, 1)^3.
 static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
                                      float3 u)
@@ -312,16 +200,30 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     sample.weight = (float3)(0.0f);
 
     const float3 o = brdf_local_wo(frame, wo);
-    const float probability = specular_probability(material, albedo, o.z);
-    if (u.z < probability) {
-        sample = sample_specular(material, albedo, frame, o, u.xy);
-        sample.weight /= probability;
+    const float2 probability = lobe_probabilities(material, albedo, o.z);
+#ifdef COVERED
+    if (u.z < probability.x + probability.y) {
+        const int coat = u.z >= probability.x;
+        sample = sample_specular(coat ? clearcoat_of(material) : material, albedo, frame, o, u.xy);
+        const float cos_i = clamp(dot(sample.wi, n), 0.0f, 1.0f);
+        sample.weight *= coat ? clearcoat_strength(material.cover) / probability.y
+                              : below_cover(material.cover, cos_i, o.z) / probability.x;
         return sample;
     }
+#else
+    if (u.z < probability.x) {
+        sample = sample_specular(material, albedo, frame, o, u.xy);
+        sample.weight /= probability.x;
+        return sample;
+    }
+#endif
 
     const float3 i = sample_cosine(u.xy);
     sample.wi = frame_to_world(frame, i);
-    sample.weight = (float3)(diffuse_factor(material, i.z, o.z) / (1.0f - probability));
+    sample.weight = (float3)(diffuse_factor(material, i.z, o.z) / (1.0f - probability.x - probability.y));
+#ifdef COVERED
+    sample.weight *= below_cover(material.cover, i.z, o.z);
+#endif
     return sample;
 }
 
@@ -336,20 +238,22 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
         return value;
     if (!is_specular(material))
         value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
-    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f) {
-        // G2 / (4 cos_i cos_o), which stays finite at grazing angles.
-        const float visible = 0.5f / (ggx_slope(o, material.alpha) * i.z +
-                                      ggx_slope(i, material.alpha) * o.z);
-        const float3 h = i + o;
-        const float cos_h = dot(o, h) / sqrt(dot(h, h));
-        value.specular = specular_reflectance(material, albedo, cos_h) *
-                         (ggx_distribution(i, o, material.alpha) * visible);
-    }
+    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
+        value.specular = specular_reflectance(material, albedo, half_cosine(i, o))
+            * ggx_reflection(i, o, material.alpha);
+#ifdef COVERED
+    const float below = below_cover(material.cover, i.z, o.z);
+    value.diffuse *= below;
+    value.specular = below * value.specular + sheen_reflection(material.cover, i, o);
+    if (clearcoat_alpha(material.cover) > 0.0f)
+        value.specular += clearcoat_strength(material.cover) * fresnel_dielectric(half_cosine(i, o), CLEARCOAT_IOR)
+            * ggx_reflection(i, o, clearcoat_alpha(material.cover));
+#endif
     return value;
 }
 
-// Return the densities (1/sr) with which brdf_sample() samples wi by the diffuse (x) and the specular lobe
-// (y), including the lobes' probabilities: x + y is the density of the mixture. The specular lobe may
+// Return the densities (1/sr) with which brdf_sample() samples wi by the diffuse (x) and the specular lobes
+// (y), including the lobes' probabilities: x + y is the density of the mixture. The specular lobes may
 // sample directions below the surface with weight 0; their density here is 0.
 static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, float3 wo,
                               float3 wi)
@@ -360,10 +264,13 @@ static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, 
     if (!(i.z > 0.0f))
         return density;
     const float3 o = brdf_local_wo(frame, wo);
-    const float probability = specular_probability(material, albedo, o.z);
+    const float2 probability = lobe_probabilities(material, albedo, o.z);
     if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
-        density.y = probability * ggx_distribution(i, o, material.alpha) /
-                    (2.0f * (o.z + ggx_slope(o, material.alpha)));
-    density.x = (1.0f - probability) * i.z / IPRT_PI;
+        density.y = ggx_density(probability.x, i, o, material.alpha);
+#ifdef COVERED
+    if (clearcoat_alpha(material.cover) > 0.0f)
+        density.y += ggx_density(probability.y, i, o, clearcoat_alpha(material.cover));
+#endif
+    density.x = (1.0f - probability.x - probability.y) * i.z / IPRT_PI;
     return density;
 }

@@ -22,6 +22,9 @@ typedef struct {
     float lamp_share;     // and at emitting objects
     float lamp_distance;  // to the point of one that is aimed at
 #endif
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+    float light_away;     // metres left to the point of a virtual light that is aimed at
+#endif
     int texel;            // of the light aimed at: any other hit counts as 0; -1: not aimed
 #ifdef REFRACTS
     ulong media;          // that the ray starts in (lib/world/glass.h)
@@ -41,6 +44,9 @@ static inline Scatter no_scatter(float3 wi)
 #ifdef LAMPS
     s.lamp_share = s.lamp_distance = 0.0f;
 #endif
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+    s.light_away = 0.0f;
+#endif
     s.texel = -1;
 #ifdef REFRACTS
     s.media = 0;
@@ -57,8 +63,21 @@ static inline int is_at_lamp(const Scatter s)
 #endif
 }
 
+// Return whether a ray is aimed at a light without geometry.
+static inline int is_at_virtual_light(const Scatter s)
+{
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+    return s.texel >= LIGHT_TEXEL && s.texel < LIGHT_TEXEL + MOST_LIGHTS;
+#else
+    return 0;
+#endif
+}
+
 // Return whether a ray is aimed at a light of the panorama or at the sun.
-static inline int is_aimed(const Scatter s) { return s.texel >= 0 && !is_at_lamp(s); }
+static inline int is_aimed(const Scatter s)
+{
+    return s.texel >= 0 && !is_at_lamp(s) && !is_at_virtual_light(s);
+}
 
 static inline int is_at_sun(const Scatter s)
 {
@@ -68,6 +87,22 @@ static inline int is_at_sun(const Scatter s)
     return 0;
 #endif
 }
+
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+// Return a direction from x with normal n towards a light without geometry, whose f cos is still to be multiplied by
+// `weight`: 0 if none shines there. u in [0, 1)^3.
+static inline Scatter at_virtual_light(const VirtualLights lights, float3 x, float3 n, float3 u, float *weight)
+{
+    const LightSample light = sample_virtual_light(lights, x, n, u.xy, u.z);
+    Scatter s = no_scatter(light.wi);
+    *weight = light.weight;
+    if (light.light >= 0) {
+        s.texel = LIGHT_TEXEL + light.light;
+        s.light_away = light.distance;
+    }
+    return s;
+}
+#endif
 
 // Return 1 / density of the hit of a ray; 0 if the ray was aimed at a light and met something else.
 static inline float inverse_density(const World world, const Scatter s, const RealHit hit)

@@ -6,8 +6,9 @@
 // -D GLOSS lets one glossy real surface per path reflect as well. The radiance of glossy surfaces is then
 // their diffuse part only (iprt/world/real/highlight.py).
 // -D EMISSION: some virtual surfaces emit light. A share of the rays is aimed at them, where they are triangles.
-// -D GLASS: rays pass through dielectrics, without counting these as bounces. Rays at the sun pass straight through:
-// refracted ones would meet it by chance, as bright specks.
+// -D VIRTUAL_LIGHTS: lights without geometry, at which a share of the rays is aimed.
+// -D GLASS: rays pass through dielectrics, without counting these as bounces. Rays at the sun and at lights without
+// geometry pass straight through: refracted ones would meet the sun by chance, as bright specks, and no other light.
 // -D DISTANT_ENVIRONMENT treats the panorama as infinitely far: environment mapping.
 #pragma once
 
@@ -39,7 +40,7 @@ typedef struct {
 // The first hit of a path.
 typedef struct {
     float distance;     // metres; INFINITY: sky, and where an object blocks an aimed ray whose lobe is diffuse
-    int met;            // it is an object
+    int met;            // it is an object; with -D DELTA, or a light without geometry
 } FirstHit;
 
 static inline ALWAYS_INLINE void arrive(const PathSums sums, float3 radiance)
@@ -117,13 +118,17 @@ static inline int aim_from_shade(const World world, const RealHit hit, float3 se
 #define FIRST_ANY 1
 #endif
 
+// Return whether a ray is aimed at a light that it sees through dielectrics without refraction.
+static inline int goes_straight(const Scatter s)
+{
 #ifdef REFRACTS
-#define PASSES_SUN 1
+    return is_at_sun(s) || is_at_virtual_light(s);
 #else
-#define PASSES_SUN 0
+    return 0;
 #endif
+}
 
-#if defined(EMISSION) && defined(RELIT)
+#if defined(ADDED_LIGHT) && defined(RELIT)
 #define PASSES_ON 1
 #else
 #define PASSES_ON 0
@@ -133,7 +138,7 @@ static inline int aim_from_shade(const World world, const RealHit hit, float3 se
 // towards real surfaces. It is one loop with one call of each march, because OpenCL compilers inline them.
 // -D WITHOUT_OBJECTS also fills `real`, at the cost of tracing past the objects.
 // -D DELTA computes only the change by objects: a path whose first surface is real ends there, and `real` is
-// the radiance that the first object hides. With -D EMISSION and -D RELIT, its change in the last picture arrives, so
+// the radiance that the first object hides. With -D ADDED_LIGHT and -D RELIT, its change in the last picture arrives, so
 // that real surfaces pass the light of lamps on to each other.
 static inline ALWAYS_INLINE FirstHit trace_path(
     const World world, float3 o, float3 o_object, Scatter s, float3 throughput, uint seed, uint index,
@@ -168,13 +173,19 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         // but for the distance of a reflection.
         const int diffuse = !(s.specular.x + s.specular.y + s.specular.z > 0.0f);
         int blocked_by_any = is_aimed(s) && (bounce > 0 || (FIRST_ANY && diffuse));
-#if PASSES_SUN
-        blocked_by_any &= !is_at_sun(s);
+        const int at_light = is_at_virtual_light(s);
+        blocked_by_any = (blocked_by_any || at_light) && !goes_straight(s);
+        float away = INFINITY;
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+        if (at_light)
+            away = s.light_away;
+        else
 #endif
-        const float away = blocked_by_any ? light_distance(world.real, s.texel, o, d) : INFINITY;
+        if (blocked_by_any)
+            away = light_distance(world.real, s.texel, o, d);
         int sees_objects = bounce < bounces;
-#ifdef EMISSION
-        sees_objects |= is_at_lamp(s); // light on the last object
+#ifdef ADDED_LIGHT
+        sees_objects |= is_at_lamp(s) || at_light; // light on the last object
 #endif
 #ifdef SUN
         sees_objects |= s.texel >= SHADE_TEXEL; // it would shine through the last object
@@ -190,13 +201,17 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         if (blocked_by_any && object)
             return first;
 #ifdef DELTA
-        if (bounce == 0 && !object && (!PASSES_ON || is_at_lamp(s)))
+        if (bounce == 0 && !object && !at_light && (!PASSES_ON || is_at_lamp(s)))
             return first;
 #endif
 #if defined(WITHOUT_OBJECTS) || defined(DELTA)
-        const float t_max = object && bounce > 0 ? hit.t : INFINITY;
+        float t_max = object && bounce > 0 ? hit.t : INFINITY;
 #else
-        const float t_max = object ? hit.t : INFINITY;
+        float t_max = object ? hit.t : INFINITY;
+#endif
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+        if (at_light)
+            t_max = fmin(t_max, s.light_away - world.real.bias);
 #endif
         const RealHit real = trace_real_layer(world.real, o, d, t_max);
         // The face that an object stands on and the surface below it coincide: the object's counts as hit,
@@ -208,6 +223,17 @@ static inline ALWAYS_INLINE FirstHit trace_path(
 #endif
         if (bounce == 0)
             first.distance = at_object ? hit.t : real.t;
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+        if (at_light && !at_object) {
+            if (isinf(s.light_away) ? leaves_room(world.real, real) : !(real.t < s.light_away - world.real.bias)) {
+#ifdef DELTA
+                first.met = 1;
+#endif
+                arrive(sums, throughput * light_intensity(world.objects.virtual_lights, s.texel - LIGHT_TEXEL));
+            }
+            return first;
+        }
+#endif
 #ifdef WITHOUT_OBJECTS
         if (bounce == 0) {
             const float3 radiance = real_radiance(world, real, d, 0);
@@ -297,12 +323,12 @@ static inline ALWAYS_INLINE FirstHit trace_path(
                 return first;
             throughput *= own;
             // Where objects hide the sun is left to the caller.
-            if (!is_at_lamp(s))
+            if (!is_at_lamp(s) && !at_light)
                 add_to(sums.real, throughput * pictured_radiance(world.real, real, d));
         } else
 #endif
         {
-            if (is_aimed(s) && !(PASSES_SUN && is_at_sun(s)))
+            if (is_aimed(s) && !goes_straight(s))
                 return first;
             own = s.density > 0.0f && !is_aimed(s) ? 1.0f / s.density : 1.0f;
             throughput *= own;
@@ -311,7 +337,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         const Scatterer at = object_point(world.objects, hit, o_object, d);
 #ifdef EMISSION
         const float3 emission = emitted(world, at);
-        if (any(emission > 0.0f) && !is_at_sun(s)) {
+        if (any(emission > 0.0f) && !is_at_sun(s) && !at_light) {
             const int alone = bounce >= bounces;
             arrive(sums, emission_weight(world, s, at, hit.t, own, alone) * throughput * emission);
         }
@@ -331,7 +357,10 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             bounces += free;
             rays += free;
             sunless = past_rough && !is_at_sun(s);
-            if (is_at_sun(s)) {
+            if (goes_straight(s)) {
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+                s.light_away -= hit.t;
+#endif
                 weight = straight_share(world.materials, material, at, d, hit.t);
                 o_object = at.beyond;
                 o = at.beyond + world.real.bias * at.plane;
@@ -342,7 +371,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
                 weight = s.specular;
             }
         } else {
-            if (is_at_sun(s))
+            if (goes_straight(s))
                 return first;
             sunless = 0;
             become_opaque(&material);

@@ -1,5 +1,5 @@
 // Directions in which opaque virtual surfaces scatter a path: sampled by the BRDF, or aimed at lights of the panorama, at
-// the sun (-D SUN) or at emitting objects (-D EMISSION).
+// the sun (-D SUN), at emitting objects (-D EMISSION) or at lights without geometry (-D VIRTUAL_LIGHTS).
 #pragma once
 
 #include "world/brdf.h"
@@ -18,7 +18,7 @@ static inline float light_share(const World world, const Material material)
         return 0.0f;
     if (material.kind == KIND_DIFFUSE)
         return 0.5f;
-    return !is_specular(material) ? 0.35f : material.alpha > AIMED_ALPHA ? 0.25f : 0.0f;
+    return !is_specular(material) ? 0.35f : widest_alpha(material) > AIMED_ALPHA ? 0.25f : 0.0f;
 }
 
 #ifdef SUN
@@ -38,24 +38,37 @@ static inline ALWAYS_INLINE Scatter scatter(
 {
     Scatter s = no_scatter(n);
     s.light_share = light_share(world, material);
-    float rest = 1.0f - s.light_share;
+    float rest = 1.0f - s.light_share, below_lamps = 1.0f;
+#ifdef SAMPLES_VIRTUAL_LIGHTS
+    const int shines = world.objects.virtual_lights.count > 0 && (!is_specular(material) || widest_alpha(material) > 0.0f);
+    const float virtual_share = shines ? LAMP_SHARE * rest : 0.0f;
+    rest -= virtual_share;
+    below_lamps -= virtual_share;
+    if (u.w >= below_lamps) {
+        float weight;
+        s = at_virtual_light(world.objects.virtual_lights, x, n, u.xyz, &weight);
+        const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
+        weight *= fmax(dot(n, s.wi), 0.0f) / virtual_share;
+        s.diffuse = weight * value.diffuse;
+        s.specular = weight * value.specular;
+        return s;
+    }
+#endif
 #ifdef LAMPS
     // Narrow lobes find lamps themselves.
-    if (lamps_shine(world.objects) && (!is_specular(material) || material.alpha > AIMED_ALPHA)) {
+    if (lamps_shine(world.objects) && (!is_specular(material) || widest_alpha(material) > AIMED_ALPHA)) {
         s.lamp_share = LAMP_SHARE * rest;
         rest -= s.lamp_share;
     }
-    const float below_lamps = 1.0f - s.lamp_share;
+    below_lamps -= s.lamp_share;
     if (u.w >= below_lamps) {
         s.texel = LAMP_TEXEL;
         s.wi = towards_lamp(world.objects, x, u.xy, u.z, &s.lamp_distance);
     }
-#else
-    const float below_lamps = 1.0f;
 #endif
 #ifdef SUN
     // Mirrors and lobes hardly wider than the sun find it themselves.
-    const int aims_at_sun = !is_specular(material) || material.alpha > AIMED_ALPHA;
+    const int aims_at_sun = !is_specular(material) || widest_alpha(material) > AIMED_ALPHA;
     if (aims_at_sun && sun_may_reach(world.objects, x)) {
         s.sun_share = SUN_SHARE * rest;
         rest -= s.sun_share;
@@ -72,7 +85,7 @@ static inline ALWAYS_INLINE Scatter scatter(
     } else if (!is_at_lamp(s)) {
         const BrdfSample sample = brdf_sample(material, albedo, n, wo, u.xyz);
         s.wi = sample.wi;
-        if (sample.specular && !(material.alpha > 0.0f)) {
+        if (is_mirrored(material, sample)) {
             s.specular = sample.weight / rest;
             return s;
         }

@@ -14,6 +14,7 @@
 #include "world/real/panorama.h"
 #include "world/objects/lamps.h"
 #include "world/objects/objects.h"
+#include "world/objects/virtual_lights.h"
 #include "world/real/real.h"
 #include "world/real/sun.h"
 #include <iprt.world.world>
@@ -103,7 +104,7 @@ static inline ALWAYS_INLINE float3 captured_radiance(const RealLayer real, const
 
 // Last kind of hit whose factor is known. The back of a surface gets the factor of its front, which is better than none
 // for shadows. A lamp on a table does not light the board from below.
-#ifdef EMISSION
+#ifdef ADDED_LIGHT
 #define LAST_RELIT HIT_SURFACE
 #else
 #define LAST_RELIT HIT_BACK_FACE

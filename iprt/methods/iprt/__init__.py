@@ -31,6 +31,7 @@ def _needs(settings: Settings) -> Needs:
         irradiance=True,
         gloss=True,
         sun=True,
+        lights=True,
         relit_reflections=own.relight_reflections,
         ratio_rows=own.ratio_rows,
     )

@@ -10,6 +10,7 @@ from pxr import UsdGeom, UsdShade, Vt
 
 from iprt.geometry.animated_mesh import AnimatedMesh
 from iprt.geometry.mesh import Mesh
+from iprt.output.usd.lights import write_light
 from iprt.output.usd.materials import MaterialWriter
 from iprt.output.usd.prims import define_mesh, place, usable_name, vectors
 from iprt.scene.objects import SceneObject
@@ -31,6 +32,12 @@ def write_objects(
     for entry in objects:
         name = usable_name(entry.name, taken)
         taken.append(name)
+        light = entry.mesh.light if isinstance(entry.mesh, Mesh) else None
+        if light is not None:
+            motion = entry.motion
+            moved = ((code, motion.at(seconds)) for code, seconds in times if motion.moves)
+            write_light(stage, f"{scope}/{name}", light, motion.at(time_s), moved)
+            continue
         prim = UsdGeom.Xform.Define(stage, f"{scope}/{name}")
         prim.GetPrim().SetDisplayName(entry.name)
         motion = entry.motion

@@ -1,4 +1,4 @@
-"""The real scene on a USD stage: its visible surfaces, the panorama around them, and the sun."""
+"""The visible surfaces of the real scene on a USD stage."""
 
 from __future__ import annotations
 
@@ -6,19 +6,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, UsdGeom, UsdLux, UsdShade
-from scipy.spatial.transform import Rotation
+from pxr import UsdGeom, UsdShade
 
 from iprt.footage.depth_mesh import DepthMesh, depth_mesh
 from iprt.footage.frame import Frame
-from iprt.footage.sun import Sun
 from iprt.output.usd.materials import radiant_material
-from iprt.output.usd.prims import coordinates, place, triangles
-
-DOME_TURN_DEG = 180.0
-"""Rotation about +Y that takes the directions of a dome's picture to the panorama's. The middle of
-the picture is +Z by OpenEXR's convention for latitude-longitude maps, which UsdLuxDomeLight has,
-and -Z by iprt's. Both have the picture's left at the left of who looks there."""
+from iprt.output.usd.prims import coordinates, triangles
 
 
 def write_room(stage: Any, scope: str, frame: Frame, size: tuple[int, int], file: str) -> None:
@@ -54,24 +47,3 @@ def corner_uvs(mesh: DepthMesh, corners: NDArray[np.int64], frame: Frame) -> NDA
     )
     across = np.where(at_pole, middle, across)
     return np.stack([across, v[corners]], axis=-1).reshape(-1, 2).astype(np.float32)
-
-
-def write_dome(stage: Any, path: str, file: str) -> None:
-    """Write a dome light that shows the picture `file` in the directions of the panorama."""
-    dome = UsdLux.DomeLight.Define(stage, path)
-    dome.CreateTextureFileAttr(file)
-    dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
-    UsdGeom.Xformable(dome).AddRotateYOp().Set(DOME_TURN_DEG)
-
-
-def write_sun(stage: Any, path: str, sun: Sun) -> None:
-    """Write a distant light, which shines along its -Z axis, of the sun's irradiance."""
-    light = UsdLux.DistantLight.Define(stage, path)
-    strength = max(sun.irradiance)
-    light.CreateIntensityAttr(strength)
-    light.CreateColorAttr(Gf.Vec3f(*(part / strength for part in sun.irradiance)))
-    light.CreateAngleAttr(sun.angle_deg)
-    light.CreateNormalizeAttr(True)  # intensity is then irradiance, whatever the angle
-    transform = np.eye(4)
-    transform[:3, :3] = Rotation.align_vectors([sun.direction], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    place(light, transform)

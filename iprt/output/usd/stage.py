@@ -20,11 +20,12 @@ from iprt.files.atomic import require_regular
 from iprt.files.message_text import printable
 from iprt.files.termination import at_termination
 from iprt.footage.frame import Frame
+from iprt.output.usd.lights import write_dome, write_sun
 from iprt.output.usd.materials import MaterialWriter
 from iprt.output.usd.objects import Times, write_objects
 from iprt.output.usd.pictures import Pictures
 from iprt.output.usd.prims import place, usable_name
-from iprt.output.usd.room import write_dome, write_room, write_sun
+from iprt.output.usd.room import write_room
 from iprt.output.usd.views import write_views
 from iprt.scene.scene import Scene
 

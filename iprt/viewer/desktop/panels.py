@@ -34,6 +34,7 @@ from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.material_fields import material_fields
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
+from iprt.viewer.virtual_light_fields import virtual_light_fields
 
 RESET_SHARE = 0.6
 """Position of the button that resets all settings, as a fraction of the panel's width."""
@@ -101,7 +102,8 @@ def _files(ui: DesktopState) -> None:
     half = 0.5 * (third - gap)
     add = Action("add", PARTS["add"], ui.browse, "A")
     for action, icon, width in (
-        (add, icons.ICON_FA_PLUS, third),
+        (add, icons.ICON_FA_PLUS, half),
+        (shared["light"], icons.ICON_FA_LIGHTBULB, half),
         (shared["save"], icons.ICON_FA_FLOPPY_DISK, third),
         (shared["undo"], icons.ICON_FA_ROTATE_LEFT, half),
         (shared["redo"], icons.ICON_FA_ROTATE_RIGHT, half),
@@ -163,7 +165,7 @@ def _selected(ui: DesktopState) -> None:
     action_button(shared["remove"], icons.ICON_FA_TRASH, width=-1.0)
     if len(state.materials) > 1:
         quiet(f"It has {len(state.materials)} materials; a change here makes them one.")
-    for field in material_fields(ui):
+    for field in material_fields(ui) if state.light is None else virtual_light_fields(ui):
         draw_field(ui, field)
     if shared["texture"].visible():
         label("")

@@ -42,6 +42,7 @@ def shortcuts(ui: DesktopState) -> tuple[Action, ...]:
         key("N", "slide: turn to the surface's normal, or stay upright", toggle("align")),
         shared["remove"],
         key("A", "add a mesh", ui.browse),
+        shared["light"],
         *(shared[name] for name in ("undo", "redo", "save", "play")),
         key("←", "a frame back", lambda: ui.step(-1), repeats=True),
         key("→", "a frame on", lambda: ui.step(1), repeats=True),

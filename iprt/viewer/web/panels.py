@@ -29,6 +29,7 @@ from iprt.viewer.labels import PARTS, PICTURE
 from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.material_fields import material_fields
 from iprt.viewer.ui_state import require_mesh
+from iprt.viewer.virtual_light_fields import virtual_light_fields
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.handles import do_on, show
 from iprt.viewer.web.inputs import QUIET, Inputs
@@ -102,10 +103,11 @@ class Panels:
                 attribute_switch(ui, "snap", "snapping"),
                 attribute_switch(ui, "align", "align"),
             )
-            fields = (*place_fields(ui), *dragging, *material_fields(ui))
-            self._add(*fields, visible=lambda: ui.state is not None)
-            self._add(shared["texture"], shared["remove"])
-        for name in ("undo", "redo", "remove"):
+            self._add(*place_fields(ui), *dragging, visible=lambda: ui.state is not None)
+            self._add(*material_fields(ui), visible=lambda: bool(ui.state and ui.state.materials))
+            self._add(*virtual_light_fields(ui), visible=lambda: bool(ui.state and ui.state.light))
+            self._add(shared["texture"], shared["remove"], shared["light"])
+        for name in ("undo", "redo", "remove", "light"):
             self._bind_key(shared[name])
 
     def _bind_key(self, action: Action) -> None:

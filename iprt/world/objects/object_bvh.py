@@ -33,6 +33,7 @@ from iprt.geometry.material import Material, MaterialNeeds
 from iprt.geometry.mesh import Instance, same_places
 from iprt.world.objects.lamps import Lamps, LampsArgs
 from iprt.world.objects.object_layers import ObjectLayerArgs
+from iprt.world.objects.virtual_lights import VirtualLightsArgs
 
 
 @dataclass(kw_only=True)
@@ -92,6 +93,7 @@ class ObjectsArgs(Block):
         `Sunlit.marks`.
     bvh : BvhArgs or None
     lamps : LampsArgs or None
+    virtual_lights : VirtualLightsArgs or None
     screen, equirect : ObjectLayerArgs or None
         Layers of the view and around the capture centre.
     view : (16,) float32 or None
@@ -107,6 +109,7 @@ class ObjectsArgs(Block):
     sunlit: Ints = when("SUN")
     bvh: BvhArgs | None = when("OBJECTS_BVH")
     lamps: LampsArgs | None = when("OBJECTS_BVH EMISSION")
+    virtual_lights: VirtualLightsArgs | None = when("OBJECTS_BVH VIRTUAL_LIGHTS")
     screen: ObjectLayerArgs | None = when(f"{LAYERS} !VIEW_EQUIRECT")
     equirect: ObjectLayerArgs | None = when(LAYERS)
     view: Floats = when(LAYERS)

@@ -19,6 +19,7 @@ from iprt.settings.features import Features
 from iprt.world.objects.object_bvh import ObjectBvh, ObjectsArgs
 from iprt.world.objects.object_layers import EMPTY, TracedLayers
 from iprt.world.objects.sunlit import Sunlit
+from iprt.world.objects.virtual_lights import VirtualLights
 
 BOX_MARGIN = 1e-3
 """Enlargement of the boxes around objects, as a fraction of their diagonals."""
@@ -81,6 +82,7 @@ class Objects:
         self.device_bounds = device.upload("object bounds", self.bounds)
         self.bounds_before = device.upload("object bounds before", self.bounds)
         self.sunlit = Sunlit(device, len(self.bounds), features) if features.sun else None
+        self._lights = VirtualLights(device, instances) if features.virtual_lights else None
         materials = material_table([m for i in instances for m in i.mesh.materials])
         self.materials = device.upload("materials", materials)
 
@@ -97,6 +99,8 @@ class Objects:
         self._device.write(self.device_bounds, self.bounds)
         if self.triangles is not None:
             self.triangles.load(self.instances)
+        if self._lights is not None:
+            self._lights.load(self.instances)
 
     def _bounds(self) -> NDArray[np.float32]:
         return object_bounds(self.instances, margin=self._margin)
@@ -105,7 +109,9 @@ class Objects:
         """Return the objects for rays; `view` holds the constants of the view of `screen`."""
         sunlit = None if self.sunlit is None else self.sunlit.marks
         if self.bvh is not None:
-            return replace(self.bvh.arguments(self.device_bounds), sunlit=sunlit)
+            lights = None if self._lights is None else self._lights.arguments()
+            triangles = self.bvh.arguments(self.device_bounds)
+            return replace(triangles, sunlit=sunlit, virtual_lights=lights)
         screen, around = self.screen, self.around
         return ObjectsArgs(
             bounds=self.device_bounds,

@@ -274,7 +274,7 @@ static inline int radial_real(const RealLayer layer, const PolarRay ray, RealHit
     return 1;
 }
 
-#ifdef SUN
+#if defined(SUN) || defined(VIRTUAL_LIGHTS)
 // Return whether a ray left the room, through an opening or to open sky.
 static inline int leaves_room(const RealLayer layer, const RealHit hit)
 {

@@ -1,0 +1,186 @@
+"""Data model of the materials of a glTF document and of their textures.
+
+Specification: Khronos glTF 2.0, section 3.9, and its extensions KHR_materials_*.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from iprt.geometry.gltf_part import Index, Number, Pair, Part, Quadruple, Triple, extension
+
+Coefficients = tuple[tuple[float, float, float], tuple[float, float, float]]
+IDENTITY: Coefficients = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+"""Map of texture coordinates without KHR_texture_transform."""
+
+
+class TextureTransform(Part):
+    """A transform of texture coordinates (KHR_texture_transform)."""
+
+    offset: Pair = Field(default=[0.0, 0.0])
+    rotation: Number = 0.0
+    scale: Pair = Field(default=[1.0, 1.0])
+    tex_coord: Index | None = None
+
+    @property
+    def matrix(self) -> Coefficients:
+        """Rows of the (2, 3) map of texture coordinates, v down.
+
+        A positive rotation turns coordinates counter-clockwise as an image shows them.
+        """
+        c, s = float(np.cos(self.rotation)), float(np.sin(self.rotation))
+        (x, y), (right, down) = self.scale, self.offset
+        return (c * x, s * y, right), (-s * x, c * y, down)
+
+
+class TextureReference(Part):
+    """A material's reference to a texture."""
+
+    index: Index
+    tex_coord: Index = 0
+    transform: TextureTransform | None = extension("KHR_texture_transform")
+
+    @property
+    def coordinates(self) -> int:
+        """Index of the texture coordinate set."""
+        given = None if self.transform is None else self.transform.tex_coord
+        return self.tex_coord if given is None else given
+
+    @property
+    def placement(self) -> tuple[int, Coefficients]:
+        """Texture coordinate set, and the map of its coordinates (`TextureTransform.matrix`)."""
+        return self.coordinates, IDENTITY if self.transform is None else self.transform.matrix
+
+
+class NormalTexture(TextureReference):
+    """A material's reference to a normal map."""
+
+    scale: Number = 1.0
+
+
+class PbrMetallicRoughness(Part):
+    """The metallic-roughness parameters of a material."""
+
+    base_color_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
+    metallic_factor: Number = 1.0
+    roughness_factor: Number = 1.0
+    base_color_texture: TextureReference | None = None
+    metallic_roughness_texture: TextureReference | None = None
+
+
+class SpecularGlossiness(Part):
+    """The specular-glossiness parameters of a material that are read."""
+
+    diffuse_factor: Quadruple = Field(default=[1.0, 1.0, 1.0, 1.0])
+    glossiness_factor: Number = 1.0
+    diffuse_texture: TextureReference | None = None
+
+
+class EmissiveStrength(Part):
+    """The factor of a material's emission."""
+
+    emissive_strength: Number = 1.0
+
+
+class IndexOfRefraction(Part):
+    """The index of refraction of a material."""
+
+    ior: Number = 1.5
+
+
+class Specular(Part):
+    """The strength of a dielectric's reflection; textures are named, not read."""
+
+    specular_factor: Number = 1.0
+    specular_color_factor: Triple = Field(default=[1.0, 1.0, 1.0])
+    specular_texture: Any = None
+    specular_color_texture: Any = None
+
+
+class Transmission(Part):
+    """The share of light that a surface transmits; a texture is named, not read."""
+
+    transmission_factor: Number = 0.0
+    transmission_texture: Any = None
+
+
+class Volume(Part):
+    """The inside of a material; a thickness other than 0 makes it a solid."""
+
+    thickness_factor: Number = 0.0
+    attenuation_distance: Number | None = None
+    attenuation_color: Triple = Field(default=[1.0, 1.0, 1.0])
+
+
+class Clearcoat(Part):
+    """A clear coat; means of its textures are used, and its normal map is named, not read."""
+
+    clearcoat_factor: Number = 0.0
+    clearcoat_texture: TextureReference | None = None
+    clearcoat_roughness_factor: Number = 0.0
+    clearcoat_roughness_texture: TextureReference | None = None
+    clearcoat_normal_texture: Any = None
+
+
+class Sheen(Part):
+    """Light that fibres reflect at grazing angles; means of its textures are used."""
+
+    sheen_color_factor: Triple = Field(default=[0.0, 0.0, 0.0])
+    sheen_color_texture: TextureReference | None = None
+    sheen_roughness_factor: Number = 0.0
+    sheen_roughness_texture: TextureReference | None = None
+
+
+class GltfMaterial(Part):
+    """A material."""
+
+    name: str | None = None
+    alpha_mode: str = "OPAQUE"
+    alpha_cutoff: Number = 0.5
+    emissive_factor: Triple = Field(default=[0.0, 0.0, 0.0])
+    normal_texture: NormalTexture | None = None
+    occlusion_texture: Any = None
+    emissive_texture: TextureReference | None = None
+    pbr_metallic_roughness: PbrMetallicRoughness = Field(default=PbrMetallicRoughness())
+    glossiness: SpecularGlossiness | None = extension("KHR_materials_pbrSpecularGlossiness")
+    strength: EmissiveStrength | None = extension("KHR_materials_emissive_strength")
+    refraction: IndexOfRefraction | None = extension("KHR_materials_ior")
+    specular: Specular | None = extension("KHR_materials_specular")
+    transmission: Transmission | None = extension("KHR_materials_transmission")
+    volume: Volume | None = extension("KHR_materials_volume")
+    clearcoat: Clearcoat | None = extension("KHR_materials_clearcoat")
+    sheen: Sheen | None = extension("KHR_materials_sheen")
+    unlit: Any = extension("KHR_materials_unlit")
+
+    def color_textures(self) -> list[TextureReference]:
+        """Return the color textures of this material."""
+        other = None if self.glossiness is None else self.glossiness.diffuse_texture
+        given = [self.pbr_metallic_roughness.base_color_texture, other]
+        return [texture for texture in given if texture is not None]
+
+    def textures(self) -> list[TextureReference]:
+        """Return the textures of this material that are read."""
+        surface = None
+        if self.glossiness is None:
+            surface = self.pbr_metallic_roughness.metallic_roughness_texture
+        glow = self.emissive_texture if max(self.emissive_factor) > 0.0 else None
+        others = [surface, self.normal_texture, glow]
+        if self.unlit is not None:
+            return self.color_textures()[:1]
+        return self.color_textures()[:1] + [one for one in others if one is not None]
+
+    def averaged(self) -> list[TextureReference]:
+        """Return the textures of this material of which only means are used."""
+        coat, sheen = self.clearcoat, self.sheen
+        given = [] if coat is None else [coat.clearcoat_texture, coat.clearcoat_roughness_texture]
+        if sheen is not None:
+            given += [sheen.sheen_color_texture, sheen.sheen_roughness_texture]
+        return [one for one in given if one is not None and self.unlit is None]
+
+    @property
+    def placement(self) -> tuple[int, Coefficients]:
+        """`TextureReference.placement` of the first texture that is read, used for all of them."""
+        return next((one.placement for one in self.textures()), (0, IDENTITY))

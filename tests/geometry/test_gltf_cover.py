@@ -1,0 +1,131 @@
+"""KHR_materials_clearcoat and KHR_materials_sheen of glTF files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iprt.errors import FormatError
+from iprt.geometry.mesh import Mesh
+from tests.geometry.test_gltf_materials import noise, quad
+
+
+def covered(
+    folder: Path, pbr: dict[str, Any] | None = None, *images: np.ndarray, **given: Any
+) -> Mesh:
+    """Load a square with extensions; without `pbr` it is plastic of roughness 0.5."""
+    pbr = {"metallicFactor": 0.0, "roughnessFactor": 0.5} if pbr is None else pbr
+    extensions = {f"KHR_materials_{name}": values for name, values in given.items()}
+    return quad(folder, pbr, *images, extensions=extensions)
+
+
+def linear(stored: np.ndarray) -> np.ndarray:
+    return np.where(stored > 10, ((stored / 255 + 0.055) / 1.055) ** 2.4, stored / 255 / 12.92)
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+def test_a_clearcoat(tmp_path: Path, metallic: float) -> None:
+    pbr = {"metallicFactor": metallic, "roughnessFactor": 0.5}
+    given = {"clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.2}
+    mesh = covered(tmp_path, pbr, clearcoat=given)
+    (material,) = mesh.materials
+    assert (material.kind, material.metallic) == ("principled", metallic)
+    assert (material.alpha, material.clearcoat) == (0.25, 0.75)
+    assert material.clearcoat_alpha == pytest.approx(0.04)
+    assert max(material.sheen) == 0.0
+    assert (mesh.dropped, mesh.warnings) == ((), ())
+
+
+def test_sheen(tmp_path: Path) -> None:
+    """A dull surface below it keeps its coat, too."""
+    given = {"sheenColorFactor": [0.5, 0.25, 0.0], "sheenRoughnessFactor": 0.3}
+    mesh = covered(tmp_path, {"metallicFactor": 0.0, "roughnessFactor": 1.0}, sheen=given)
+    (material,) = mesh.materials
+    assert (material.kind, material.alpha) == ("principled", 1.0)
+    assert material.sheen == (0.5, 0.25, 0.0)
+    assert material.sheen_alpha == pytest.approx(0.09)
+    assert mesh.dropped == ()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"clearcoat": {"clearcoatRoughnessFactor": 0.5}},
+        {"clearcoat": {"clearcoatFactor": -1.0}},
+        {"sheen": {"sheenRoughnessFactor": 0.5}},
+        {"clearcoat": {}, "sheen": {}},
+    ],
+)
+def test_without_a_strength_nothing_is_covered(tmp_path: Path, given: dict[str, Any]) -> None:
+    (material,) = covered(tmp_path, **given).materials
+    assert material.kind == "plastic"
+
+
+def test_impossible_strengths_are_bounded(tmp_path: Path) -> None:
+    coat = {"clearcoatFactor": 7.0, "clearcoatRoughnessFactor": 3.0}
+    sheen = {"sheenColorFactor": [-1.0, 9.0, 0.5], "sheenRoughnessFactor": -2.0}
+    (material,) = covered(tmp_path, clearcoat=coat, sheen=sheen).materials
+    assert (material.clearcoat, material.clearcoat_alpha) == (1.0, 1.0)
+    assert (material.sheen, material.sheen_alpha) == ((0.0, 1.0, 0.5), 0.0)
+
+
+def test_means_of_maps_are_used(tmp_path: Path) -> None:
+    """Red is the strength, green the roughness; sheen's roughness is alpha, its color sRGB."""
+    first, second = noise(4, 4), np.random.default_rng(6).integers(0, 256, (3, 5, 4), np.uint8)
+    coat = {
+        "clearcoatFactor": 0.8,
+        "clearcoatTexture": {"index": 0},
+        "clearcoatRoughnessFactor": 0.5,
+        "clearcoatRoughnessTexture": {"index": 0},
+    }
+    sheen = {
+        "sheenColorFactor": [1.0, 0.5, 0.25],
+        "sheenColorTexture": {"index": 1},
+        "sheenRoughnessFactor": 0.6,
+        "sheenRoughnessTexture": {"index": 1},
+    }
+    mesh = covered(tmp_path, None, first, second, clearcoat=coat, sheen=sheen)
+    (material,) = mesh.materials
+    assert material.clearcoat == pytest.approx(0.8 * (first[..., 0] / 255).mean())
+    assert material.clearcoat_alpha == pytest.approx(0.25 * ((first[..., 1] / 255) ** 2).mean())
+    color = linear(second[..., :3]).mean(axis=(0, 1)) * [1.0, 0.5, 0.25]
+    assert material.sheen == pytest.approx(color, rel=1e-3)
+    assert material.sheen_alpha == pytest.approx(0.36 * ((second[..., 3] / 255) ** 2).mean())
+    assert mesh.dropped == ("map of clearcoat; its mean is used", "map of sheen; its mean is used")
+    assert material.maps == (None,) * 4
+
+
+def test_a_normal_map_of_clearcoat_is_named(tmp_path: Path) -> None:
+    given = {"clearcoatFactor": 1.0, "clearcoatNormalTexture": {"index": 0}}
+    assert covered(tmp_path, clearcoat=given).dropped == ("normal map of clearcoat",)
+
+
+def test_a_missing_texture_is_an_error(tmp_path: Path) -> None:
+    given = {"clearcoatFactor": 1.0, "clearcoatTexture": {"index": 3}}
+    with pytest.raises(FormatError, match="there is no texture 3"):
+        covered(tmp_path, clearcoat=given)
+
+
+def test_glass_has_no_cover(tmp_path: Path) -> None:
+    given = {
+        "transmission": {"transmissionFactor": 1.0},
+        "clearcoat": {"clearcoatFactor": 1.0},
+        "sheen": {"sheenColorFactor": [1.0, 1.0, 1.0]},
+        "specular": {"specularColorFactor": [1.0, 0.0, 0.0]},
+    }
+    mesh = covered(tmp_path, **given)
+    (material,) = mesh.materials
+    assert material.kind == "dielectric"
+    assert mesh.dropped == (
+        "clearcoat of glass",
+        "sheen of glass",
+        "color of the specular reflection of glass",
+    )
+
+
+def test_unlit_has_no_cover(tmp_path: Path) -> None:
+    (material,) = covered(tmp_path, unlit={}, clearcoat={"clearcoatFactor": 1.0}).materials
+    assert not material.is_covered
