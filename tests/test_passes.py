@@ -135,7 +135,18 @@ def test_highlights_are_split_in_frames_that_a_view_shows() -> None:
     assert run.call_count == 1
 
 
-@pytest.mark.parametrize("name", [n for n, film in FILMS.items() if film.settings.method != "oil"])
+OF_LOBES = ("covers", "glass", "lamps", "maps", "virtual lights")
+"""Films whose passes are those of "triangles", in programs of their own."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.thorough if name in OF_LOBES else ())
+        for name, film in FILMS.items()
+        if film.settings.method != "oil"
+    ],
+)
 def test_a_pass_that_is_not_due_would_change_nothing(
     device: ComputeDevice, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:

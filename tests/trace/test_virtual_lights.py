@@ -342,6 +342,7 @@ def test_a_highlight_has_the_brightness_of_the_lobe(device: ComputeDevice) -> No
     assert picture.color.mean() == pytest.approx(wanted.mean(), rel=3e-3)
 
 
+@pytest.mark.thorough
 def test_light_goes_straight_through_panes(device: ComputeDevice) -> None:
     """A pane of index 1.5 reflects 2 R / (1 + R) of it, with R of one surface."""
     pane = Material("dielectric", (1.0, 1.0, 1.0), alpha=0.0, thin=True)
