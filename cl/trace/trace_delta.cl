@@ -14,12 +14,6 @@
 #include "world/path.h"
 #include "trace/traced.h"
 
-// Lights without geometry get a ray of their own with each ray of the others.
-#ifdef SAMPLES_VIRTUAL_LIGHTS
-#define RAYS_PER_SAMPLE 2
-#else
-#define RAYS_PER_SAMPLE 1
-#endif
 // Shares of rays aimed at boxes, from outside and from inside of one. Half of the rest is aimed at lights, if
 // there are any; the others follow the cosine, which covers close objects. With emitting objects, these are shares of
 // the rays that are not aimed at emitting triangles.
@@ -139,18 +133,15 @@ TRACING_KERNEL void trace_delta(
             break;
         const uint index = READ_AGAIN(samples + at.pixel) + ray / RAYS_PER_SAMPLE;
         const float2 u = sobol_2d(index, at.seed), v = sobol_2d(index, hash_combine(at.seed, 1));
-#ifdef SAMPLES_VIRTUAL_LIGHTS
         Scatter s;
+#ifdef SAMPLES_VIRTUAL_LIGHTS
         if (ray % RAYS_PER_SAMPLE) {
             float weight;
             s = at_virtual_light(world.objects.virtual_lights, o_object, at.n, (float3)(u, v.x), &weight);
             s.diffuse = weight * fmax(dot(at.n, s.wi), 0.0f) / IPRT_PI;
-        } else {
-            s = sample_delta(world, boxes, o, u, v);
-        }
-#else
-        const Scatter s = sample_delta(world, boxes, o, u, v);
+        } else
 #endif
+        s = sample_delta(world, boxes, o, u, v);
         if (!(s.diffuse > 0.0f))
             continue;
         const PathSums sums = {bounce, 0, blocked, 1.0f};

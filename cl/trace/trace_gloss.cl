@@ -15,13 +15,6 @@
 #include "world/path.h"
 #include "trace/traced.h"
 
-// Lights without geometry get a ray of their own with each ray of the lobe.
-#ifdef SAMPLES_VIRTUAL_LIGHTS
-#define RAYS_PER_SAMPLE 2
-#else
-#define RAYS_PER_SAMPLE 1
-#endif
-
 TRACING_KERNEL void trace_gloss(
     const Pixels pixels,
     const World world,

@@ -158,14 +158,14 @@ def test_instances_stand_where_they_are_placed(tmp_path: Path) -> None:
         double3 xformOp:translate = (10, 0, 0)
         uniform token[] xformOpOrder = ["xformOp:translate"]
     }
-    def "three" (references = </root/two>)
+    def "three" (references = </thing/two>)
     {
         double3 xformOp:translate:more = (5, 0, 0)
         uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:translate:more"]
     }
     def PointInstancer "many"
     {
-        rel prototypes = </root/many/kind>
+        rel prototypes = </thing/many/kind>
         int[] protoIndices = [0, 0]
         point3f[] positions = [(0, 20, 0), (0, 30, 0)]
         def Xform "kind" (
@@ -224,7 +224,7 @@ def test_meshes_without_faces_are_nothing(tmp_path: Path) -> None:
 
 
 def test_references_that_lead_nowhere_are_named(tmp_path: Path) -> None:
-    body = square() + 'def "a" (references = </root/nothing>)\n{\n}'
+    body = square() + 'def "a" (references = </thing/nothing>)\n{\n}'
     mesh = load_mesh(usda(tmp_path / "a.usda", body))
     assert mesh.dropped == ("references that lead nowhere (1)",)
 
@@ -234,7 +234,7 @@ def test_subsets_have_their_materials(tmp_path: Path) -> None:
         return f"""
     def Material "{name}"
     {{
-        token outputs:surface.connect = </root/{name}/s.outputs:surface>
+        token outputs:surface.connect = </thing/{name}/s.outputs:surface>
         def Shader "s"
         {{
             uniform token info:id = "UsdPreviewSurface"
@@ -252,13 +252,13 @@ def test_subsets_have_their_materials(tmp_path: Path) -> None:
         int[] faceVertexCounts = [3, 3]
         int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]
         point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-        rel material:binding = </root/red>
+        rel material:binding = </thing/red>
         def GeomSubset "part" (prepend apiSchemas = ["MaterialBindingAPI"])
         {
             uniform token elementType = "face"
             uniform token familyName = "materialBind"
             int[] indices = [1]
-            rel material:binding = </root/blue>
+            rel material:binding = </thing/blue>
         }
     }"""
     )

@@ -28,7 +28,7 @@ pytest.importorskip("pxr", reason="needs the extra `usd`")
 from pxr import Sdf
 
 here = pytest.mark.usefixtures("in_this_process")
-TEXTURED = "color3f inputs:diffuseColor.connect = </root/look/t.outputs:rgb>"
+TEXTURED = "color3f inputs:diffuseColor.connect = </thing/look/t.outputs:rgb>"
 
 
 def refused(path: Path, *words: str) -> str:
@@ -76,9 +76,9 @@ def test_damage(tmp_path: Path) -> None:
     refused(tmp_path / "missing.usda", "no such")
     refused(usda(tmp_path / "none.usda", ""), "holds no triangles")
     bad = square().replace("[0, 1, 2, 3]", "[0, 1, 2, 9]")
-    refused(usda(tmp_path / "bad.usda", bad), "/root/square", "does not exist")
+    refused(usda(tmp_path / "bad.usda", bad), "/thing/square", "does not exist")
     bad = square().replace("Counts = [4]", "Counts = [5]")
-    refused(usda(tmp_path / "bad.usda", bad), "/root/square", "do not match")
+    refused(usda(tmp_path / "bad.usda", bad), "/thing/square", "do not match")
 
 
 @here
@@ -136,7 +136,7 @@ def test_value_clips_are_left_out(tmp_path: Path) -> None:
     outside = usda(tmp_path / "part.usda", square())
     (tmp_path / "folder").mkdir()
     clips = f"clips = {{dictionary default = {{asset[] assetPaths = [@{outside}@]\n"
-    clips += 'string primPath = "/root"\ndouble2[] active = [(0, 0)]\ndouble2[] times = [(0, 0)]\n'
+    clips += 'string primPath = "/thing"\ndouble2[] active = [(0, 0)]\ndouble2[] times = [(0, 0)]\n'
     body = f'def "a" ({clips}}}}})\n{{\n{square()}\n}}'
     mesh = load_mesh(usda(tmp_path / "folder" / "a.usda", body))
     assert mesh.dropped == ("value clips",)

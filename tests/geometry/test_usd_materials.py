@@ -77,11 +77,11 @@ def test_textures(tmp_path: Path) -> None:
     nodes += texture("bumps", "bumps.png", bias)
     inputs = "\n".join(
         [
-            "color3f inputs:diffuseColor.connect = </root/look/color.outputs:rgb>",
-            "float inputs:opacity.connect = </root/look/color.outputs:a>",
-            "float inputs:roughness.connect = </root/look/rough.outputs:r>",
-            "float inputs:metallic.connect = </root/look/metal.outputs:b>",
-            "normal3f inputs:normal.connect = </root/look/bumps.outputs:rgb>",
+            "color3f inputs:diffuseColor.connect = </thing/look/color.outputs:rgb>",
+            "float inputs:opacity.connect = </thing/look/color.outputs:a>",
+            "float inputs:roughness.connect = </thing/look/rough.outputs:r>",
+            "float inputs:metallic.connect = </thing/look/metal.outputs:b>",
+            "normal3f inputs:normal.connect = </thing/look/bumps.outputs:rgb>",
         ]
     )
     material, mesh = read(tmp_path, inputs, nodes)
@@ -107,7 +107,7 @@ def test_coordinates_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
         def Shader "place"
         {
             uniform token info:id = "UsdTransform2d"
-            float2 inputs:in.connect = </root/look/reader.outputs:result>
+            float2 inputs:in.connect = </thing/look/reader.outputs:result>
             float inputs:rotation = 90
             float2 inputs:scale = (2, 3)
             float2 inputs:translation = (0.5, 0)
@@ -115,7 +115,7 @@ def test_coordinates_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
         }
 """
     node = texture("t", "t.png").replace("reader.outputs:result", "place.outputs:result")
-    inputs = "color3f inputs:diffuseColor.connect = </root/look/t.outputs:rgb>"
+    inputs = "color3f inputs:diffuseColor.connect = </thing/look/t.outputs:rgb>"
     _, mesh = read(tmp_path, inputs, READER + place + node)
     seen = {tuple(p): tuple(uv) for p, uv in zip(mesh.positions, mesh.uvs.round(5), strict=True)}
     assert seen[1, 0, 0] == (0.5, 2)
@@ -125,7 +125,7 @@ def test_coordinates_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
 def test_a_linear_picture_is_not_decoded(tmp_path: Path) -> None:
     Image.new("RGB", (2, 2), (51, 51, 51)).save(tmp_path / "t.png")
     node = texture("t", "t.png", 'token inputs:sourceColorSpace = "raw"')
-    inputs = "color3f inputs:diffuseColor.connect = </root/look/t.outputs:rgb>"
+    inputs = "color3f inputs:diffuseColor.connect = </thing/look/t.outputs:rgb>"
     material, _ = read(tmp_path, inputs, READER + node)
     assert material.texture is not None
     np.testing.assert_allclose(material.texture, 0.2)
@@ -142,7 +142,7 @@ def test_colors_of_vertices_are_read_where_the_material_reads_them(tmp_path: Pat
             float3 outputs:result
         }
 """
-    inputs = "color3f inputs:diffuseColor.connect = </root/look/colors.outputs:result>"
+    inputs = "color3f inputs:diffuseColor.connect = </thing/look/colors.outputs:result>"
     material, mesh = read(tmp_path, inputs, node, more)
     assert material.albedo == (0, 1, 0)
     assert mesh.dropped == ()
@@ -159,7 +159,7 @@ def test_what_is_not_read_is_named(tmp_path: Path) -> None:
     mesh = load_mesh(usda(tmp_path / "b.usda", other))
     assert mesh.dropped == ("material look, which has no UsdPreviewSurface",)
     assert mesh.materials[0].kind == "diffuse"
-    inputs = "color3f inputs:diffuseColor.connect = </root/look/t.outputs:rgb>"
+    inputs = "color3f inputs:diffuseColor.connect = </thing/look/t.outputs:rgb>"
     _, mesh = read(tmp_path, inputs, READER + texture("t", "t.<UDIM>.png"))
     assert mesh.dropped == ("texture t.<UDIM>.png",)
 
@@ -168,10 +168,10 @@ def test_inputs_may_come_from_the_material_and_bindings_from_old_files(tmp_path:
     """Bindings without an applied schema, as files had them once."""
     Image.new("RGB", (2, 2), (255, 255, 255)).save(tmp_path / "t.png")
     reader = READER.replace(
-        'inputs:varname = "st"', "inputs:varname.connect = </root/look.inputs:coordinates>"
+        'inputs:varname = "st"', "inputs:varname.connect = </thing/look.inputs:coordinates>"
     )
-    inputs = "color3f inputs:diffuseColor.connect = </root/look.inputs:tint>\n"
-    inputs += "color3f inputs:emissiveColor.connect = </root/look/t.outputs:rgb>"
+    inputs = "color3f inputs:diffuseColor.connect = </thing/look.inputs:tint>\n"
+    inputs += "color3f inputs:emissiveColor.connect = </thing/look/t.outputs:rgb>"
     body = surface(inputs, reader + texture("t", "t.png"))
     body = body.replace(' (prepend apiSchemas = ["MaterialBindingAPI"])', "")
     body = body.replace("primvars:st", "primvars:Texture_uv").replace(

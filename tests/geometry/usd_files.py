@@ -28,10 +28,10 @@ SQUARE = """
 
 
 def usda(path: Path, body: str, *, up: str = "Y", unit: float = 1.0) -> Path:
-    """Write a layer with these prims below the prim `root`."""
-    head = f'#usda 1.0\n(\n    defaultPrim = "root"\n    metersPerUnit = {unit}\n'
+    """Write a layer with these prims below the prim `thing`."""
+    head = f'#usda 1.0\n(\n    defaultPrim = "thing"\n    metersPerUnit = {unit}\n'
     head += f'    upAxis = "{up}"\n)\n'
-    path.write_text(f'{head}def Xform "root"\n{{\n{body}\n}}\n')
+    path.write_text(f'{head}def Xform "thing"\n{{\n{body}\n}}\n')
     return path
 
 
@@ -43,12 +43,12 @@ def square(more: str = "") -> str:
 def surface(inputs: str, nodes: str = "", square_more: str = "") -> str:
     """Return a square with a UsdPreviewSurface of these inputs."""
     shader = "\n            ".join(inputs.splitlines())
-    bound = f"rel material:binding = </root/look>\n        {square_more}"
+    bound = f"rel material:binding = </thing/look>\n        {square_more}"
     apply = SQUARE.replace('"square"\n', '"square" (prepend apiSchemas = ["MaterialBindingAPI"])\n')
     return f"""{apply.replace("MORE", bound)}
     def Material "look"
     {{
-        token outputs:surface.connect = </root/look/s.outputs:surface>
+        token outputs:surface.connect = </thing/look/s.outputs:surface>
         def Shader "s"
         {{
             uniform token info:id = "UsdPreviewSurface"
@@ -67,7 +67,7 @@ def texture(name: str, file: str, more: str = "") -> str:
         {{
             uniform token info:id = "UsdUVTexture"
             asset inputs:file = @{file}@
-            float2 inputs:st.connect = </root/look/reader.outputs:result>
+            float2 inputs:st.connect = </thing/look/reader.outputs:result>
             float3 outputs:rgb
             float outputs:r
             float outputs:g

@@ -14,7 +14,7 @@ from iprt.output.usd.prims import usable_name
 NO_COAT = 1.0
 """Index of refraction of a surface without a specular reflection."""
 NORMAL_SCALE, NORMAL_BIAS = (2.0, 2.0, 2.0), (-1.0, -1.0, -1.0, 0.0)
-"""What takes the levels of a normal map, from 0 to 1, to directions."""
+"""Scale and bias that take the levels of a normal map, from 0 to 1, to directions."""
 TYPES = Sdf.ValueTypeNames
 INPUTS = {
     "diffuseColor": TYPES.Color3f,

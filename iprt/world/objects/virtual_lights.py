@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iprt.device.block import Block, Float4s, Floats, Int32
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
+from iprt.footage.frame import LUMINANCE
 from iprt.geometry.light import PROFILE_SHAPE, Light
 from iprt.geometry.mesh import Float, Instance
 
@@ -20,7 +21,6 @@ LIGHT_ROWS = constant(_HEADER, "LIGHT_ROWS")
 _KINDS = {
     kind: constant(_HEADER, f"LIGHT_{kind.upper()}") for kind in ("sphere", "rectangle", "sun")
 }
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(kw_only=True)
@@ -108,5 +108,5 @@ def _rows(light: Light, to_world: Float, profile: int) -> Float:
     rows[2] = *-backwards, profile
     rows[3] = *across, scale
     rows[4] = *upwards, offset
-    rows[5] = *half, float(_LUMINANCE @ light.intensity), 0.0
+    rows[5] = *half, float(LUMINANCE @ light.intensity), 0.0
     return rows

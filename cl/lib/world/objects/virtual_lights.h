@@ -136,4 +136,8 @@ static inline float3 light_intensity(const VirtualLights lights, int light)
     return lights.rows[LIGHT_ROWS * light + 1].xyz;
 }
 
+// Real surfaces aim a ray at these lights with each of their other rays.
+#define RAYS_PER_SAMPLE 2
+#else
+#define RAYS_PER_SAMPLE 1
 #endif
