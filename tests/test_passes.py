@@ -135,14 +135,14 @@ def test_highlights_are_split_in_frames_that_a_view_shows() -> None:
     assert run.call_count == 1
 
 
-OF_LOBES = ("covers", "glass", "lamps", "maps", "virtual lights")
-"""Films whose passes are those of "triangles", in programs of their own."""
+OWN_PROGRAMS = ("covers", "glass", "lamps", "maps", "virtual lights", "layers around", "remembered")
+"""Films with passes of others, in programs of their own."""
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.thorough if name in OF_LOBES else ())
+        pytest.param(name, marks=pytest.mark.thorough if name in OWN_PROGRAMS else ())
         for name, film in FILMS.items()
         if film.settings.method != "oil"
     ],

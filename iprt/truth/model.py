@@ -77,7 +77,7 @@ def render_color(scene: Any, view: View, *, spp: int, seed: int, clean: bool = T
     """
     mi = mitsuba()
     absorbs = any(shape.interior_medium() is not None for shape in scene.shapes())
-    integrator = "volpath" if absorbs else "path"
+    integrator = "volpathmis" if absorbs else "path"  # colors are absorbed differently
     paths = mi.load_dict({"type": integrator, "max_depth": MAX_DEPTH, "rr_depth": 5})
     color = _render(scene, sensor(view), paths, spp, seed)[..., :3]
     if not clean:

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.errors import IprtError
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, transformed
 from iprt.truth.backend import mitsuba
+from iprt.truth.covered import LEAST_ALPHA, covered
 
 
 class Triangles(Protocol):
@@ -69,16 +69,11 @@ def mitsuba_mesh(mesh: Triangles, bsdf: Any, emitter: Any = None, medium: Any = 
     return shape
 
 
-def bsdf_of(material: Material) -> dict[str, Any]:
+def bsdf_of(material: Material) -> Any:
     """Return the Mitsuba BSDF of the front side of a virtual object's material, without holes.
 
     A principled one is a blend of `roughplastic`, whose roughness is the mean of its map, and of
-    `principled`.
-
-    Raises
-    ------
-    IprtError
-        Mitsuba has no equivalent: its clearcoat and sheen are other functions.
+    `principled`, with the layers of `covered`.
     """
     color: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
@@ -120,27 +115,32 @@ def _dielectric(material: Material, color: dict[str, Any]) -> dict[str, Any]:
     return {"type": "roughdielectric", "distribution": "ggx", "alpha": material.alpha, **glass}
 
 
-def _principled(material: Material, color: dict[str, Any]) -> dict[str, Any]:
-    if material.is_covered:
-        raise IprtError(
-            "a material has clearcoat, sheen or a tint, which Mitsuba defines differently; set "
-            "clearcoat and sheen to 0 and tint to 1 for reference pictures"
-        )
+def _principled(material: Material, color: dict[str, Any]) -> Any:
     surface, alpha = material.maps[1], material.alpha
     metallic: Any = material.metallic
+    if surface is not None:
+        metallic = metallic * surface[..., :1]
+    if material.transmission > 0.0:
+        # Light inside meets the opaque share from behind.
+        opaque = {"type": "twosided", "bsdf": bsdf_of(replace(material, transmission=0.0))}
+        glass = _dielectric(material, color)
+        return _mixed(material.transmission * (1.0 - metallic), opaque, glass)
+    if material.is_covered:
+        bare = replace(material, clearcoat=0.0, sheen=(0.0, 0.0, 0.0), tint=(1.0, 1.0, 1.0))
+        return covered(material, bsdf_of(replace(bare, alpha=max(material.alpha, LEAST_ALPHA))))
     roughness: Any = float(np.sqrt(alpha))
     if surface is not None:
         alpha *= float(np.square(surface[..., 1]).mean())
-        metallic = _bitmap(metallic * surface[..., :1])
         roughness = _bitmap(roughness * surface[..., 1:])
     metal = {"type": "principled", "base_color": color, "metallic": 1.0, "roughness": roughness}
     plastic = bsdf_of(Material("plastic", alpha=alpha, ior=material.ior))
-    return {
-        "type": "blendbsdf",
-        "weight": metallic,
-        "plastic": plastic | {"diffuse_reflectance": color},
-        "metal": metal,
-    }
+    return _mixed(metallic, plastic | {"diffuse_reflectance": color}, metal)
+
+
+def _mixed(share: Any, first: Any, second: Any) -> dict[str, Any]:
+    """Return a blend with a share of the second, a number or an image (H, W, 1)."""
+    weight = _bitmap(share) if isinstance(share, np.ndarray) else float(share)
+    return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
 
 
 def _medium(material: Material) -> dict[str, Any]:

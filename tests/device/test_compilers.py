@@ -106,7 +106,7 @@ def test_dimensions_of_grids_are_read_from_the_source(device: ComputeDevice) -> 
         launch(self, size, *groups, **own)
 
     with mock.patch.object(Kernel, "__call__", record):
-        play(device, films()["remembered"])
+        play(device, films()["around"])
     programs = {program.name: program for program in device.built_programs}
     read = {(name, kernel, programs[name].dimensions(kernel)) for name, kernel, _ in launched}
     assert read == launched

@@ -16,6 +16,8 @@ from iprt.settings.overrides import resolved, settings_toml
 from tests.files.test_gain_map import OF_MAP, attributes, grey, jpeg, with_pictures
 from tests.files.writing import exif, gpano, write_hdr, write_tiff
 from tests.footage.video.encoding import Track, grey16, plain, write_video
+from tests.geometry.gltf_models import models, write_model
+from tests.geometry.test_ies import written
 from tests.scene import corpus
 from tests.scene.files import CUBE, MANIFEST, OBJECT, VIEW, write_channels, write_png16
 from tests.scene.nasty_meshes import BINARY, CORNERS, DATA, TEXTURED, glb, gltf, ply
@@ -170,9 +172,19 @@ def _gltf(_: Path) -> list[bytes]:
     return [gltf({}).encode(), gltf({**TEXTURED, "images": [{"uri": "t.png"}]}).encode()]
 
 
-def _glb(_: Path) -> list[bytes]:
+def _glb(folder: Path) -> list[bytes]:
     made = [glb(gltf({"buffers.0.uri": None}), DATA)]
     made.append(trimesh.creation.box().export(file_type="glb"))
+    made += [write_model(folder / "m.glb", material).read_bytes() for _, material in models()]
+    return made
+
+
+def _ies(folder: Path) -> list[bytes]:
+    made = []
+    for last in (0, 90, 180, 360):
+        turn = np.arange(0, last + 1, 45)
+        values = np.tile([3.0, 2.0, 0.5], (len(turn), 1))
+        made.append(written(folder / "a.ies", [0, 45, 90], turn, values).read_bytes())
     return made
 
 
@@ -221,6 +233,7 @@ _MAKERS = {
     "stl": _stl,
     "gltf": _gltf,
     "glb": _glb,
+    "ies": _ies,
     "scene": _scene,
     "settings": _settings,
     "video": _video,

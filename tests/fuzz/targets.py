@@ -33,6 +33,7 @@ _FILES: dict[str, tuple[str, tuple[Reader, ...]]] = {
     "stl": ("m.stl", ("mesh",)),
     "gltf": ("m.gltf", ("mesh",)),
     "glb": ("m.glb", ("mesh",)),
+    "ies": ("a.ies", ("ies",)),
     "video": ("a.mkv", ("video",)),
     "settings": ("my.toml", ("settings",)),
     "scene": ("scene.toml", ("scene",)),

@@ -24,6 +24,7 @@ from iprt.footage.video.color import linear_color
 from iprt.footage.video.container import video_streams
 from iprt.footage.video.depth_code import DepthCode, DepthSamples
 from iprt.footage.video.reader import open_streams
+from iprt.geometry.ies import read_ies
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.scene import Scene
@@ -51,8 +52,17 @@ def read_mesh(path: Path) -> Mesh:
     assert 0 <= mesh.material_index.min() <= mesh.material_index.max() < len(mesh.materials)
     assert len(mesh.material_index) == len(mesh.triangles)
     for material in mesh.materials:
-        assert np.isfinite([*material.albedo, material.alpha, material.ior]).all()
+        numbers = (material.alpha, material.ior, material.clearcoat, material.sheen_alpha)
+        colors = (material.albedo, material.emission, material.absorption, material.sheen)
+        assert np.isfinite([*numbers, *np.ravel(colors)]).all()
     return mesh
+
+
+def read_lights(path: Path) -> None:
+    photometry = read_ies(path)
+    assert np.isfinite(photometry.candela)
+    assert np.isfinite(photometry.profile).all()
+    assert photometry.profile.min() >= 0.0
 
 
 def read_color_plane(path: Path) -> None:
@@ -101,6 +111,7 @@ READERS: dict[Reader, Callable[[Path], object]] = {
     "color": read_color_plane,
     "depth": read_depth_plane,
     "header": read_header,
+    "ies": read_lights,
     "mesh": read_mesh,
     "manifest": lambda path: Scene.open(path.parent),
     "scene": read_scene,

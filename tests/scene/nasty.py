@@ -18,7 +18,9 @@ from PIL import Image
 
 from tests.scene.files import chunk, write_channels
 
-Reader = Literal["color", "depth", "header", "mesh", "manifest", "scene", "settings", "video"]
+Reader = Literal[
+    "color", "depth", "header", "ies", "mesh", "manifest", "scene", "settings", "video"
+]
 PNG = b"\x89PNG\r\n\x1a\n"
 END = chunk(b"IEND", b"")
 

@@ -21,6 +21,7 @@ VELVET = Material("principled", (0.2, 0.1, 0.1), alpha=0.5, sheen=(0.9, 0.4, 0.2
 DUSTY = Material("principled", (0.9, 0.6, 0.3), alpha=0.0, metallic=1.0, sheen=(0.3, 0.3, 0.3))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("estimator", ["delta, aimed", "em, aimed", "pt-diff, aimed"])
 @pytest.mark.parametrize(
     "material",

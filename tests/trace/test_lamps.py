@@ -110,6 +110,8 @@ WAYS = {
     "paths": {"method": "pt-diff", "pt-diff": {"surfaces": "all"}},
     "light at half the resolution": {"light_scale": 2},
 }
+MARKS = {"OpenGL": ["gl"], "layers": ["gl", "thorough"], "paths": ["thorough"]}
+"""Thorough: their programs are needed nowhere else."""
 
 
 def shown(
@@ -123,7 +125,7 @@ def shown(
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.gl if name in ("OpenGL", "layers") else ())
+        pytest.param(name, marks=[getattr(pytest.mark, mark) for mark in MARKS.get(name, ())])
         for name in WAYS
     ],
 )

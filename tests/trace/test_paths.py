@@ -189,6 +189,7 @@ def test_all_bounces_are_those_of_iprt(device: ComputeDevice) -> None:
     assert abs(ours.mean() - theirs.mean()) < 2e-3 * theirs.mean()
 
 
+@pytest.mark.thorough
 def test_a_plane_sends_what_the_camera_saw_of_it(device: ComputeDevice) -> None:
     """A mirror above it shows the point where the reflected ray meets it, not its direction."""
     around = View(256, 128, projection="equirect").directions()

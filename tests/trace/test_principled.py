@@ -61,12 +61,19 @@ SETTINGS = {
     "layers": {"method": "iprt2023"},
     "light at half the resolution": {"light_scale": 2},
 }
+MARKS = {
+    "OpenGL": ["gl"],
+    "paths": ["thorough"],
+    "cones": ["thorough"],
+    "layers": ["gl", "thorough"],
+}
+"""Thorough: their programs are needed nowhere else."""
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.gl if name in ("OpenGL", "layers") else ())
+        pytest.param(name, marks=[getattr(pytest.mark, mark) for mark in MARKS.get(name, ())])
         for name in SETTINGS
     ],
 )

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from iprt.errors import IprtError
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.geometry.meshes import load_mesh
 from tests.geometry.test_creases import exported
@@ -34,14 +32,6 @@ def shading_normals(mi: Any, path: Path) -> Any:
     layers = mi.load_dict({"type": "aov", "aovs": "n:sh_normal,g:geo_normal"})
     camera = sensor(VIEW, pixel_centres=True)
     return np.array(mi.render(scene, sensor=camera, integrator=layers, spp=1))[..., -6:]
-
-
-@pytest.mark.parametrize("layer", [{"clearcoat": 0.5}, {"sheen": (0.1, 0.0, 0.0)}])
-def test_layers_without_an_equivalent_are_refused(layer: dict[str, Any]) -> None:
-    from iprt.truth.shapes import bsdf_of
-
-    with pytest.raises(IprtError, match="Mitsuba defines differently"):
-        bsdf_of(Material("principled", **layer))
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".glb"])

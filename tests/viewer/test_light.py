@@ -112,6 +112,7 @@ def later(driver: Turns) -> None:
     driver.settle()
 
 
+@pytest.mark.thorough
 def test_an_edited_sun_is_shown_without_reading_the_video_again(
     yard: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:

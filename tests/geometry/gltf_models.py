@@ -1,0 +1,115 @@
+"""A glTF model for each parameter, map and extension of materials: those of docs/materials.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from docs.material_rows import ROWS
+from iprt.geometry.material import Material
+from tests.geometry.gltf_files import GltfFile
+
+CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+UVS = [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.0]]
+TRIANGLES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+DISTANCE = 0.1
+"""Attenuation distance in metres."""
+
+
+def models() -> Iterator[tuple[str, Material]]:
+    """Return the materials that glTF has, by name."""
+    for row in ROWS:
+        for number, material in enumerate(row.materials):
+            if material.kind != "conductor":
+                yield f"{row.name}-{number}", material
+
+
+def write_model(path: Path, material: Material) -> Path:
+    """Write a tetrahedron of the material: glass has an inside."""
+    file = GltfFile()
+    coordinates = file.array(UVS)
+    mesh = file.mesh(CORNERS, TRIANGLES, TEXCOORD_0=coordinates)
+    file.document["meshes"][mesh]["primitives"][0]["material"] = 0
+    file.document.update(textures=[], images=[])
+    file.document["materials"] = [described(file, material)]
+    file.node(mesh=mesh)
+    return file.write(path)
+
+
+def described(file: GltfFile, material: Material) -> dict[str, Any]:
+    """Return the material as glTF describes it; its images go to the file."""
+    glass = material.kind == "dielectric"
+    roughness = 1.0 if material.kind == "diffuse" else np.sqrt(material.alpha)
+    pbr: dict[str, Any] = {
+        "baseColorFactor": [*material.albedo, material.opacity],
+        "metallicFactor": material.metallic,
+        "roughnessFactor": float(roughness),
+    }
+    entry: dict[str, Any] = {"pbrMetallicRoughness": pbr}
+    if material.texture is not None:
+        pixels = srgb(material.texture)
+        if material.opacity_texture is not None:
+            opacity = np.rint(255.0 * material.opacity_texture)[..., None]
+            pixels = np.concatenate([pixels, opacity.astype(np.uint8)], axis=2)
+        pbr["baseColorTexture"] = image(file, pixels)
+    if material.surface_texture is not None:
+        metal, rough = np.moveaxis(np.rint(255.0 * material.surface_texture), 2, 0)
+        pixels = np.stack([0 * metal, rough, metal], axis=-1).astype(np.uint8)
+        pbr["metallicRoughnessTexture"] = image(file, pixels)
+    if material.normal_texture is not None:
+        pixels = np.rint(127.5 * (1.0 + material.normal_texture)).astype(np.uint8)
+        entry["normalTexture"] = image(file, pixels)
+    if material.has_holes:
+        entry["alphaMode"] = "MASK" if material.cutoff > 0.0 else "BLEND"
+        entry["alphaCutoff"] = material.cutoff
+    extensions: dict[str, Any] = {"ior": {"ior": material.ior}}
+    if (strength := max(material.emission)) > 0.0:
+        entry["emissiveFactor"] = [value / strength for value in material.emission]
+        extensions["emissive_strength"] = {"emissiveStrength": strength}
+        if material.emission_texture is not None:
+            entry["emissiveTexture"] = image(file, srgb(material.emission_texture))
+    if material.transmits:
+        extensions["transmission"] = {"transmissionFactor": 1.0 if glass else material.transmission}
+        if not material.thin:
+            passed = np.exp(-DISTANCE * np.array(material.absorption)).tolist()
+            extensions["volume"] = {
+                "thicknessFactor": 0.01,
+                "attenuationColor": passed,
+                "attenuationDistance": DISTANCE,
+            }
+    if material.clearcoat > 0.0:
+        extensions["clearcoat"] = {
+            "clearcoatFactor": material.clearcoat,
+            "clearcoatRoughnessFactor": np.sqrt(material.clearcoat_alpha),
+        }
+    if max(material.sheen) > 0.0:
+        extensions["sheen"] = {
+            "sheenColorFactor": material.sheen,
+            "sheenRoughnessFactor": np.sqrt(material.sheen_alpha),
+        }
+    if material.tint != (1.0, 1.0, 1.0):
+        extensions["specular"] = {"specularColorFactor": material.tint}
+    entry["extensions"] = {f"KHR_materials_{name}": given for name, given in extensions.items()}
+    return entry
+
+
+def image(file: GltfFile, pixels: np.ndarray) -> dict[str, int]:
+    """Add an image (H, W, 3 or 4) uint8, and return the reference to its texture."""
+    with BytesIO() as stream:
+        Image.fromarray(pixels).save(stream, "PNG")
+        stored = np.frombuffer(stream.getvalue(), np.uint8)
+    view = file.document["accessors"][file.array(stored[:, None], "u1")]["bufferView"]
+    file.document["images"].append({"bufferView": view, "mimeType": "image/png"})
+    file.document["textures"].append({"source": len(file.document["images"]) - 1})
+    return {"index": len(file.document["textures"]) - 1}
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """Encode linear values."""
+    curve = np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.asarray(np.rint(255.0 * curve), np.uint8)
