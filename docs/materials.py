@@ -11,6 +11,7 @@ import argparse
 import hashlib
 from dataclasses import dataclass, fields
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import iprt
-from docs.material_rows import ROWS, Row
+from docs.material_costs import LOBES, MEASURED, costs
+from docs.material_costs import SIZE as COST_SIZE
+from docs.material_rows import PLASTIC, ROWS, Row
 from iprt.files.images import read_color
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh
-from iprt.geometry.tangents import with_tangents
+from iprt.geometry.mesh import Instance, Mesh, tangent_mesh
 from iprt.measure.combinations import still_settings
 from iprt.measure.metrics import ssim
 from iprt.measure.video_stability import SHOWN, over_background
@@ -61,6 +63,18 @@ it, independently of the renderer.
 
 | parameter | meaning | iprt above, Mitsuba below | SSIM |
 | --- | --- | --- | --- |
+"""
+
+
+PRICES = """
+## Price
+
+Time of a frame while the head turns, {size}x{size}, with a ball of each material in the middle,
+relative to a ball of plastic: frames by turns in one process, medians of {frames}. The ball of
+plastic takes {plain:.0f} ms on {device}.
+
+| material of the ball | time |
+| --- | ---: |
 """
 
 
@@ -103,18 +117,15 @@ class Bench:
 def ball_of(material: Material) -> Instance:
     """Return a ball on the table."""
     solid = sphere(RADIUS, segments=128).at(0.0, RADIUS, 0.0)
-    chosen, tangents, triangles = with_tangents(
-        solid.positions, solid.normals, solid.uvs, solid.triangles
-    )
     mesh = Mesh(
-        solid.positions[chosen].astype(np.float32),
-        solid.normals[chosen].astype(np.float32),
-        solid.uvs[chosen].astype(np.float32),
-        triangles.astype(np.int32),
-        np.zeros(len(triangles), np.int32),
+        solid.positions.astype(np.float32),
+        solid.normals.astype(np.float32),
+        solid.uvs.astype(np.float32),
+        solid.triangles.astype(np.int32),
+        np.zeros(len(solid.triangles), np.int32),
         (material,),
-        tangents=None if material.normal_texture is None else tangents.astype(np.float32),
     )
+    mesh = mesh if material.normal_texture is None else tangent_mesh(mesh)
     to_world = np.eye(4)
     to_world[:3, 3] = FOOT
     return Instance("ball", mesh, to_world)
@@ -127,6 +138,20 @@ def digest(material: Material) -> str:
         value = getattr(material, field.name)
         name.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
     return name.hexdigest()
+
+
+def prices(bench: Bench) -> str:
+    """Return the table of times."""
+    balls = [ball_of(material) for material in LOBES.values()]
+    times = costs(bench.device, bench.frame, balls, ball_of(PLASTIC))
+    head = PRICES.format(
+        size=COST_SIZE,
+        frames=MEASURED,
+        plain=median(plain for _, plain in times),
+        device=bench.device.info.name,
+    )
+    rows = zip(LOBES, times, strict=True)
+    return head + "".join(f"| {name} | {one / plain:.2f} |\n" for name, (one, plain) in rows)
 
 
 def row_of(bench: Bench, row: Row) -> str:
@@ -150,7 +175,8 @@ def main() -> None:
     bench = Bench(parser.parse_args().spp)
     head = INTRODUCTION.format(frames=FRAMES, spp=bench.spp)
     rows = [row_of(bench, row) if row.materials else row.markdown("") for row in ROWS]
-    (FOLDER / "materials.md").write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
+    page = head + "\n".join(rows) + "\n" + prices(bench)
+    (FOLDER / "materials.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -265,6 +265,13 @@ def decode_srgb(coded: NDArray[Any]) -> Image2D:
     return decoded
 
 
+def srgb_encode(linear: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the sRGB transfer curve (IEC 61966-2-1) of linear values in [0, 1]."""
+    values = np.asarray(linear, np.float64)
+    curved = 1.055 * np.power(np.maximum(values, 0.0031308), 1.0 / 2.4) - 0.055
+    return np.where(values <= 0.0031308, 12.92 * values, curved)
+
+
 def _is_16_bit(image: Image.Image) -> bool:
     # Pillow reports mode RGB for 16-bit color; the decoder's raw mode is reliable.
     tiles = getattr(image, "tile", [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iprt.errors import SceneError
 from iprt.geometry.light import Light
 from iprt.geometry.material import Material
+from iprt.geometry.tangents import with_tangents
 
 Float = NDArray[np.float64]
 
@@ -55,6 +56,24 @@ class Mesh:
     deforms: bool = False
     tangents: NDArray[np.float32] | None = None
     light: Light | None = None
+
+
+def tangent_mesh(mesh: Mesh) -> Mesh:
+    """Return a mesh with tangents; vertices where they differ are split."""
+    source, tangents, triangles = with_tangents(
+        mesh.positions.astype(np.float64),
+        mesh.normals.astype(np.float64),
+        mesh.uvs,
+        mesh.triangles.astype(np.int64),
+    )
+    return replace(
+        mesh,
+        positions=mesh.positions[source],
+        normals=mesh.normals[source],
+        uvs=mesh.uvs[source],
+        triangles=triangles.astype(np.int32),
+        tangents=tangents.astype(np.float32),
+    )
 
 
 def light_mesh(light: Light) -> Mesh:

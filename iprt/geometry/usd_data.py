@@ -76,6 +76,10 @@ class UsdMaterial(_Plain):
     emission: Color = (0.0, 0.0, 0.0)
     emission_texture: UsdTexture | None = None
     normal_texture: UsdTexture | None = None
+    clearcoat: float = 0.0
+    clearcoat_texture: UsdTexture | None = None
+    clearcoat_roughness: float = 0.01
+    clearcoat_roughness_texture: UsdTexture | None = None
     unread: tuple[str, ...] = ()
 
     def textures(self) -> list[UsdTexture]:

@@ -11,11 +11,20 @@ from PIL import Image
 from iprt.geometry.gltf_materials import LEAST_CUTOFF
 from iprt.geometry.material import MAX_EMISSION, PLAIN, Material, MaterialKind, Sampler
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.reflectance import LEAST_IOR, MAX_IOR, NEARLY, color_of, metal_or_not, triple
+from iprt.geometry.reflectance import (
+    LEAST_IOR,
+    MAX_IOR,
+    NEARLY,
+    color_of,
+    metal_or_not,
+    plain_alpha,
+    triple,
+)
 from iprt.geometry.textures import Textures
 from iprt.geometry.usd_data import UsdMaterial, UsdTexture
 
 CHANNELS = "rgba"
+NO_MAP = "map of clearcoat; its mean is used"
 
 
 def from_usd(
@@ -34,6 +43,7 @@ def from_usd(
     color = color_of(source.color)
     material = metal_or_not(color, source.metallic, source.roughness, texture, surface, ior)
     material = _with_opacity(material, source, file, textures)
+    material = _coated(material, source, file, textures, dropped)
     if source.normal_texture is not None:
         normals = textures.normals(file.usd_picture(source.normal_texture.file), 1.0)
         material = replace(material, normal_texture=normals)
@@ -46,6 +56,34 @@ def from_usd(
     used = (color_or_opacity, rough, source.normal_texture, source.emission_texture)
     first, second, third, fourth = (_sampler(one) for one in used)
     return replace(material, samplers=(first, second, third, fourth))
+
+
+def _coated(
+    material: Material, source: UsdMaterial, file: MeshFile, textures: Textures, dropped: list[str]
+) -> Material:
+    """Return a material with its clear coat; means of textures are used."""
+    if not source.clearcoat > 0.0:
+        return material
+    if material.kind == "dielectric":
+        dropped.append("clearcoat of glass")
+        return material
+
+    def mean(texture: UsdTexture | None, power: int) -> float:
+        if texture is None:
+            return 1.0
+        if NO_MAP not in dropped:
+            dropped.append(NO_MAP)
+        picture, channel = file.usd_picture(texture.file), CHANNELS.index(texture.channel)
+        return textures.mean(picture, channel, power=power)
+
+    if material.kind != "principled":
+        ior = float(np.clip(source.ior, LEAST_IOR, MAX_IOR))
+        material = replace(
+            material, kind="principled", alpha=plain_alpha(source.roughness), ior=ior
+        )
+    strength = float(np.clip(source.clearcoat, 0.0, 1.0)) * mean(source.clearcoat_texture, 1)
+    alpha = plain_alpha(source.clearcoat_roughness) * mean(source.clearcoat_roughness_texture, 2)
+    return replace(material, clearcoat=strength, clearcoat_alpha=alpha)
 
 
 def _sampler(texture: UsdTexture | None) -> Sampler:

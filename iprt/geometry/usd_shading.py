@@ -90,10 +90,11 @@ class _Surface:
             metallic, metallic_texture = float(max(specular) > 0.2), None
             color = specular if metallic else color
             self._unread.append("specular color, except to tell metals")
-        for name, phrase in (("clearcoat", "clear coat"), ("displacement", "displacement")):
-            value, texture = self._number(name, 0.0)
-            if value > 0.0 or texture is not None:
-                self._unread.append(phrase)
+        clearcoat, clearcoat_texture = self._number("clearcoat", 0.0)
+        clearcoat_roughness, clearcoat_roughness_texture = self._number("clearcoatRoughness", 0.01)
+        displacement, displaced = self._number("displacement", 0.0)
+        if displacement > 0.0 or displaced is not None:
+            self._unread.append("displacement")
         if self._number("occlusion", 1.0)[1] is not None:
             self._unread.append("occlusion map")
         return UsdMaterial(
@@ -112,6 +113,10 @@ class _Surface:
             emission=emission,
             emission_texture=emission_texture,
             normal_texture=self._normals(),
+            clearcoat=clearcoat,
+            clearcoat_texture=clearcoat_texture,
+            clearcoat_roughness=clearcoat_roughness,
+            clearcoat_roughness_texture=clearcoat_roughness_texture,
             unread=tuple(dict.fromkeys(self._unread)),
         )
 

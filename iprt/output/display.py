@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
+from iprt.files.images import srgb_encode
 
 Image = NDArray[np.float64]
 Curve = Literal["srgb", "filmic"]
@@ -20,13 +21,6 @@ Bytes = NDArray[np.uint8]
 _CELL_BITS = 13
 """Low bits of a float32 that a table index ignores. A cell spans 2^-10 of its values; 8-bit levels
 are further apart, so that at most one starts inside."""
-
-
-def srgb_encode(linear: NDArray[Any]) -> Image:
-    """Return the sRGB transfer curve (IEC 61966-2-1) of linear values in [0, 1]."""
-    values = np.asarray(linear, np.float64)
-    curved = 1.055 * np.power(np.maximum(values, 0.0031308), 1.0 / 2.4) - 0.055
-    return np.where(values <= 0.0031308, 12.92 * values, curved)
 
 
 def display(radiance: NDArray[Any], exposure: float = 1.0) -> Image:

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 from iprt.files.toml_tables import Color, Ior, Name, Point, RelativePath, Table, Unit, not_null
 from iprt.footage.real_material import Plane, RealMaterial
 from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
+from iprt.scene.material_maps import MAPS, MapName
 
 Emission = Annotated[
     list[Annotated[float, Field(ge=0.0, le=MAX_EMISSION)]], Field(min_length=3, max_length=3)
@@ -24,17 +25,30 @@ Absorption = Annotated[
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 
 
-class _EmittingTable(Table):
-    """A material that may emit light: radiance in the panorama's unit."""
+class _SurfaceTable(Table):
+    """A surface that may have maps and holes, and emit radiance in the panorama's unit."""
 
+    texture: RelativePath | None = None
+    normal_texture: RelativePath | None = None
     emission: Emission = Field(default=[0.0, 0.0, 0.0])
+    emission_texture: RelativePath | None = None
+    opacity: Unit = 1.0
+    opacity_texture: RelativePath | None = None
+    cutoff: Unit = 0.0
 
-    def emitting(self, material: Material) -> Material:
-        """Return a material with this emission."""
-        return replace(material, emission=_triple(self.emission))
+    @property
+    def maps(self) -> dict[MapName, str]:
+        """Names of the given maps' files, by key."""
+        named = {key: getattr(self, key, None) for key in MAPS}
+        return {key: name for key, name in named.items() if name is not None}
+
+    def finished(self, material: Material) -> Material:
+        """Return a material with this emission and these holes."""
+        emission = _triple(self.emission)
+        return replace(material, emission=emission, opacity=self.opacity, cutoff=self.cutoff)
 
 
-class _TransmittingTable(_EmittingTable):
+class _TransmittingTable(_SurfaceTable):
     """A material that may let light pass: a thin wall, or a solid that absorbs light, in 1/m."""
 
     thin: bool = False
@@ -51,16 +65,15 @@ class _TransmittingTable(_EmittingTable):
         )
 
 
-class DiffuseTable(_EmittingTable):
+class DiffuseTable(_SurfaceTable):
     """A diffuse material."""
 
     kind: Literal["diffuse"]
     albedo: Color
-    texture: RelativePath | None = None
 
-    def material(self, texture: NDArray[np.float32] | None = None) -> Material:
-        """Build the material, with the texels of its texture."""
-        return Material("diffuse", _triple(self.albedo), texture=texture)
+    def material(self) -> Material:
+        """Build the material."""
+        return Material("diffuse", _triple(self.albedo))
 
 
 class _ConductorFields(Table):
@@ -75,11 +88,11 @@ class _ConductorFields(Table):
         return Material("conductor", _triple(self.reflectance), alpha=self.alpha)
 
 
-class ConductorTable(_ConductorFields, _EmittingTable):
+class ConductorTable(_ConductorFields, _SurfaceTable):
     """A conductor: a metal or a mirror."""
 
 
-class PlasticTable(_EmittingTable):
+class PlasticTable(_SurfaceTable):
     """A plastic: a dielectric coat over a diffuse base."""
 
     kind: Literal["plastic"]
@@ -106,6 +119,7 @@ class PrincipledTable(_TransmittingTable):
     sheen: Color = Field(default=[0.0, 0.0, 0.0])
     sheen_alpha: Unit = 0.25
     tint: Color = Field(default=[1.0, 1.0, 1.0])
+    surface_texture: RelativePath | None = None
 
     def material(self) -> Material:
         """Build the material."""

@@ -5,9 +5,11 @@ Comments, order and everything else in the file stay unchanged.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -41,7 +43,7 @@ from iprt.scene.manifest_writing import (
     table_text,
     write_manifest,
 )
-from iprt.scene.material_tables import DiffuseTable
+from iprt.scene.material_maps import MAPS, MapName, map_suffix, write_map
 from iprt.scene.objects import AnyMesh, SceneLight, SceneObject, painted
 from iprt.scene.scene import Scene
 
@@ -49,6 +51,8 @@ SAVED_VIEW = "saved"
 """Name of the view that saving keeps: the user's view, with all shown objects."""
 COLORS: Mapping[MaterialKind, str] = {"conductor": "reflectance", "dielectric": "transmittance"}
 """Keys of colors other than `albedo`, in scene.toml."""
+NewMaps = dict[Path, tuple[MapName, NDArray[np.float32]]]
+"""Maps to be written, by file."""
 Matrix = tuple[float, ...]
 """The 16 values of a (4, 4) transform, row-major."""
 
@@ -71,8 +75,8 @@ class ObjectEdit:
         The object is removed.
     light : LightTable or None
         Replaces the object's own, or makes a new light without geometry.
-    textured : bool
-        `material` has a texture. Comparisons of materials ignore textures.
+    maps : tuple of int
+        Identities of the maps of `material`, which comparisons of materials ignore.
     """
 
     name: str
@@ -82,11 +86,11 @@ class ObjectEdit:
     path: Path | None = None
     removed: bool = False
     light: LightTable | None = field(default=None, hash=False)  # has lists
-    textured: bool = field(init=False)
+    maps: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        textured = self.material is not None and self.material.textured
-        object.__setattr__(self, "textured", textured)
+        maps = () if self.material is None else tuple(getattr(self.material, key) for key in MAPS)
+        object.__setattr__(self, "maps", tuple(map(id, maps)))
 
 
 def flat(to_world: NDArray[np.float64]) -> Matrix:
@@ -207,6 +211,7 @@ def _save(
     document = tomlkit.parse(before if base is None else base)
     write_light(document, light)
     tables = {str(table["name"]): table for table in document.get("objects", ())}
+    maps: NewMaps = {}
     edits = [edit for edit in edits if edit != ObjectEdit(edit.name)]
     outdate_truths(document, [e.name for e in edits if e.name in tables or not e.removed])
     copies: dict[Path, Path] = {}
@@ -218,11 +223,11 @@ def _save(
         if edit.removed:
             _remove(document, edit.name)
         elif table is not None:
-            _edit_table(table, edit, scene)
+            _edit_table(table, edit, scene, maps)
         elif edit.path is not None and edit.to_world is not None:
             files, target = mesh_copies(scene.root, MeshFile(edit.path, None), edit.name, copies)
             copies |= files
-            material = None if edit.material is None else _material_table(edit, scene)
+            material = None if edit.material is None else _material_table(edit, scene, maps)
             to_world = np.reshape(np.array(edit.to_world), (4, 4))
             texts.append(object_text(edit.name, target, to_world, material))
             added[edit.name] = scene.root / target
@@ -234,10 +239,14 @@ def _save(
     shown = [show_object(document, name) for name in new]
     if look is not None and look.view.projection == "perspective":
         texts += _keep(document, look, needed=not all(shown))
-    for copy in copies:
+    for copy in (*copies, *maps):
         require_inside(copy, scene.within)
     text = extended(tomlkit.dumps(document), texts) if texts else tomlkit.dumps(document)
-    write_manifest(scene.root, text, f"{path}: the edits do not fit into it", copies)
+    with TemporaryDirectory() as folder:
+        for file, (key, image) in maps.items():
+            copies[file] = Path(folder) / file.name
+            write_map(copies[file], image, key)
+        write_manifest(scene.root, text, f"{path}: the edits do not fit into it", copies)
     return added
 
 
@@ -276,17 +285,17 @@ def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
     return [table_text("views", name=SAVED_VIEW, **values)]
 
 
-def _edit_table(table: Any, edit: ObjectEdit, scene: Scene) -> None:
+def _edit_table(table: Any, edit: ObjectEdit, scene: Scene, maps: NewMaps) -> None:
     if edit.to_world is not None:
         table["to_world"] = matrix_array(np.reshape(edit.to_world, (4, 4)))
     if edit.material is not None:
-        table["material"] = inline(_material_table(edit, scene))
+        table["material"] = inline(_material_table(edit, scene, maps))
     if edit.light is not None:
         table["light"] = inline(written_light(edit.light))
 
 
-def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
-    """Return the new `material` table."""
+def _material_table(edit: ObjectEdit, scene: Scene, new: NewMaps) -> dict[str, Any]:
+    """Return the new `material` table; maps that are in no file of the scene go to `new`."""
     material = edit.material
     assert material is not None
     color = COLORS.get(material.kind, "albedo")
@@ -302,14 +311,14 @@ def _material_table(edit: ObjectEdit, scene: Scene) -> dict[str, Any]:
         written |= _transmission(material)
     if material.emits:
         written["emission"] = list(material.emission)
-    others = material.has_holes or any(image is not None for image in material.maps[1:])
-    if others or (material.texture is not None and material.kind != "diffuse"):
-        raise SceneError(
-            f"object {edit.name}: {material.kind} with its textures cannot be written; remove the "
-            "textures, or choose a diffuse material with a color texture alone"
-        )
-    if material.texture is not None:
-        written["texture"] = _texture_name(edit.name, material.texture, scene)
+    if material.opacity < 1.0:
+        written["opacity"] = material.opacity
+    if material.cutoff > 0.0:
+        written["cutoff"] = material.cutoff
+    for key in MAPS:
+        image = getattr(material, key)
+        if image is not None and not (key == "surface_texture" and material.kind != "principled"):
+            written[key] = _map_file(edit.name, key, image, scene, new)
     return written
 
 
@@ -339,14 +348,16 @@ def _transmission(material: Material) -> dict[str, Any]:
     return written
 
 
-def _texture_name(name: str, texture: NDArray[np.float32], scene: Scene) -> str:
-    """Return the file that a texture was read from, as named in the scene."""
+def _map_file(
+    name: str, key: MapName, image: NDArray[np.float32], scene: Scene, new: NewMaps
+) -> str:
+    """Return the file of a map, as named in the scene; a new one is named by its contents."""
     for table, entry in zip(scene.manifest.objects, scene.objects, strict=True):
-        if isinstance(table.material, DiffuseTable) and table.material.texture is not None:
-            known = entry.bound.materials[0].texture
-            if known is not None and np.array_equal(known, texture):
-                return table.material.texture
-    raise SceneError(
-        f"object {name}: its texture is in its mesh file, which cannot be written; choose a "
-        "material without"
-    )
+        maps = {} if table.material is None else table.material.maps
+        known = getattr(entry.bound.materials[0], key) if key in maps else None
+        if known is not None and np.array_equal(known, image):
+            return maps[key]
+    digest = hashlib.blake2b(image.tobytes(), digest_size=4).hexdigest()
+    file = f"textures/{name}-{key}-{digest}{map_suffix(image, key)}"
+    new[scene.root / file] = key, image
+    return file

@@ -13,19 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import FormatError
-from iprt.files.images import read_color
 from iprt.files.safe_reading import MAX_PIXELS, MAX_TRIANGLES
 from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
 from iprt.geometry.ies import Luminaire, read_ies
 from iprt.geometry.keyframes import ObjectMotion
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh, light_mesh
+from iprt.geometry.mesh import Instance, Mesh, light_mesh, tangent_mesh
 from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
 from iprt.geometry.solids import OPEN, with_solids
 from iprt.scene.light_tables import LightTable, PointTable
 from iprt.scene.manifest import Manifest, ObjectTable
-from iprt.scene.material_tables import DiffuseTable
+from iprt.scene.material_maps import read_map, with_maps
 
 LOG = logging.getLogger(__name__)
 AnyMesh = Mesh | AnimatedMesh
@@ -128,7 +127,7 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     FormatError
         A file cannot be read, or all together are too large.
     """
-    texture = cache(lambda name: read_color(root / name))
+    read = cache(lambda key, name: read_map(root / name, key))
 
     @cache  # objects may share meshes
     def mesh(name: str, animation: str | int | None, material: Material | None) -> AnyMesh:
@@ -141,11 +140,11 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
         own = table.material
         loaded = mesh(table.mesh, table.animation, None if own is None else DEFAULT_MATERIAL)
         if own is not None:
-            if isinstance(own, DiffuseTable):
-                material = own.material(None if own.texture is None else texture(own.texture))
-            else:
-                material = own.material()
-            loaded = painted(loaded, own.emitting(material))
+            maps = {key: read(key, name) for key, name in own.maps.items()}
+            try:
+                loaded = painted(loaded, with_maps(own.finished(own.material()), maps))
+            except FormatError as error:
+                raise FormatError(f"{root}: objects.{table.name}.material: {error}") from error
             if OPEN in _bound(loaded).warnings:
                 LOG.warning("%s: %s", root / table.mesh, OPEN)
         return loaded
@@ -164,8 +163,17 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
 
 
 def painted(mesh: AnyMesh, material: Material) -> AnyMesh:
-    """Return the mesh with a single material; a dielectric, as `with_solids` makes it."""
+    """Return the mesh with a single material; a dielectric, as `with_solids` makes it.
+
+    An animated mesh without tangents gets no normal map, with a warning.
+    """
     plain = _bound(mesh)
+    if material.normal_texture is not None and plain.tangents is None:
+        if isinstance(mesh, AnimatedMesh):
+            LOG.warning("%s: an animated mesh takes normal maps only from its own file", mesh.path)
+            material = replace(material, normal_texture=None)
+        else:
+            plain = tangent_mesh(plain)
     one = len(plain.materials) == 1
     index = plain.material_index if one else np.zeros_like(plain.material_index)
     made = with_solids(replace(plain, materials=(material,), material_index=index))

@@ -77,9 +77,9 @@ def _files(scene: NamesFiles) -> Iterator[tuple[str, str]]:
         profile = getattr(table.light, "profile", None)
         if profile is not None:
             yield f"objects.{table.name}.light.profile", profile
-        texture = getattr(table.material, "texture", None)
-        if texture is not None:
-            yield f"objects.{table.name}.material.texture", texture
+        maps = {} if table.material is None else table.material.maps
+        for key, name in maps.items():
+            yield f"objects.{table.name}.material.{key}", name
     for entry in scene.manifest.real_materials:
         if entry.mask is not None:
             yield f"real_materials.{entry.name}.mask", entry.mask

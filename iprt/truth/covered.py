@@ -1,7 +1,8 @@
 """Clearcoat, sheen and tint as a Mitsuba BSDF.
 
-Mitsuba's `principled` defines these layers differently from glTF. The functions are those of
-`cl/lib/world/cover.h`, implemented independently; only the tables of reflectance are shared.
+Mitsuba's `principled` defines these layers differently from glTF. This module
+implements the functions of `cl/lib/world/cover.h` independently. It shares the tables of
+reflectance.
 """
 
 from __future__ import annotations

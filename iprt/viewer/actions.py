@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from iprt.scene.material_maps import MAPS
 from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.ui_state import UiState
 
@@ -55,8 +56,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         return material is not None and (material.textured or material.has_holes)
 
     def bare() -> None:
-        maps = "texture", "surface_texture", "normal_texture", "opacity_texture"
-        ui.paint(**dict.fromkeys(maps), opacity=1.0, cutoff=0.0)
+        ui.paint(**dict.fromkeys(MAPS), opacity=1.0, cutoff=0.0)
 
     def selected() -> bool:
         return ui.state is not None
@@ -81,7 +81,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         Action("save", PARTS["save"], ui.save, "Ctrl+S", enabled=lambda: bool(engine.unsaved)),
         Action("remove", PARTS["remove"], ui.remove, "Delete", visible=selected),
         Action("light", PARTS["add light"], ui.add_light, "L"),
-        Action("texture", PARTS["texture"], bare, visible=textured),
+        Action("bare", PARTS["bare"], bare, visible=textured),
         Action("play", PARTS["play"], ui.toggle_playing, "Space"),
     )
     return {action.name: action for action in found}

@@ -69,7 +69,8 @@ class Watch:
             if table.mesh is not None:
                 mesh = self._root / table.mesh
                 files |= {mesh, *self._referred(mesh)}
-            named = getattr(table.material, "texture", None), getattr(table.light, "profile", None)
+            maps = {} if table.material is None else table.material.maps
+            named = *maps.values(), getattr(table.light, "profile", None)
             files |= {self._root / name for name in named if name is not None}
         return files
 

@@ -147,9 +147,18 @@ PARTS: Mapping[str, Label] = {
     "width": Label("Width", "Metres."),
     "height": Label("Height", "Metres."),
     "diameter": Label("Diameter", "Degrees that the sun appears to be wide."),
-    "texture": Label(
-        "Remove texture", "A texture of a mesh file can be saved only with the file's own material."
+    "opacity": Label("Opacity", "Share of the rays that meet the surface."),
+    "cutoff": Label(
+        "Cutoff", "Opacity of the map from which all rays meet the surface; 0: their share does."
     ),
+    "texture": Label("Color map", "Picture that the color multiplies."),
+    "surface_texture": Label(
+        "Roughness map", "Roughness in green and metalness in blue, as in glTF files."
+    ),
+    "normal_texture": Label("Normal map", "Bumps: directions of the surface, y up as in glTF."),
+    "opacity_texture": Label("Opacity map", "In the picture's alpha channel, or in grey."),
+    "emission_texture": Label("Emission map", "Picture that the emission multiplies."),
+    "bare": Label("Remove maps", "The material becomes even and without holes."),
     "position": Label("Position", "Metres: x to the right, y up, z backwards."),
     "size": Label("Size", "Metres, along the longest side."),
     "snap": Label("Stay on surfaces", "The object slides over the surfaces of the video."),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
+from iprt.scene.material_maps import MAPS, MapName, read_map, with_maps
 from iprt.scene.object_edits import COLORS
 from iprt.viewer.controls import Slider
 from iprt.viewer.fields import SRGB, Field, Kind
@@ -12,6 +15,7 @@ from iprt.viewer.labels import MATERIALS, PARTS, Label
 from iprt.viewer.ui_state import UiState
 
 MOST_EMISSION = 100.0
+FILES = "Path of a picture, from the scene's folder; nothing removes it."
 PLASTIC = Material("plastic")
 
 
@@ -54,8 +58,27 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         if all(0.0 <= value <= MAX_ABSORPTION for value in values):
             ui.paint(absorption=tuple(map(float, values)))
 
+    def map_field(key: MapName, **more: Any) -> Field:
+        def label() -> Label:
+            image, part = getattr(material(), key), PARTS[key]
+            size = "" if image is None else f" ({image.shape[1]} x {image.shape[0]})"
+            return Label(part.name + size, f"{part.about} {FILES}")
+
+        def write(path: str) -> None:
+            if ui.state is None:
+                return
+            maps = {name: getattr(material(), name) for name in MAPS}
+            file = Path(path.strip()).expanduser()
+            maps[key] = read_map(ui.engine.scene.root / file, key) if path.strip() else None
+            given = {name: image for name, image in maps.items() if image is not None}
+            none: dict[str, Any] = dict.fromkeys(MAPS)
+            bare = replace(material(), **none)
+            ui.engine.paint(ui.state.name, with_maps(bare, given))
+
+        return Field(key, "file", label, lambda: "", write, **more)
+
     alphas, indices = Slider(0.0, 1.0, False, 0.0), Slider(1.01, 3.0, False, 0.0)
-    rough, coated, mixed, coat, fibres, clear, solid = (
+    rough, coated, mixed, coat, fibres, clear, solid, holed = (
         {"enabled": lambda: material().kind != "diffuse"},
         {"enabled": lambda: material().kind in ("plastic", "principled", "dielectric")},
         {"enabled": lambda: material().kind == "principled"},
@@ -63,6 +86,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         {"enabled": lambda: material().kind == "principled" and max(material().sheen) > 0.0},
         {"enabled": lambda: material().transmits},
         {"enabled": lambda: material().transmits and not material().thin},
+        {"enabled": lambda: material().opacity_texture is not None},
     )
     return (
         field("material", "choice", "kind", options=lambda: MATERIALS),
@@ -86,6 +110,9 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             enabled=solid["enabled"],
         ),
         field("priority", "number", "priority", slider=Slider(-9, 9, True, 0.0), **solid),
+        field("opacity", "number", "opacity", slider=alphas),
+        field("cutoff", "number", "cutoff", slider=alphas, **holed),
+        *(map_field(key, **(mixed if key == "surface_texture" else {})) for key in MAPS),
         Field(
             "emission",
             "number",

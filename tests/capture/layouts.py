@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from iprt.output.display import srgb_encode
+from iprt.files.images import srgb_encode
 from tests.capture.sequences import Z_UP, Array, Camera, Trace, looking_around, room
 from tests.scene.files import write_png16_grey
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from iprt.output.display import srgb_encode
+from iprt.files.images import srgb_encode
 from tests.scene.files import write_png16_grey
 
 Array = NDArray[np.float64]

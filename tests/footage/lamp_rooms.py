@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.files.images import srgb_encode
 from iprt.footage.frame import Frame
-from iprt.output.display import srgb_encode
 from tests.frame.radiosity import Albedo, Lamp, room
 from tests.worlds import Float
 

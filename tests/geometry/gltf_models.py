@@ -1,4 +1,4 @@
-"""A glTF model for each parameter, map and extension of materials: those of docs/materials.md."""
+"""A glTF model for each parameter, map and extension, of the materials in docs/materials.md."""
 
 from __future__ import annotations
 

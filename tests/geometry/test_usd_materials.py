@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -148,11 +149,32 @@ def test_colors_of_vertices_are_read_where_the_material_reads_them(tmp_path: Pat
     assert mesh.dropped == ()
 
 
+@pytest.mark.parametrize("metallic", [0.0, 0.5])
+def test_a_clear_coat(tmp_path: Path, metallic: float) -> None:
+    """Means of maps are used, of roughness the mean of its square."""
+    inputs = f"float inputs:metallic = {metallic}\nfloat inputs:roughness = 0.5\n"
+    plain, _ = read(tmp_path, inputs)
+    coat = inputs + "float inputs:clearcoat = 0.75\nfloat inputs:clearcoatRoughness = 0.2\n"
+    material, mesh = read(tmp_path, coat)
+    assert material.clearcoat == 0.75
+    assert material.clearcoat_alpha == pytest.approx(0.04)
+    assert replace(material, clearcoat=0.0, clearcoat_alpha=0.0, kind=plain.kind) == plain
+    assert mesh.dropped == ()
+    pixels = np.array([[[0, 0, 0], [255, 51, 0]]], np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "t.png")
+    mapped = inputs + "float inputs:clearcoat.connect = </thing/look/t.outputs:r>\n"
+    mapped += "float inputs:clearcoatRoughness.connect = </thing/look/t.outputs:g>"
+    material, mesh = read(tmp_path, mapped, READER + texture("t", "t.png"))
+    assert material.clearcoat == pytest.approx(0.5)
+    assert material.clearcoat_alpha == pytest.approx(0.5 * 0.04)
+    assert mesh.dropped == ("map of clearcoat; its mean is used",)
+
+
 def test_what_is_not_read_is_named(tmp_path: Path) -> None:
-    inputs = "float inputs:clearcoat = 1\nint inputs:useSpecularWorkflow = 1\n"
+    inputs = "float inputs:displacement = 1\nint inputs:useSpecularWorkflow = 1\n"
     inputs += "color3f inputs:specularColor = (0.9, 0.6, 0.3)"
     material, mesh = read(tmp_path, inputs)
-    assert mesh.dropped == ("specular color, except to tell metals", "clear coat")
+    assert mesh.dropped == ("specular color, except to tell metals", "displacement")
     assert material.metallic == 1.0
     assert material.albedo == pytest.approx((0.9, 0.6, 0.3))
     other = surface("").replace('"UsdPreviewSurface"', '"ND_standard_surface"')

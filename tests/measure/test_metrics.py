@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 
 from iprt.errors import FormatError
+from iprt.files.images import srgb_encode
 from iprt.measure import metrics
-from iprt.output.display import display, srgb_encode
+from iprt.output.display import display
 
 Image = NDArray[np.float64]
 

@@ -203,11 +203,13 @@ def test_views_and_motion(stage: Usd.Stage, room: Scene) -> None:
 
 TEXELS = np.random.default_rng(1).uniform(0, 1, (4, 8, 3)).astype(np.float32)
 MASK = np.linspace(0.0, 1.0, 32, dtype=np.float32).reshape(4, 8)
+RED = (0.5, 0.1, 0.1)
 MATERIALS = [
     Material("diffuse", (0.5, 0.25, 0.125)),
     Material("plastic", (0.5, 0.25, 0.125), alpha=0.09, ior=1.4),
     Material("principled", (0.5, 0.25, 0.125), alpha=0.25, metallic=0.5),
     Material("principled", (1, 1, 1), alpha=0.25, metallic=1.0, surface_texture=TEXELS[..., :2]),
+    Material("principled", RED, alpha=0.25, ior=1.4, clearcoat=0.75, clearcoat_alpha=0.04),
     Material("dielectric", (0.9, 1, 0.9), alpha=0.0, ior=1.33),
     Material("diffuse", (1, 1, 1), texture=TEXELS, opacity_texture=MASK, cutoff=0.5),
     Material("diffuse", (0.5, 0.5, 0.5), opacity=0.5),
@@ -229,7 +231,8 @@ def test_materials_come_back(tmp_path: Path, material: Material) -> None:
     assert writer.lost == {}
     assert back.dropped == ()
     assert found.kind == material.kind
-    for name in ("albedo", "emission", "alpha", "metallic", "opacity", "cutoff", "transmission"):
+    numbers = "albedo emission alpha metallic opacity cutoff transmission clearcoat clearcoat_alpha"
+    for name in numbers.split():
         if name != "alpha" or material.kind != "diffuse":
             assert getattr(found, name) == pytest.approx(getattr(material, name), abs=1e-6), name
     if material.kind in ("plastic", "dielectric"):

@@ -8,8 +8,11 @@ from queue import SimpleQueue
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from iprt.device.compute import ComputeDevice
+from iprt.errors import FormatError
+from iprt.scene.material_maps import MAPS
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.controls import with_value
@@ -84,6 +87,9 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "thin": True,
         "absorption": (0.5, 3.0, 7.0),
         "priority": 2,
+        "opacity": 0.5,
+        "cutoff": 0.25,
+        **dict.fromkeys(MAPS, ""),  # they show the size of a map, not its file
         "emission": 12.5,
         "fps": 30,
     }
@@ -122,6 +128,30 @@ def test_glass_absorbs_no_impossible_share(ui: Ui) -> None:
     assert all(fields[key].enabled() for key in ("thin", "absorption", "priority", "ior"))
     fields["material"].write("plastic")
     assert not any(fields[key].enabled() for key in ("thin", "absorption", "priority"))
+
+
+def test_maps_are_given_by_file_taken_away_and_saved(ui: Ui) -> None:
+    """Beside each other; a file that is none is told of."""
+    folder, fields = ui.engine.scene.root, by_key(material_fields(ui))
+    pixels = np.random.default_rng(2).integers(0, 256, (3, 5, 4), np.uint8)
+    Image.fromarray(pixels).save(folder / "map.png")
+    fields["material"].write("principled")
+    for key in MAPS:
+        fields[key].write("map.png")
+        assert "(5 x 3)" in fields[key].label().name
+    assert ui.state is not None
+    with pytest.raises(FormatError, match=r"gone\.png"):
+        fields["texture"].write("gone.png")
+    fields["normal_texture"].write(" ")
+    material = ui.state.materials[0]
+    assert [getattr(material, key) is not None for key in MAPS] == [True, True, False, True, True]
+    done: SimpleQueue[str | None] = SimpleQueue()
+    ui.engine.save(done.put)
+    assert done.get(timeout=60.0) is None
+    saved = {entry.name: entry for entry in Scene.open(folder).objects}["cube"].bound.materials[0]
+    assert saved == material
+    np.testing.assert_array_equal(saved.surface_texture, material.surface_texture)
+    assert not (folder / "textures" / "map.png").exists()
 
 
 def test_a_resized_object_stands_where_it_stood(ui: Ui) -> None:

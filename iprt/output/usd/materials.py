@@ -145,12 +145,23 @@ class MaterialWriter:
             node = network.texture("finish", file, "raw", sampler=sampler, scale=scale)
             network.connect("roughness", node, "g")
             network.connect("metallic", node, "b")
+        if material.kind == "principled":
+            self._write_layers(network, material)
         if material.normal_texture is not None:
             file = self._pictures.normals(f"{name}_normals", material.normal_texture)
             sampler = material.samplers[2]
             node = network.texture("normals", file, "raw", sampler=sampler, scale=NORMAL_SCALE)
             node.CreateInput("bias", TYPES.Float4).Set(Gf.Vec4f(*NORMAL_BIAS))
             network.connect("normal", node, "rgb")
+
+    def _write_layers(self, network: Network, material: Material) -> None:
+        if material.clearcoat > 0.0:
+            network.set("clearcoat", material.clearcoat)
+            network.set("clearcoatRoughness", math.sqrt(material.clearcoat_alpha))
+        if max(material.sheen) > 0.0:
+            self.lost["sheen"] = None
+        if min(material.tint) < 1.0:
+            self.lost["tints of reflections"] = None
 
     def _write_light(self, network: Network, material: Material, name: str) -> None:
         if not material.emits:

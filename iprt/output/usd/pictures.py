@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.output.display import srgb_encode
+from iprt.files.images import srgb_encode
 from iprt.output.picture import write_exr, write_pixels
 
 Float32 = NDArray[np.float32]

@@ -166,10 +166,11 @@ def _selected(ui: DesktopState) -> None:
     if len(state.materials) > 1:
         quiet(f"It has {len(state.materials)} materials; a change here makes them one.")
     for field in material_fields(ui) if state.light is None else virtual_light_fields(ui):
-        draw_field(ui, field)
-    if shared["texture"].visible():
+        if field.enabled():  # rows that come and go are below the ones that decide
+            draw_field(ui, field)
+    if shared["bare"].visible():
         label("")
-        action_button(shared["texture"], "", width=-1.0)
+        action_button(shared["bare"], "", width=-1.0)
 
 
 def _preset(ui: DesktopState) -> None:

@@ -11,8 +11,7 @@ from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
 from iprt.errors import IprtError
-from iprt.files.images import decode_srgb
-from iprt.output.display import srgb_encode
+from iprt.files.images import decode_srgb, srgb_encode
 from iprt.viewer.actions import Action
 from iprt.viewer.controls import DIGITS
 from iprt.viewer.desktop.style import ACCENT, QUIET
@@ -223,6 +222,10 @@ def _drawn(field: Field, now: Any) -> Any:
     if field.kind == "vector":
         changed, moved = imgui.drag_float3(name, list(now), 0.005, format="%.3f m")
         return tuple(moved) if changed else now
+    if field.kind == "file":
+        entered, path = imgui.input_text(name, now, imgui.InputTextFlags_.enter_returns_true)
+        hint(field.label().about)
+        return path if entered else now
     return _number(name, now, field)
 
 

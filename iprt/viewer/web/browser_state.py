@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -10,9 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.scene.manifest_writing import free_name
 from iprt.viewer.engine import Engine
 from iprt.viewer.picking import Readout
 from iprt.viewer.ui_state import UiState
+
+LONGEST = 60
+"""Limit for the characters of a file name, which may have 255 bytes with the scene's additions."""
 
 
 class BrowserState(UiState):
@@ -57,6 +62,13 @@ class BrowserState(UiState):
         """Show a notification; see `UiState.say`."""
         how: dict[str, Any] = {"color": "red"} if bad else {}
         self.client.add_notification("", text, auto_close_seconds=8.0 if bad else 4.0, **how)
+
+    def received(self, name: str, content: bytes) -> Path:
+        """Write an uploaded file to a folder of its own; saving the scene reads it again."""
+        stem, suffix = free_name(Path(name).stem[:LONGEST], set()), Path(name).suffix.lower()
+        path = Path(tempfile.mkdtemp(dir=self.uploads)) / f"{stem}{suffix}"
+        path.write_bytes(content)
+        return path
 
     def in_picture(self, x: float, y: float) -> tuple[float, float]:
         """Convert a window position to a position in the picture, which may be wider or narrower.

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from iprt.errors import IprtError
-from iprt.files.images import decode_srgb
-from iprt.output.display import srgb_encode
+from iprt.files.images import decode_srgb, srgb_encode
 from iprt.viewer.actions import Action
 from iprt.viewer.controls import Slider
 from iprt.viewer.fields import Field
@@ -41,6 +40,8 @@ class Inputs:
     rows : iterable of Field or Action
     visible : callable
         Returns True while the column is shown.
+    sparse : bool
+        Hide disabled inputs.
     """
 
     def __init__(
@@ -49,13 +50,16 @@ class Inputs:
         rows: Iterable[Field | Action],
         *,
         visible: Callable[[], bool] = lambda: True,
+        sparse: bool = False,
     ) -> None:
-        self._ui, self._visible = ui, visible
-        self._bound: list[Binding] = []
+        self._ui, self._visible, self._sparse = ui, visible, sparse
+        self._bound: list[Binding | Upload] = []
         self._buttons: list[tuple[Action, Any]] = []
         for row in rows:
             if isinstance(row, Action):
                 self._add_button(row)
+            elif row.kind == "file":
+                self._bound.append(Upload(ui, row))
             else:
                 self._bound.append(Binding(ui, row))
 
@@ -71,8 +75,9 @@ class Inputs:
             show(button, "visible", visible and action.visible())
             show(button, "disabled", not action.enabled())
         for binding in self._bound:
-            show(binding.handle, "visible", visible)
-            if visible:
+            shown = visible and (binding.field.enabled() or not self._sparse)
+            show(binding.handle, "visible", shown)
+            if shown:
                 binding.sync()
 
     def remove(self) -> None:
@@ -101,7 +106,7 @@ class Binding:
     """
 
     def __init__(self, ui: BrowserState, field: Field) -> None:
-        self._ui, self._field = ui, field
+        self._ui, self.field = ui, field
         self.handle, self._shown, self._typed = _input(ui, field)
         self._touched_s = -HELD_S
         self._seen = field.read()
@@ -123,7 +128,7 @@ class Binding:
 
     def sync(self) -> None:
         """Show the current state, but not another value while the user is changing it."""
-        field, handle = self._field, self.handle
+        field, handle = self.field, self.handle
         show(handle, "disabled", not field.enabled())
         show(handle, "label", _name(field))
         about = field.label().about
@@ -143,11 +148,41 @@ class Binding:
     def _write(self) -> None:
         value = self._typed(self.handle.value)
         try:
-            self._field.write(value)
+            self.field.write(value)
         except IprtError as error:
             self._ui.say(str(error), bad=True)
             self._touched_s = -HELD_S
         self._seen = value
+
+
+class Upload:
+    """A button that uploads a picture, whose path is written to a field.
+
+    Parameters
+    ----------
+    ui : BrowserState
+    field : Field
+    """
+
+    touched = False
+
+    def __init__(self, ui: BrowserState, field: Field) -> None:
+        self.field = field
+        self.handle = ui.client.gui.add_upload_button(
+            _name(field), icon="photo", color=QUIET, mime_type="image/*,.exr,.hdr"
+        )
+
+        async def uploaded(event: Any) -> None:
+            file = event.target.value
+            ui.post(object(), lambda: field.write(str(ui.received(file.name, file.content))))
+
+        self.handle.on_upload(uploaded)
+
+    def sync(self) -> None:
+        """Show the current label."""
+        show(self.handle, "disabled", not self.field.enabled())
+        show(self.handle, "label", _name(self.field))
+        show(self.handle, "hint", self.field.label().about)
 
 
 def _input(ui: BrowserState, field: Field) -> tuple[Any, Convert, Convert]:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.scene.manifest_writing import free_name
 from iprt.viewer.actions import Action, actions
 from iprt.viewer.controls import preset_of
 from iprt.viewer.fields import (
@@ -37,8 +36,6 @@ from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.status import status_html
 
 WIDTH_PX = 340
-LONGEST = 60
-"""Limit for the characters of a file name, which may have 255 bytes with the scene's additions."""
 
 
 class Panels:
@@ -76,8 +73,13 @@ class Panels:
         for sync in self._syncs:
             sync()
 
-    def _add(self, *rows: Field | Action, visible: Callable[[], bool] = lambda: True) -> None:
-        self._syncs.append(Inputs(self._ui, rows, visible=visible).sync)
+    def _add(
+        self,
+        *rows: Field | Action,
+        visible: Callable[[], bool] = lambda: True,
+        sparse: bool = False,
+    ) -> None:
+        self._syncs.append(Inputs(self._ui, rows, visible=visible, sparse=sparse).sync)
 
     def _add_html(self, content: Callable[[], str]) -> None:
         handle = self._gui.add_html("")
@@ -104,9 +106,13 @@ class Panels:
                 attribute_switch(ui, "align", "align"),
             )
             self._add(*place_fields(ui), *dragging, visible=lambda: ui.state is not None)
-            self._add(*material_fields(ui), visible=lambda: bool(ui.state and ui.state.materials))
-            self._add(*virtual_light_fields(ui), visible=lambda: bool(ui.state and ui.state.light))
-            self._add(shared["texture"], shared["remove"], shared["light"])
+            for fields, has in ((material_fields, "materials"), (virtual_light_fields, "light")):
+
+                def visible(has: str = has) -> bool:
+                    return bool(getattr(ui.state, has, None))
+
+                self._add(*fields(ui), visible=visible, sparse=True)
+            self._add(shared["bare"], shared["remove"], shared["light"])
         for name in ("undo", "redo", "remove", "light"):
             self._bind_key(shared[name])
 
@@ -165,12 +171,8 @@ class Panels:
         )
 
         def add(name: str, content: bytes) -> None:
-            stem, suffix = free_name(Path(name).stem[:LONGEST], set()), Path(name).suffix.lower()
             require_mesh(Path(name))
-            # Keep the file in its own folder: saving the scene reads it again.
-            path = Path(tempfile.mkdtemp(dir=ui.uploads)) / f"{stem}{suffix}"
-            path.write_bytes(content)
-            ui.add(path, 0.5, 0.5)
+            ui.add(ui.received(name, content), 0.5, 0.5)
 
         async def uploaded(event: Any) -> None:
             file = event.target.value
