@@ -148,7 +148,7 @@ def prices(bench: Bench) -> str:
         size=COST_SIZE,
         frames=MEASURED,
         plain=median(plain for _, plain in times),
-        device=bench.device.info.name,
+        device=bench.device.name,
     )
     rows = zip(LOBES, times, strict=True)
     return head + "".join(f"| {name} | {one / plain:.2f} |\n" for name, (one, plain) in rows)

@@ -41,6 +41,8 @@ TRACING_KERNEL void path_trace_virtual(
         start.albedo = load_traced(surfaces.albedo, at.size, at.pixel);
         start.material = at.id - 1;
         start.finish = seen_finish(surfaces, at.pixel);
+        start.cone.spread = pixels.pixel_angle;
+        start.cone.width = start.cone.spread * distance;
 #ifdef REFRACTS
         start.beyond = at.p - object_lift(world.objects, distance) * at.n;
         start.plane = at.n;

@@ -87,7 +87,8 @@ static inline ALWAYS_INLINE float3 passing_objects(const World world, float3 o, 
     for (int i = 0; i < MOST_INTERFACES && any(passing > 0.0f); i++) {
         if (!trace_objects(world.objects, o, d, INFINITY, 0, &hit))
             break;
-        const Scatterer at = object_point(world.objects, hit, o, d);
+        const RayCone line = {0.0f, 0.0f};
+        const Scatterer at = object_point(world.objects, hit, o, d, line);
         const Material material = load_surface_material(world.materials, at.material, at.finish);
         passing *= dielectric_share(material) * straight_share(world.materials, material, at, d, hit.t);
         o = at.beyond;
@@ -145,7 +146,8 @@ TRACING_KERNEL void trace_delta(
         if (!(s.diffuse > 0.0f))
             continue;
         const PathSums sums = {bounce, 0, blocked, 1.0f};
-        trace_path(world, o, o_object, s, (float3)(s.diffuse), at.seed, index, sums);
+        const RayCone cone = {0.0f, lobe_spread(s.density, 0.0f)};
+        trace_path(world, o, o_object, s, cone, (float3)(s.diffuse), at.seed, index, sums);
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x64656c74u);
     samples[at.pixel] += pixels.rays;

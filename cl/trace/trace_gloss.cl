@@ -38,6 +38,8 @@ TRACING_KERNEL void trace_gloss(
         const Material material = load_material(world.gloss.materials, at.id - 1);
         const float3 reflectance = world.gloss.reflectance[at.id - 1].xyz, viewer = -at.p / length(at.p);
         const float2 u = sobol_2d(number, at.seed);
+        const RayCone pixel_cone = {0.0f, pixels.pixel_angle};
+        const RayCone cone = scattered_cone(pixel_cone, length(at.p), 0.0f, material.alpha);
         Scatter s;
         float3 throughput;
 #ifdef SAMPLES_VIRTUAL_LIGHTS
@@ -58,8 +60,8 @@ TRACING_KERNEL void trace_gloss(
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             continue;
         const PathSums sums = {shown, 0, hidden, 1.0f};
-        met |= trace_path(world, real_start(world.real, at.p, at.n), o_object, s, throughput, at.seed, number,
-                          sums).met;
+        met |= trace_path(world, real_start(world.real, at.p, at.n), o_object, s, cone, throughput, at.seed,
+                          number, sums).met;
     }
     const TracedPixel at = traced_pixel(pixels, item, 0x676c6f73u);
     samples[at.pixel] += pixels.rays;

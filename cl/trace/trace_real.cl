@@ -32,8 +32,9 @@ TRACING_KERNEL void trace_real(
         const float3 d =
             frame_to_world(build_frame(at.n), sample_cosine(sobol_2d(index, at.seed)));
         const PathSums sums = {with, 0, without, 1.0f};
+        const RayCone cone = {0.0f, lobe_spread(dot(at.n, d) / IPRT_PI, 0.0f)};
         met |= trace_path(world, real_start(world.real, at.p, at.n), at.p + world.real.bias * at.n,
-                          no_scatter(d), (float3)(1.0f), at.seed, index, sums).met;
+                          no_scatter(d), cone, (float3)(1.0f), at.seed, index, sums).met;
     }
     const int pixel = pixel_of(READ_AGAIN(pixels.list + item), pixels.width);
     const int size = plane_size(pixels.width, pixels.height);

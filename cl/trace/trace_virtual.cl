@@ -57,7 +57,7 @@ static inline float rays_by_noise(int rays, const Known known, const Material ma
         return rays * share_of_rays(held, rays);
     float variance = 0.0f, radiance = DARK_RADIANCE * known.mean_radiance;
     if (known.specular) {
-        const float kept = narrowest_alpha(material) > AIMED_ALPHA ? 1.0f : UNFILTERED;
+        const float kept = material.alpha > AIMED_ALPHA ? 1.0f : UNFILTERED;
         variance += kept * known.specular[(REFLECTED_PLANES + SPREAD_PLANE) * size + pixel];
         radiance = fmax(radiance, known.specular[(REFLECTED_PLANES + SCALAR_PLANE) * size + pixel]);
     }
@@ -119,6 +119,7 @@ TRACING_KERNEL void trace_virtual(
         float3 n = at.n, viewer = -normalize(at.p), color = load_traced(surfaces.albedo, at.size, at.pixel);
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
         float2 finish = seen_finish(surfaces, at.pixel);
+        const RayCone pixel_cone = {0.0f, pixels.pixel_angle};
 #ifdef REFRACTS
         Scatterer from = {o, n, color, at.id - 1};
         from.beyond = at.p - object_lift(world.objects, length(at.p)) * n;
@@ -135,7 +136,7 @@ TRACING_KERNEL void trace_virtual(
             ObjectHit hit;
             if (trace_objects(world.objects, (float3)(0.0f), d, INFINITY, 0, &hit)
                 && object_material(world.objects, hit) == at.id - 1) {
-                const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d);
+                const Scatterer seen = object_point(world.objects, hit, (float3)(0.0f), d, pixel_cone);
                 o = seen.position;
                 n = seen.normal;
                 color = seen.albedo;
@@ -178,7 +179,8 @@ TRACING_KERNEL void trace_virtual(
         const PathSums sums = {diffuse_sum, specular_sum, 0, s.diffuse, shine};
         const float3 color_of_metal = is_specular(material) ? s.specular / shine : (float3)(1.0f);
 #endif
-        const FirstHit hit = trace_path(world, o, o_object, s, color_of_metal, seed, index, sums);
+        const RayCone cone = scattered_cone(pixel_cone, length(o), s.density, material.alpha);
+        const FirstHit hit = trace_path(world, o, o_object, s, cone, color_of_metal, seed, index, sums);
         met |= hit.met;
         lobe_nearness += shine / clamp(hit.distance, 1e-6f, FAR_HIT);
         lobe_met += hit.met ? shine : 0.0f;

@@ -61,11 +61,11 @@ TRACING_KERNEL void voxelize_objects(
             int leaving = 0;
             if (met) {
                 at += hit.t / box.w;
-                const ObjectSurface seen = object_surface(objects, hit, d);
+                const RayCone cone = {box.w / SUB, 0.0f};
+                const ObjectSurface seen = object_surface(objects, hit, d, cone);
                 leaving = dot(seen.normal, seen.flat_normal) < 0.0f;
                 const int voxel = column + clamp((int)at, 0, depth - 1) * stride;
-                const float3 albedo =
-                    object_albedo(objects, seen.material, seen.vertices, seen.weights);
+                const float3 albedo = object_albedo(objects, seen);
                 surface[voxel] += (float4)(albedo, 1.0f);
                 facing[voxel] += (float4)(seen.normal, 0.0f);
                 to = leaving ? at : entered;

@@ -116,11 +116,6 @@ __kernel void unpack_objects(
         const float4 finish = image[DISPLAY_FINISH * width * height];
         metallic[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.x : 0.0f;
         roughness[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.y : roughness[pixel];
-#ifdef COVERED
-        // Filters keep the reflection of the clearcoat. Tracing reads the plane only of materials with a map.
-        if (visible && clearcoat_strength(parameters.cover) > 0.0f && !has_map_of_roughness(parameters))
-            roughness[pixel] = narrowest_alpha(parameters);
-#endif
     }
     if (emission)
         store_planes(emission, size, pixel, visible ? image[DISPLAY_EMISSION * width * height].xyz : (float3)(0.0f));

@@ -35,19 +35,19 @@
 #define LENDING_RANGE 0.03f
 
 // Return whether rays of a pixel meet the triangles that rays nearby meet, and need nothing else of them.
-static inline int shares_triangles(const Objects world)
+static inline int shares_triangles(void)
 {
-#ifdef HOLES
+#if defined(HOLES) || defined(TEXTURES)
     return 0;
 #else
-    return !world.bvh.texels;
+    return 1;
 #endif
 }
 
 // Return whether pixels whose neighbours are covered count as covered, as with few samples a side.
-static inline int outlines_only(const Objects world, int samples)
+static inline int outlines_only(int samples)
 {
-    return samples < 4 && shares_triangles(world);
+    return samples < 4 && shares_triangles();
 }
 
 // Return 1 / distance of the real surface along d. For lane loops.
@@ -94,19 +94,20 @@ TRACING_KERNEL void see_objects(
     if (!trace_objects(world, (float3)(0.0f), d, INFINITY, 0, &hit))
         return;
     int instance = hit.instance;
-    if (outlines_only(world, samples)) {
+    if (outlines_only(samples)) {
         const float nearness = real_nearness(surface, surface_width, surface_height, d);
         instance = hit.t * nearness <= 1.0f + COVERAGE_TOLERANCE ? instance : -2 - instance;
     }
     met[pixel] = (int2)(instance, hit.triangle);
-    const ObjectSurface at = object_surface(world, hit, d);
+    const RayCone cone = {0.0f, pixel_angle(view, d)};
+    const ObjectSurface at = object_surface(world, hit, d, cone);
     front[pixel] = (float4)(at.normal, hit.t);
-    material[pixel] = (float4)(object_albedo(world, at.material, at.vertices, at.weights),
+    material[pixel] = (float4)(object_albedo(world, at),
                                at.material + 1);
     if (finish)
-        finish[pixel] = object_finish(world, at.material, at.vertices, at.weights);
+        finish[pixel] = object_finish(world, at);
 #ifdef EMISSION
-    emission[pixel] = (float4)(object_emission(world, at.material, at.vertices, at.weights), 0.0f);
+    emission[pixel] = (float4)(object_emission(world, at), 0.0f);
 #endif
     if (!displacements)
         return;
@@ -245,7 +246,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
         Samples rays = aim_samples(view, x, y, samples, first, surface, surface_width, surface_height);
         // Most rays meet triangles that rays nearby meet. Any object in front of them is in front of the real
         // surface too and need not be found.
-        if (shares_triangles(world))
+        if (shares_triangles())
             count += meet_nearby(world, met, rectangle, x, y, width, ahead, &rays);
         for (int i = 0; i < LANES; i++) {
             if (rays.state[i] == KNOWN)
@@ -259,16 +260,17 @@ static inline int2 visible_samples(const Objects world, __global const float *re
                 continue;
             count.x += hit.t * rays.nearness[i] <= 1.0f + COVERAGE_TOLERANCE;
             count.y += !behind;
-            if (shares_triangles(world)) {
+            if (shares_triangles()) {
                 count += meet_packet(world, hit.instance, hit.triangle >> 2, ahead, &rays);
                 continue;
             }
-            const ObjectSurface at = object_surface(world, hit, d);
+            const RayCone cone = {0.0f, pixel_angle(view, d) / samples};
+            const ObjectSurface at = object_surface(world, hit, d, cone);
             if (at.material + 1 == index) {
-                sum += object_albedo(world, at.material, at.vertices, at.weights);
-                finish_sum += object_finish(world, at.material, at.vertices, at.weights);
+                sum += object_albedo(world, at);
+                finish_sum += object_finish(world, at);
 #ifdef EMISSION
-                emission_sum += object_emission(world, at.material, at.vertices, at.weights);
+                emission_sum += object_emission(world, at);
 #endif
                 same++;
             }
@@ -357,7 +359,7 @@ TRACING_KERNEL void show_objects(
     float2 its_finish = finish ? finish[pixel] : (float2)(0.0f);
     float3 its_emission = emission ? emission[pixel].xyz : (float3)(0.0f);
     int2 visible = (int2)(samples * samples);
-    if (!(outlines_only(world, samples) && is_inside(met, rectangle, x, y, width)))
+    if (!(outlines_only(samples) && is_inside(met, rectangle, x, y, width)))
         visible = visible_samples(world, view, met, rectangle, x, y, width, d, samples,
                                   (int)its_material.w, surface, surface_width, surface_height, &albedo,
                                   &its_finish, &its_emission);

@@ -107,6 +107,11 @@ class View:
             axis=-1,
         )
 
+    @property
+    def pixel_angle(self) -> float:
+        """Angle of a pixel in the middle of the view, radians."""
+        return np.pi / self.height if self.projection == "equirect" else 1.0 / self.focal_px
+
     def kernel_constants(self) -> NDArray[np.float32]:
         """Return the (16,) float32 constants of `cl/lib/gbuffer/view.h`.
 

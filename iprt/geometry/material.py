@@ -227,6 +227,8 @@ class MaterialNeeds:
         Some material transmits light.
     covered : bool
         Some material has a clear coat, sheen or a tint.
+    textures : bool
+        Some material has a texture.
     """
 
     principled: bool
@@ -235,6 +237,7 @@ class MaterialNeeds:
     emission: bool
     glass: bool
     covered: bool
+    textures: bool
 
     @classmethod
     def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
@@ -247,6 +250,7 @@ class MaterialNeeds:
             emission=any(material.emits for material in every),
             glass=any(material.transmits for material in every),
             covered=any(material.is_covered for material in every),
+            textures=any(material.textured for material in every),
         )
 
     @property
@@ -263,6 +267,7 @@ class MaterialNeeds:
             "EMISSION": self.emission,
             "GLASS": self.glass,
             "COVERED": self.covered,
+            "TEXTURES": self.textures,
         }
 
 

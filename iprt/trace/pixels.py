@@ -259,7 +259,8 @@ class ReflectingPixels:
 
         def trace_gloss(context: FrameContext) -> None:
             assert self.gloss_mask is not None
-            self._trace_gloss.run(world, self.gloss_mask, context.view)
+            angle = context.camera.pixel_angle
+            self._trace_gloss.run(world, self.gloss_mask, context.view, pixel_angle=angle)
 
         def move_gloss(context: FrameContext) -> None:
             self._gloss_motion = self._carry.run(self._real.motion, world.objects, context)
@@ -270,7 +271,15 @@ class ReflectingPixels:
             surfaces = SurfacesArgs(
                 albedo=seen.albedo, metallic=seen.metallic, roughness=seen.roughness
             )
-            self.tracer.run(world, self.mask, context.view, surfaces, known, steady=context.steady)
+            self.tracer.run(
+                world,
+                self.mask,
+                context.view,
+                surfaces,
+                known,
+                steady=context.steady,
+                pixel_angle=context.camera.pixel_angle,
+            )
 
         samples = ("reflected samples",)
         if self.gloss_mask is not None:

@@ -39,6 +39,8 @@ class PixelsArgs(Block):
     guide : 7 planes
     color : 3 planes or None
         Radiance of the layer, by which real surfaces are in the sun.
+    pixel_angle : float
+        Spread of the ray cones of pixels, radians: `View.pixel_angle`.
     """
 
     width: Int32
@@ -49,6 +51,7 @@ class PixelsArgs(Block):
     count: Ints
     guide: Floats
     color: Floats = when("SUN")
+    pixel_angle: Float32 = when("TEXTURES")
 
 
 @dataclass(kw_only=True)
@@ -213,6 +216,7 @@ class _Tracer:
         mask: Mask,
         view: cla.Array,
         color: cla.Array | None = None,
+        pixel_angle: float = 0.0,
         **more: Any,
     ) -> None:
         """Run the kernel; `more` are further arguments, of which the kernel may lack some."""
@@ -231,6 +235,7 @@ class _Tracer:
                 count=mask.count,
                 guide=self._guide.current,
                 color=color,
+                pixel_angle=pixel_angle,
             ),
         )
 
@@ -283,7 +288,7 @@ class RealTracer(_Tracer):
         min_solid_angle : float
             Objects that subtend a smaller solid angle at a surface, in sr, may be ignored there.
         """
-        known = {} if cache is None else {"cache": cache.arguments(world.panorama)}
+        known: dict[str, Any] = {} if cache is None else {"cache": cache.arguments(world.panorama)}
         self._launch(world, mask, view, color, min_solid_angle=min_solid_angle, **known)
 
 
@@ -338,6 +343,7 @@ class VirtualTracer(_Tracer):
         known: KnownArgs,
         *,
         steady: bool,
+        pixel_angle: float,
     ) -> None:
         """Trace the pixels of `mask`. Cones and paths ignore `known` and `steady`.
 
@@ -348,10 +354,13 @@ class VirtualTracer(_Tracer):
         steady : bool
             Nothing moves, or there is no history: rays of metals may start all over a pixel too.
             In motion that would blur their reflections, which are resampled in each frame.
+        pixel_angle : float
+            `View.pixel_angle`.
         """
         jitters = self._features.jitter
         jitter = JitterArgs(metals=int(jitters and steady), others=int(jitters), view=view)
-        self._launch(world, mask, view, surfaces=surfaces, known=known, jitter=jitter)
+        seen = {"surfaces": surfaces, "known": known, "jitter": jitter}
+        self._launch(world, mask, view, pixel_angle=pixel_angle, **seen)
 
 
 class GlossTracer(_Tracer):
@@ -384,6 +393,6 @@ class GlossTracer(_Tracer):
             defines=guide.defines(),
         )
 
-    def run(self, world: World, mask: Mask, view: cla.Array) -> None:
-        """Trace the pixels of `mask`."""
-        self._launch(world, mask, view)
+    def run(self, world: World, mask: Mask, view: cla.Array, *, pixel_angle: float) -> None:
+        """Trace the pixels of `mask`; `pixel_angle` is `View.pixel_angle`."""
+        self._launch(world, mask, view, pixel_angle=pixel_angle)

@@ -80,7 +80,7 @@ class VisibleLayer(VisibleSurfaces):
         self._kernel = device.kernel(
             "view/unpack.cl",
             "unpack_objects",
-            {"VIEW_EQUIRECT": layout.equirect, "COVERED": needs.covered},
+            {"VIEW_EQUIRECT": layout.equirect},
         ).fixed(
             layout.arguments(),
             self.planes(),

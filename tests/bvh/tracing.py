@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.scene import SceneBuilder
 from iprt.device.compute import ComputeDevice
+from iprt.geometry.material import MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.settings.features import BVH_DEFINES
 from iprt.world.objects.object_bvh import ObjectBvh
@@ -36,8 +37,9 @@ __kernel void trace(const int n, __global const float4 *origin, __global const f
     point[4 * i] = point[4 * i + 1] = point[4 * i + 2] = point[4 * i + 3] = (float4)(0.0f);
     if (!met)
         return;
-    const Scatterer at = object_point(world, hit, origin[i].xyz, direction[i].xyz);
-    const ObjectSurface surface = object_surface(world, hit, direction[i].xyz);
+    const RayCone line = {0.0f, 0.0f};
+    const Scatterer at = object_point(world, hit, origin[i].xyz, direction[i].xyz, line);
+    const ObjectSurface surface = object_surface(world, hit, direction[i].xyz, line);
     point[4 * i] = (float4)(at.position, at.material);
     point[4 * i + 1] = (float4)(at.normal, 0.0f);
     point[4 * i + 2] = (float4)(at.albedo, 0.0f);
@@ -80,7 +82,9 @@ class BvhTracer:
         self._device = device
         self._bvh = ObjectBvh(device, instances)
         self._boxes = device.zeros("boxes", (1, 2, 4))
+        needs = MaterialNeeds.of(m for instance in instances for m in instance.mesh.materials)
         flags = [f"-D{name}={int(value)}" for name, value in BVH_DEFINES.items()]
+        flags += ["-DTEXTURES"] * needs.textures
         self._kernel = build(device, KERNEL, "trace", *flags, *["-DBVH_SCALAR"] * scalar)
         self._builder = SceneBuilder()
         self.load(instances)

@@ -25,7 +25,7 @@ MOST_PROGRAMS = 52
 """All scenes, projections and presets, and the films of the tests, with the default method, of
 objects without the lobes of `LOBES`."""
 
-LOBES = ("COVERED", "EMISSION", "GLASS", "PRINCIPLED", "VIRTUAL_LIGHTS")
+LOBES = ("COVERED", "EMISSION", "GLASS", "PRINCIPLED", "TEXTURES", "VIRTUAL_LIGHTS")
 """Defines of programs that only some objects need; lamps and lights share `ADDED_LIGHT`."""
 
 MOST_PER_LOBE = 12

@@ -172,7 +172,15 @@ class Kernels:
         known = KnownArgs(
             certainty=nothing, specular=None, diffuse=None, mean_radiance=1.0, fading=0.0
         )
-        trace.run(renderer.world, mask, self.view, surfaces, known, steady=True)
+        trace.run(
+            renderer.world,
+            mask,
+            self.view,
+            surfaces,
+            known,
+            steady=True,
+            pixel_angle=VIEW.pixel_angle,
+        )
         planes = {"diffuse": trace.diffuse, "specular": trace.specular}
         return {kind: self._planes(p) for kind, p in planes.items() if p is not None}
 

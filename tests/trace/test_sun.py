@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.renderer import Renderer
+from iprt.scene.scene import Scene
+from iprt.settings.model import Settings
 from tests.footage.sunny_rooms import SunnyRoom
 from tests.footage.sunny_yards import GROUND, SunnyYard
 from tests.oracles.worlds import Sphere, cosine_about
@@ -173,6 +176,21 @@ def test_it_is_found_by_chance_too(device: ComputeDevice, frame: Frame) -> None:
     picture, _ = mean_picture(device, replace(frame, sun=wide), thing, view)
     middle = picture[pixel(view, centre + RADIUS * normal)].mean(axis=(0, 1))
     np.testing.assert_allclose(middle, np.array(wide.radiance) + 3.0, rtol=0.05)
+
+
+@pytest.mark.thorough
+def test_no_speck_of_it_is_seen_in_glossy_surfaces(device: ComputeDevice) -> None:
+    """Rays of a ball that the floor reflects would meet the sun once in 40 frames here."""
+    frame = Scene.open(Path("scenes360/room")).frame()
+    assert frame.sun is not None
+    metal = Material("conductor", (0.95, 0.73, 0.38), alpha=0.05)
+    thing = ball((0.08, -0.97, -1.4), 0.11, metal)
+    view = View(144, 144, yaw_deg=3.3, pitch_deg=-34.7, fov_y_deg=11.5)
+    for seed in (0, 2):
+        chosen = Settings.model_validate({"fading": 0.0, "seed": seed})
+        picture = render(device, frame, [thing], view, chosen, frames=40)
+        inside = picture.aovs["coverage"] == 1.0
+        assert picture.color[inside].max() < frame.radiance.max()
 
 
 def test_its_shadow_reaches_what_the_object_reflects(device: ComputeDevice) -> None:

@@ -131,7 +131,7 @@ def test_glass_absorbs_no_impossible_share(ui: Ui) -> None:
 
 
 def test_maps_are_given_by_file_taken_away_and_saved(ui: Ui) -> None:
-    """Beside each other; a file that is none is told of."""
+    """Maps do not replace each other; an error names a missing file."""
     folder, fields = ui.engine.scene.root, by_key(material_fields(ui))
     pixels = np.random.default_rng(2).integers(0, 256, (3, 5, 4), np.uint8)
     Image.fromarray(pixels).save(folder / "map.png")

@@ -101,3 +101,9 @@ static inline ALWAYS_INLINE float2 project_unbranched(__global const float *rest
     const float2 around = point_around(view, p), ahead = point_ahead(view, p);
     return (float2)(projected(equirect, around.x, ahead.x), projected(equirect, around.y, ahead.y));
 }
+
+// Return the angle in radians of a pixel in direction d, the longer one of the two.
+static inline ALWAYS_INLINE float pixel_angle(__global const float *restrict view, float3 d)
+{
+    return is_equirect(view) ? IPRT_PI / view[13] : -(view[2] * d.x + view[5] * d.y + view[8] * d.z) / view[9];
+}

@@ -51,6 +51,7 @@ typedef struct {
     float3 albedo;
     float2 finish;       // as in Scatterer
     int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
+    RayCone cone;        // of the ray that has met it, there; before its lobe widens it
 #ifdef REFRACTS
     float3 beyond, plane;   // as in Scatterer
     int enters;
@@ -110,6 +111,12 @@ static inline Scatter scatter_sampled(const World world, const PathSurface at, f
         return s;
     }
     return scatter_along(world, at, sample.wi);
+}
+
+// Return the alpha of a surface, for rays without a density.
+static inline ALWAYS_INLINE float lobe_alpha(const World world, const PathSurface at)
+{
+    return at.material < 0 ? 0.0f : load_surface_material(world.materials, at.material, at.finish).alpha;
 }
 
 #ifdef REFRACTS
@@ -281,7 +288,9 @@ static inline ALWAYS_INLINE int trace_pairs(const World world, PathSurface at, u
 #ifdef REFRACTS
         throughput *= medium_transmittance(world.materials, filling(world.materials, s.media), hit.t);
 #endif
-        const Scatterer next = object_point(world.objects, hit, at.o_object, s.wi);
+        at.cone = scattered_cone(at.cone, 0.0f, s.density, lobe_alpha(world, at));
+        const Scatterer next = object_point(world.objects, hit, at.o_object, s.wi, at.cone);
+        at.cone.width = cone_width(at.cone, hit.t);
 #ifdef EMISSION
         const float3 emission = throughput * emitted(world, next);
         add_to(sums.diffuse, first_diffuse * emission);

@@ -67,12 +67,6 @@ static inline Material load_material(__global const float4 *restrict materials, 
     return material;
 }
 
-// Return whether the roughness varies over the surface.
-static inline int has_map_of_roughness(const Material material)
-{
-    return material.transmittance[MATERIAL_NODES + 1] > 0.0f;
-}
-
 // Return a material with the finish of a point of a surface: its metalness and alpha. A negative one stands for the
 // means of the material.
 static inline Material load_surface_material(
@@ -151,16 +145,6 @@ static inline float widest_alpha(const Material material)
 #ifdef COVERED
     alpha = clearcoat_strength(material.cover) > 0.0f ? fmax(alpha, clearcoat_alpha(material.cover)) : alpha;
     alpha = greatest_sheen(material.cover) > 0.0f ? 1.0f : alpha;
-#endif
-    return alpha;
-}
-
-// Return the alpha of the narrowest reflection.
-static inline float narrowest_alpha(const Material material)
-{
-    float alpha = material.alpha;
-#ifdef COVERED
-    alpha = clearcoat_strength(material.cover) > 0.0f ? fmin(alpha, clearcoat_alpha(material.cover)) : alpha;
 #endif
     return alpha;
 }

@@ -141,8 +141,8 @@ static inline int goes_straight(const Scatter s)
 // the radiance that the first object hides. With -D ADDED_LIGHT and -D RELIT, its change in the last picture arrives, so
 // that real surfaces pass the light of lamps on to each other.
 static inline ALWAYS_INLINE FirstHit trace_path(
-    const World world, float3 o, float3 o_object, Scatter s, float3 throughput, uint seed, uint index,
-    PathSums sums)
+    const World world, float3 o, float3 o_object, Scatter s, RayCone cone, float3 throughput, uint seed,
+    uint index, PathSums sums)
 {
     FirstHit first = {INFINITY, 0};
 #if defined(DELTA) && defined(IMPOSTOR)
@@ -296,7 +296,10 @@ static inline ALWAYS_INLINE FirstHit trace_path(
                     return first;
                 o = real_start(world.real, p, n);
                 o_object = p + world.real.bias * n;
+                const float alpha = load_material(world.gloss.materials, gloss - 1).alpha;
+                cone = scattered_cone(cone, real.t, 0.0f, alpha);
                 s = no_scatter(specular.wi);
+                sunless = alpha > AIMED_ALPHA; // a ray that meets the sun by chance would be a bright speck
 #ifdef REFRACTS
                 media = 0;
                 from_real = 1;
@@ -334,7 +337,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
             throughput *= own;
         }
         first.met |= bounce == 0;
-        const Scatterer at = object_point(world.objects, hit, o_object, d);
+        const Scatterer at = object_point(world.objects, hit, o_object, d, cone);
 #ifdef EMISSION
         const float3 emission = emitted(world, at);
         if (any(emission > 0.0f) && !is_at_sun(s) && !at_light) {
@@ -388,6 +391,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         s = scatter(world, material, at.albedo, o, at.normal, -d, (float4)(u, v));
         throughput *= diffuse_albedo(material, at.albedo) * s.diffuse + s.specular;
 #endif
+        cone = scattered_cone(cone, hit.t, s.density, material.alpha);
         if (!(throughput.x + throughput.y + throughput.z > 0.0f))
             return first;
     }

@@ -91,7 +91,8 @@ TRACING_KERNEL void trace_cached(
             continue;
         const float3 o = real_start(world.real, at.p, at.n);
         const PathSums sums = {bounce, 0, blocked, 1.0f};
-        trace_path(world, o, o_object, s, (float3)(s.diffuse), at.seed, first + next - 1, sums);
+        const RayCone cone = {0.0f, lobe_spread(s.density, 0.0f)};
+        trace_path(world, o, o_object, s, cone, (float3)(s.diffuse), at.seed, first + next - 1, sums);
     }
     const TracedPixel at = traced_pixel(pixels, item, CACHED);
     samples[at.pixel] += pixels.rays;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,7 @@ from iprt.device.vectors import float4
 from iprt.geometry.material import Material, MaterialNeeds
 from iprt.geometry.mesh import Instance, same_places
 from iprt.world.objects.lamps import Lamps, LampsArgs
+from iprt.world.objects.mip_levels import color_levels, finish_levels, normal_levels
 from iprt.world.objects.object_layers import ObjectLayerArgs
 from iprt.world.objects.virtual_lights import VirtualLightsArgs
 
@@ -59,7 +60,7 @@ class BvhArgs(Block):
         As in `Mesh`, object space.
     texels : (T, 4) float16 or None
         Linear rgb and opacity; factors of metalness and of the square root of alpha; or directions
-        of normals.
+        of normals. The mip levels of each image follow it.
     """
 
     nodes: Float4s
@@ -69,9 +70,9 @@ class BvhArgs(Block):
     triangles: Int4s
     normals: Float4s
     albedos: Float4s
-    uvs: Float2s
+    uvs: Float2s = when("TEXTURES")
     tangents: Float4s = when("NORMAL_MAPS")
-    texels: Halves
+    texels: Halves = when("TEXTURES")
     work: Counters = when("COUNT_WORK", outer="work_counters")
 
 
@@ -121,13 +122,22 @@ class ObjectsArgs(Block):
             self.edges = float4(tuple(float(self.rectangle[axis]) for axis in "xyzw"))
 
 
-_HEADER = "lib/world/objects/objects_bvh.h"
+_HEADER = "lib/world/objects/textures.h"
 _WRAP, _NEAREST = constant(_HEADER, "TEXTURE_WRAP"), constant(_HEADER, "TEXTURE_NEAREST")
 _WRAPS = {
     "repeat": 0,
     "clamp": constant(_HEADER, "WRAP_CLAMP"),
     "mirror": constant(_HEADER, "WRAP_MIRROR"),
 }
+
+
+_LEVELS: tuple[Callable[[NDArray[np.float32], Material], list[NDArray[np.float32]]], ...] = (
+    lambda image, material: color_levels(image, material.opacity_texture),
+    lambda image, _: finish_levels(image),
+    lambda image, _: normal_levels(image),
+    lambda image, _: color_levels(image),
+)
+"""Mip levels of the images of `Material.maps`."""
 
 
 class ObjectBvh:
@@ -157,7 +167,6 @@ class ObjectBvh:
         self._device = device
         self._builder = SceneBuilder()
         materials = [m for instance in instances for m in instance.mesh.materials]
-        self._textured = any(material.textured for material in materials)
         self.deforming = any(instance.mesh.deforms for instance in instances)
         sizes = scene_sizes(shapes_of(instances))
         rows = {name: max(count, 1) for name, count in vars(sizes).items()}
@@ -170,13 +179,13 @@ class ObjectBvh:
         self._make("normals", (rows["vertices"], 4))
         table, texels = texture_table(materials)
         self._albedos = device.upload("bvh albedos", table)
-        self._texels = None
+        self._texels: cla.Array | None = None
         self._loaded: Sequence[Instance] | None = None
         self._meshes = tuple(instance.mesh for instance in instances)  # kept: `Worlds` keys by id
-        if self._textured:
+        needs = MaterialNeeds.of(materials)
+        if needs.textures:
             self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
-        needs = MaterialNeeds.of(materials)
         if needs.normal_maps:
             self._make("tangents", (rows["vertices"], 4))
         self._lamps = Lamps(device, instances) if needs.emission else None
@@ -246,9 +255,9 @@ class ObjectBvh:
             triangles=self._buffers["triangles"],
             normals=self._buffers["normals"],
             albedos=self._albedos,
-            uvs=self._buffers["uvs"] if self._textured else None,
+            uvs=self._buffers.get("uvs"),
             tangents=self._buffers.get("tangents"),
-            texels=self._texels if self._textured else None,
+            texels=self._texels,
         )
         lamps = None if self._lamps is None else self._lamps.arguments()
         return ObjectsArgs(bounds=boxes, count=boxes.shape[0], bvh=bvh, lamps=lamps)
@@ -268,18 +277,15 @@ def texture_table(
         row[2:3, :2] = material.metallic, material.alpha
         row[6:7, :3] = material.emission
         maps = zip(row[1::2], material.maps, material.samplers, strict=False)
-        for place, image, sampler in maps:
+        for number, (place, image, sampler) in enumerate(maps):
             if image is not None:
-                height, width, channels = image.shape
+                height, width, _ = image.shape
                 wraps = [_WRAPS[wrap] << 2 * axis for axis, wrap in enumerate(sampler.wrap)]
                 first = sum(map(len, texels)) | sum(wraps) << _WRAP
                 read = width | sampler.nearest << _NEAREST
                 place.view(np.uint32)[:3] = first, read, height
-                flat = np.ones((height * width, 4), np.float16)
-                flat[:, :channels] = image.reshape(-1, channels)
-                if image is material.texture and material.opacity_texture is not None:
-                    flat[:, 3] = material.opacity_texture.ravel()
-                texels.append(flat)
+                levels = _LEVELS[number](image, material)
+                texels += [level.astype(np.float16).reshape(-1, 4) for level in levels]
     if len(texels) == 1:
         texels.append(np.zeros((1, 4), np.float16))
     return table.reshape(-1, 4), np.concatenate(texels)

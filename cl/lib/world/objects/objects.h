@@ -8,7 +8,8 @@
 //   trace_objects(objects, o, d, t_max, any, &hit)
 //                                               nearest surface before t_max, hit.t; 1: found. With `any`,
 //                                               whichever surface is found first
-//   object_point(objects, hit, o, d)            the surface there: Scatterer
+//   object_point(objects, hit, o, d, cone)      the surface there: Scatterer; triangles show their textures at the
+//                                               level for the ray's cone
 //   object_lift(objects, distance)              offset in metres of rays from visible surfaces
 #pragma once
 

@@ -6,7 +6,9 @@
 #include "maths/grid.h"
 #include "maths/maths.h"
 #include "maths/rng.h"
+#include "world/objects/ray_cone.h"
 #include "world/objects/scatterer.h"
+#include "world/objects/textures.h"
 
 #ifdef OBJECTS_BVH
 
@@ -24,45 +26,6 @@
 
 typedef BvhHit ObjectHit;
 
-// Bits of an image's first texel: its place, and from TEXTURE_WRAP on how it is read beyond 0 and 1 along u and v, two
-// bits each. Bit of its width: the nearest texel is read.
-#define TEXTURE_WRAP 28
-#define TEXTURE_NEAREST 30
-#define WRAP_CLAMP 1
-#define WRAP_MIRROR 2
-
-// Return a coordinate of a texture of `size` texels in the range of their centres.
-static inline float wrapped(float u, uint wrap, float size)
-{
-    const float half_texel = 0.5f / size, turned = u - 2.0f * floor(0.5f * u);
-    u = wrap == WRAP_MIRROR ? 1.0f - fabs(1.0f - turned) : u;
-    return clamp(u, half_texel, 1.0f - half_texel);
-}
-
-// Return the bilinear value of a texture; row 0 is at v = 1.
-static inline float4 object_texture(__global const half *texels, int4 image, float2 uv)
-{
-    const uint wrap = (uint)image.x >> TEXTURE_WRAP;
-    const int nearest = image.y >> TEXTURE_NEAREST;
-    image.xy &= (int2)((1 << TEXTURE_WRAP) - 1, (1 << TEXTURE_NEAREST) - 1);
-    if (wrap & 3u)
-        uv.x = wrapped(uv.x, wrap & 3u, image.y);
-    if (wrap >> 2)
-        uv.y = wrapped(uv.y, wrap >> 2, image.z);
-    if (nearest)
-        uv = (floor(uv * (float2)(image.y, image.z)) + 0.5f) / (float2)(image.y, image.z);
-    const float2 at = (uv - floor(uv)) * (float2)(image.y, -image.z) - 0.5f;
-    const float2 low = floor(at), part = at - low;
-    int x = (int)low.x, y = (int)low.y + image.z;
-    x = clamp(x < 0 ? x + image.y : x, 0, image.y - 1);
-    y = clamp(y < 0 ? y + image.z : y, 0, image.z - 1);
-    const int right = x + 1 < image.y ? x + 1 : 0, below = y + 1 < image.z ? y + 1 : 0;
-    const int row0 = image.x + y * image.y, row1 = image.x + below * image.y;
-    const float4 upper = mix(vload_half4(row0 + x, texels), vload_half4(row0 + right, texels), part.x);
-    const float4 lower = mix(vload_half4(row1 + x, texels), vload_half4(row1 + right, texels), part.x);
-    return mix(upper, lower, part.y);
-}
-
 // Rows per material of the table of albedos and textures (iprt/world/objects/object_bvh.py).
 #if defined(EMISSION)
 #define TEXTURED_ROWS 8
@@ -74,46 +37,82 @@ static inline float4 object_texture(__global const half *texels, int4 image, flo
 #define TEXTURED_ROWS 2
 #endif
 
-static inline float2 object_uv(const Objects world, int4 vertices, float3 weights)
+// The triangle that a ray along d has hit, in world space.
+typedef struct {
+    float3 position;
+    float3 flat_normal;   // of the plane, towards the viewer
+    float3 normal;        // of the map, or interpolated, outward in the mesh; flat_normal without normals
+    float3 bulge;         // from position to the curved surface implied by the normals, if outside
+    float reach;          // the largest coordinate in its computation
+    int4 vertices;        // w: the material of the mesh
+    float3 weights;
+    int material;         // index among all instances' materials
+#ifdef TEXTURES
+    float footprint;      // width of the ray there, in texture coordinates
+#endif
+} ObjectSurface;
+
+#ifdef TEXTURES
+static inline ALWAYS_INLINE float2 object_uv(const Objects world, int4 vertices, float3 weights)
 {
     return weights.x * world.bvh.uvs[vertices.x] + weights.y * world.bvh.uvs[vertices.y]
         + weights.z * world.bvh.uvs[vertices.z];
 }
 
-// Return a material's albedo at barycentric weights of a triangle; `material` counts all instances'.
-static inline float3 object_albedo(const Objects world, int material, int4 vertices, float3 weights)
+// Return the width in texture coordinates of a ray along d that meets a triangle; `facing`: the cross product of two of
+// its edges, as long as twice its area. The width is the long axis of the cone's ellipse on the triangle, times the
+// square root of the ratio of the areas.
+static inline ALWAYS_INLINE float uv_footprint(const Objects world, int4 vertices, float3 facing, float3 d, float width)
 {
-    float3 albedo = world.bvh.albedos[TEXTURED_ROWS * material].xyz;
-    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 1]);
-    if (image.y > 0)
-        albedo *= object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xyz;
+    const float2 a = world.bvh.uvs[vertices.x];
+    const float2 b = world.bvh.uvs[vertices.y] - a, c = world.bvh.uvs[vertices.z] - a;
+    const float areas = fabs(b.x * c.y - b.y * c.x) * length(facing);
+    return width * sqrt(areas) / fmax(fabs(dot(facing, d)), 1e-30f);
+}
+
+// Return the value there of the texture whose image is in a row of the table; 1 without one.
+static inline ALWAYS_INLINE float4 mapped_value(const Objects world, const ObjectSurface at, int row)
+{
+    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * at.material + row]);
+    if (!(image.y > 0))
+        return (float4)(1.0f);
+    return object_texture(world.bvh.texels, image, object_uv(world, at.vertices, at.weights), at.footprint);
+}
+#endif
+
+// Return a material's albedo at a surface.
+static inline ALWAYS_INLINE float3 object_albedo(const Objects world, const ObjectSurface at)
+{
+    float3 albedo = world.bvh.albedos[TEXTURED_ROWS * at.material].xyz;
+#ifdef TEXTURES
+    albedo *= mapped_value(world, at, 1).xyz;
+#endif
     return albedo;
 }
 
 // Return metalness and alpha of a principled material there.
-static inline float2 object_finish(const Objects world, int material, int4 vertices, float3 weights)
+static inline ALWAYS_INLINE float2 object_finish(const Objects world, const ObjectSurface at)
 {
     float2 finish = (float2)(0.0f);
 #ifdef PRINCIPLED
-    finish = world.bvh.albedos[TEXTURED_ROWS * material + 2].xy;
-    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 3]);
-    if (image.y > 0) {
-        // Textures scale the square root of alpha.
-        const float2 scale = object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xy;
-        finish *= (float2)(scale.x, scale.y * scale.y);
-    }
+    finish = world.bvh.albedos[TEXTURED_ROWS * at.material + 2].xy;
+#ifdef TEXTURES
+    // Textures scale the square root of alpha.
+    const float2 scale = mapped_value(world, at, 3).xy;
+    finish *= (float2)(scale.x, scale.y * scale.y);
+#endif
 #endif
     return finish;
 }
 
 #ifdef EMISSION
 // Return the radiance that a material emits there.
-static inline float3 object_emission(const Objects world, int material, int4 vertices, float3 weights)
+static inline ALWAYS_INLINE float3 object_emission(const Objects world, const ObjectSurface at)
 {
-    float3 emission = world.bvh.albedos[TEXTURED_ROWS * material + 6].xyz;
-    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 7]);
-    if (image.y > 0)
-        emission *= object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xyz;
+    float3 emission = world.bvh.albedos[TEXTURED_ROWS * at.material + 6].xyz;
+#ifdef TEXTURES
+    emission *= mapped_value(world, at, 7).xyz;
+#endif
     return emission;
 }
 #endif
@@ -149,18 +148,21 @@ static inline ALWAYS_INLINE int object_material(const Objects world, const Objec
 #define MOST_HOLES 64
 
 // Return whether a ray from o along d meets the surface of a hit, rather than passing through it. Where a share of the
-// rays passes, it is chosen by a hash of the ray.
+// rays passes, it is chosen by a hash of the ray. Opacity is that of the finest level: a mean of it, compared with the
+// cutoff, would not cover the same share of a pixel.
 static inline int is_met(const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
     const int material = object_material(world, hit);
     __global const float4 *rows = world.bvh.albedos + TEXTURED_ROWS * material;
-    const int4 image = as_int4(rows[1]);
     float opacity = rows[0].w;
+#ifdef TEXTURES
+    const int4 image = as_int4(rows[1]);
     if (image.y > 0) {
         const float3 weights = (float3)(1.0f - hit.u - hit.v, hit.u, hit.v);
         const float2 uv = object_uv(world, world.bvh.triangles[hit.triangle], weights);
-        opacity *= object_texture(world.bvh.texels, image, uv).w;
+        opacity *= level_value(world.bvh.texels, finest_level(image), uv).w;
     }
+#endif
     const float cutoff = rows[1].w;
     if (cutoff > 0.0f)
         return opacity >= cutoff;
@@ -196,34 +198,24 @@ static inline ALWAYS_INLINE int trace_objects(
 }
 #endif
 
-// The triangle that a ray along d has hit, in world space.
-typedef struct {
-    float3 position;
-    float3 flat_normal;   // of the plane, towards the viewer
-    float3 normal;        // of the map, or interpolated, outward in the mesh; flat_normal without normals
-    float3 bulge;         // from position to the curved surface implied by the normals, if outside
-    float reach;          // the largest coordinate in its computation
-    int4 vertices;        // w: the material of the mesh
-    float3 weights;
-    int material;         // index among all instances' materials
-} ObjectSurface;
-
 #ifdef NORMAL_MAPS
 // Return the normal that a map gives at a surface, on the same side as its interpolated one.
-static inline float3 mapped_normal(
-    const Objects world, __global const float4 *rows, int material, int4 vertices, float3 weights, float3 n)
+static inline ALWAYS_INLINE float3 mapped_normal(
+    const Objects world, __global const float4 *rows, const ObjectSurface surface)
 {
-    const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * material + 5]);
-    if (image.y == 0)
+    const float3 n = surface.normal, weights = surface.weights;
+    const int4 vertices = surface.vertices;
+    if (as_int4(world.bvh.albedos[TEXTURED_ROWS * surface.material + 5]).y == 0)
         return n;
-    const float4 tangent = weights.x * world.bvh.tangents[vertices.x]
-        + weights.y * world.bvh.tangents[vertices.y] + weights.z * world.bvh.tangents[vertices.z];
+    // Summed before the texture is read: what is loaded would be in registers meanwhile.
     const float3 own = weights.x * world.bvh.normals[vertices.x].xyz
         + weights.y * world.bvh.normals[vertices.y].xyz + weights.z * world.bvh.normals[vertices.z].xyz;
+    const float3 at = mapped_value(world, surface, 5).xyz;
+    const float4 tangent = weights.x * world.bvh.tangents[vertices.x]
+        + weights.y * world.bvh.tangents[vertices.y] + weights.z * world.bvh.tangents[vertices.z];
     const float3 bitangent = copysign(1.0f, tangent.w) * cross(own, tangent.xyz);
     const float3 x = safe_normalize(bvh_transform(rows + 3, tangent.xyz, 0.0f), (float3)(0.0f));
     const float3 y = safe_normalize(bvh_transform(rows + 3, bitangent, 0.0f), (float3)(0.0f));
-    const float3 at = object_texture(world.bvh.texels, image, object_uv(world, vertices, weights)).xyz;
     return safe_normalize(at.x * x + at.y * y + fmax(at.z, 0.0f) * n, n);
 }
 #endif
@@ -231,7 +223,9 @@ static inline float3 mapped_normal(
 // Return the offset from x up to the plane through the origin with normal n, 0 if x is above it.
 static inline float3 above_plane(float3 x, float3 n) { return fmax(-dot(x, n), 0.0f) * n; }
 
-static inline ALWAYS_INLINE ObjectSurface object_surface(const Objects world, const ObjectHit hit, float3 d)
+// Return the surface of a hit of a ray along d.
+static inline ALWAYS_INLINE ObjectSurface object_surface(
+    const Objects world, const ObjectHit hit, float3 d, RayCone cone)
 {
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
     __global const float4 *packet = world.bvh.packets + BVH_PACKET_ROWS * (hit.triangle >> 2);
@@ -249,6 +243,9 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(const Objects world, co
     at.flat_normal =
         safe_normalize(cross(safe_normalize(b - a, d), safe_normalize(c - a, d)), -d);
     at.flat_normal = dot(at.flat_normal, d) > 0.0f ? -at.flat_normal : at.flat_normal;
+#ifdef TEXTURES
+    at.footprint = uv_footprint(world, at.vertices, cross(b - a, c - a), d, cone_width(cone, hit.t));
+#endif
     const float3 na = vertex_normal(world, rows, at.vertices.x);
     const float3 nb = vertex_normal(world, rows, at.vertices.y);
     const float3 nc = vertex_normal(world, rows, at.vertices.z);
@@ -259,7 +256,7 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(const Objects world, co
         + at.weights.y * above_plane(at.position - b, side * nb)
         + at.weights.z * above_plane(at.position - c, side * nc);
 #ifdef NORMAL_MAPS
-    at.normal = mapped_normal(world, rows, at.material, at.vertices, at.weights, at.normal);
+    at.normal = mapped_normal(world, rows, at);
     // It does not turn to the other side of the triangle.
     const float3 up = side * at.flat_normal;
     at.normal = safe_normalize(at.normal + fmax(MIN_RISE - dot(at.normal, up), 0.0f) * up, up);
@@ -272,19 +269,19 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(const Objects world, co
 // shade itself. Other rays that the normal sends below the triangle meet it again from outside, so that
 // none gets into a solid.
 static inline ALWAYS_INLINE Scatterer object_point(
-    const Objects world, const ObjectHit hit, float3 o, float3 d)
+    const Objects world, const ObjectHit hit, float3 o, float3 d, RayCone cone)
 {
-    const ObjectSurface at = object_surface(world, hit, d);
+    const ObjectSurface at = object_surface(world, hit, d, cone);
     Scatterer point;
     point.position = at.position + at.bulge + OBJECT_ULPS * at.reach * at.flat_normal;
     // On the visible side; near silhouettes it may still face away.
     const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -at.normal : at.normal;
     point.normal = n - 2.0f * fmax(dot(n, d), 0.0f) * d;
-    point.albedo = object_albedo(world, at.material, at.vertices, at.weights);
-    point.finish = object_finish(world, at.material, at.vertices, at.weights);
+    point.albedo = object_albedo(world, at);
+    point.finish = object_finish(world, at);
     point.material = at.material;
 #ifdef EMISSION
-    point.emission = object_emission(world, at.material, at.vertices, at.weights);
+    point.emission = object_emission(world, at);
     point.facing = fabs(dot(at.flat_normal, d));
 #endif
 #ifdef REFRACTS

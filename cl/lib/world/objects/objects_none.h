@@ -1,6 +1,7 @@
 // No objects: rays meet nothing.
 #pragma once
 
+#include "world/objects/ray_cone.h"
 #include "world/objects/scatterer.h"
 
 #if defined(DISTANT_ENVIRONMENT) && !defined(OBJECTS_BVH)
@@ -15,7 +16,7 @@ static inline int trace_objects(const Objects world, float3 o, float3 d, float t
 }
 
 // Never called.
-static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
+static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d, RayCone cone)
 {
     const Scatterer point = {o, -d, (float3)(0.0f), 0};
     return point;

@@ -5,6 +5,7 @@
 
 #include "maths/grid.h"
 #include "maths/kernel_attributes.h"
+#include "world/objects/ray_cone.h"
 #include "world/objects/scatterer.h"
 #include "gbuffer/view.h"
 
@@ -298,7 +299,7 @@ static inline int trace_objects(
 #endif
 }
 
-static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d)
+static inline Scatterer object_point(const Objects world, const ObjectHit hit, float3 o, float3 d, RayCone cone)
 {
 #ifdef VIEW_EQUIRECT
 #define OF_LAYER(member) world.equirect.member
