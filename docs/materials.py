@@ -25,7 +25,7 @@ from docs.material_rows import PLASTIC, ROWS, Row
 from iprt.files.images import read_color
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
-from iprt.geometry.mesh import Instance, Mesh, tangent_mesh
+from iprt.geometry.mesh import Instance, tangent_mesh
 from iprt.measure.combinations import still_settings
 from iprt.measure.metrics import ssim
 from iprt.measure.video_stability import SHOWN, over_background
@@ -36,6 +36,7 @@ from iprt.truth.model import load_scene, render_color
 from iprt.truth.shapes import instance_shapes
 from scenes360.modelling import sphere
 from scenes360.room import model, plan
+from tests.meshes import mesh_of
 
 FOLDER = Path(__file__).resolve().parent
 KEPT = FOLDER.parent / "out" / "materials"
@@ -70,8 +71,8 @@ PRICES = """
 ## Price
 
 Time of a frame while the head turns, {size}x{size}, with a ball of each material in the middle,
-relative to a ball of plastic: frames by turns in one process, medians of {frames}. The ball of
-plastic takes {plain:.0f} ms on {device}.
+relative to a ball of plastic: frames by turns in one process, medians of {frames}. Two runs differ
+by up to 0.08. The ball of plastic takes {plain:.0f} ms on {device}.
 
 | material of the ball | time |
 | --- | ---: |
@@ -117,14 +118,7 @@ class Bench:
 def ball_of(material: Material) -> Instance:
     """Return a ball on the table."""
     solid = sphere(RADIUS, segments=128).at(0.0, RADIUS, 0.0)
-    mesh = Mesh(
-        solid.positions.astype(np.float32),
-        solid.normals.astype(np.float32),
-        solid.uvs.astype(np.float32),
-        solid.triangles.astype(np.int32),
-        np.zeros(len(solid.triangles), np.int32),
-        (material,),
-    )
+    mesh = mesh_of(solid.positions, solid.triangles, (material,), solid.normals, solid.uvs)
     mesh = mesh if material.normal_texture is None else tangent_mesh(mesh)
     to_world = np.eye(4)
     to_world[:3, 3] = FOOT

@@ -148,7 +148,7 @@ static inline ALWAYS_INLINE int object_material(const Objects world, const Objec
 #define MOST_HOLES 64
 
 // Return whether a ray from o along d meets the surface of a hit, rather than passing through it. Where a share of the
-// rays passes, it is chosen by a hash of the ray. Opacity is that of the finest level: a mean of it, compared with the
+// rays passes, it is chosen by a hash of the ray. Opacity is read at the finest level: its mean, compared with the
 // cutoff, would not cover the same share of a pixel.
 static inline int is_met(const Objects world, const ObjectHit hit, float3 o, float3 d)
 {
@@ -207,7 +207,7 @@ static inline ALWAYS_INLINE float3 mapped_normal(
     const int4 vertices = surface.vertices;
     if (as_int4(world.bvh.albedos[TEXTURED_ROWS * surface.material + 5]).y == 0)
         return n;
-    // Summed before the texture is read: what is loaded would be in registers meanwhile.
+    // Summed before the texture is read: registers would hold the loaded normals meanwhile.
     const float3 own = weights.x * world.bvh.normals[vertices.x].xyz
         + weights.y * world.bvh.normals[vertices.y].xyz + weights.z * world.bvh.normals[vertices.z].xyz;
     const float3 at = mapped_value(world, surface, 5).xyz;
