@@ -32,6 +32,16 @@ vec4 tangent_side(int vertex)
 }
 #endif
 
+#ifdef TEXTURE_PLACES
+uniform sampler2D uvs2; // one texel per vertex: the second set of texture coordinates
+
+vec2 second_uv(int vertex)
+{
+    int column = vertex & ((1 << (VERTICES_WIDTH_LOG2 - 1)) - 1);
+    return texelFetch(uvs2, ivec2(column, vertex >> (VERTICES_WIDTH_LOG2 - 1)), 0).xy;
+}
+#endif
+
 #ifdef DEFORMING
 uniform sampler2D displacements; // one texel per vertex: to its previous position, world space, 0
 

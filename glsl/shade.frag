@@ -3,7 +3,7 @@
 // Everything is evaluated where the pixel-centre ray meets the triangle's plane; nothing is interpolated by
 // the rasterizer. With TEXTURED, only the pixels of one textured material. With DEFORMING, also the
 // deformation since the previous frame. With PRINCIPLED, also metalness and alpha. With EMISSION,
-// also emitted radiance.
+// also emitted radiance. With TEXTURE_PLACES, some maps lie elsewhere than the color's.
 #version 330
 #include "view.glsl"
 #include "mesh.glsl"
@@ -20,15 +20,32 @@ uniform int textured;          // index of the textured material
 #ifdef PRINCIPLED
 uniform sampler2D finish_image; // factors of metalness and of the square root of alpha
 uniform bvec2 finish_image_mirrored;
+#ifdef TEXTURE_PLACES
+uniform mat3x2 finish_image_place;  // map of texture coordinates to those of the image, v down
+uniform bool finish_image_second;   // it applies to the second set
+#endif
 #endif
 #ifdef EMISSION
 uniform sampler2D emission_image; // factors of the emission
 uniform bvec2 emission_image_mirrored;
+#ifdef TEXTURE_PLACES
+uniform mat3x2 emission_image_place;
+uniform bool emission_image_second;
+#endif
 #endif
 #ifdef NORMAL_MAPS
 uniform sampler2D normal_image; // directions along tangent, bitangent and normal
 uniform bvec2 normal_image_mirrored;
+#ifdef TEXTURE_PLACES
+uniform mat3x2 normal_image_place;
+uniform bool normal_image_second;
+#endif
 const float MIN_RISE = 0.01;    // least cosine between its normals and the triangle's
+#endif
+#ifdef VARIANTS
+uniform usampler2D variant_image; // variants of the material
+uniform bvec2 variant_image_mirrored;
+uniform int first_variant;      // index of the first of them; 0: it has none
 #endif
 #endif
 
@@ -50,6 +67,22 @@ vec2 mirror(vec2 at, bvec2 mirrored)
 {
     return mix(at, 1.0 - abs(1.0 - mod(at, 2.0)), mirrored);
 }
+
+// Return the value of an image; uv: its coordinates at the corners, whose weights change by `right` and `below` from
+// one pixel to the next.
+vec4 filtered(sampler2D image, mat3x2 uv, bvec2 mirrored, vec3 weights, vec3 right, vec3 below)
+{
+    return textureGrad(image, mirror(uv * weights, mirrored), uv * right, uv * below);
+}
+
+#ifdef TEXTURE_PLACES
+// Return coordinates at the corners of an image that lies elsewhere.
+mat3x2 placed(mat3x2 place, bool second, mat3x2 uv, mat3x2 uv2)
+{
+    mat3x2 from = second ? uv2 : uv;
+    return place * mat3(vec3(from[0], 1.0), vec3(from[1], 1.0), vec3(from[2], 1.0));
+}
+#endif
 #endif
 
 float distance_along(vec3 d, int number)
@@ -126,19 +159,36 @@ void main()
                                 p0.xyz, p1.xyz, p2.xyz);
     vec3 one = vec3(1.0);
     vec3 here = edges / dot(edges, one);
-    vec2 across = uv * (right / dot(right, one) - here), down = uv * (below / dot(below, one) - here);
-    albedo *= textureGrad(image, mirror(uv * weights, image_mirrored), across, down).rgb;
+    right = right / dot(right, one) - here;
+    below = below / dot(below, one) - here;
+    albedo *= filtered(image, uv, image_mirrored, weights, right, below).rgb;
+#ifdef TEXTURE_PLACES
+    vec2 c0 = second_uv(triangle.x), c1 = second_uv(triangle.y), c2 = second_uv(triangle.z);
+    mat3x2 uv2 = mat3x2(c0.x, 1.0 - c0.y, c1.x, 1.0 - c1.y, c2.x, 1.0 - c2.y);
+#endif
 #ifdef PRINCIPLED
-    vec2 scale = textureGrad(finish_image, mirror(uv * weights, finish_image_mirrored), across, down).rg;
+    mat3x2 finish_uv = uv;
+#ifdef TEXTURE_PLACES
+    finish_uv = placed(finish_image_place, finish_image_second, uv, uv2);
+#endif
+    vec2 scale = filtered(finish_image, finish_uv, finish_image_mirrored, weights, right, below).rg;
     finish.xy *= vec2(scale.x, scale.y * scale.y);
 #endif
 #ifdef EMISSION
-    emission.rgb *= textureGrad(emission_image, mirror(uv * weights, emission_image_mirrored), across, down).rgb;
+    mat3x2 emission_uv = uv;
+#ifdef TEXTURE_PLACES
+    emission_uv = placed(emission_image_place, emission_image_second, uv, uv2);
+#endif
+    emission.rgb *= filtered(emission_image, emission_uv, emission_image_mirrored, weights, right, below).rgb;
 #endif
 #ifdef NORMAL_MAPS
     vec4 tangent = weights.x * tangent_side(triangle.x) + weights.y * tangent_side(triangle.y)
         + weights.z * tangent_side(triangle.z);
-    vec3 bump = textureGrad(normal_image, mirror(uv * weights, normal_image_mirrored), across, down).rgb;
+    mat3x2 normal_uv = uv;
+#ifdef TEXTURE_PLACES
+    normal_uv = placed(normal_image_place, normal_image_second, uv, uv2);
+#endif
+    vec3 bump = filtered(normal_image, normal_uv, normal_image_mirrored, weights, right, below).rgb;
     vec3 x = tangent.xyz, y = (tangent.w < 0.0 ? -1.0 : 1.0) * cross(normal, tangent.xyz);
     vec3 mapped = bump.x * x / max(length(x), 1e-9) + bump.y * y / max(length(y), 1e-9)
         + max(bump.z, 0.0) * normal;
@@ -148,5 +198,10 @@ void main()
     geometry.xyz = normalize(mapped + max(MIN_RISE - dot(mapped, up), 0.0) * up);
 #endif
 #endif
-    material = vec4(albedo, float(triangle.w + 1));
+    int index = triangle.w;
+#if defined(TEXTURED) && defined(VARIANTS)
+    if (first_variant > 0)
+        index = first_variant + int(textureLod(variant_image, mirror(uv * weights, variant_image_mirrored), 0.0).r);
+#endif
+    material = vec4(albedo, float(index + 1));
 }

@@ -83,7 +83,7 @@ class LightView:
             clipped=features.clipped,
         )
         visible = VisibleSurfaces(
-            device, self.layout, name="light object", principled=features.materials.principled
+            device, self.layout, name="light object", needs=features.materials
         )
         self.gbuffer = GBuffer(real, visible)
         self._reduce = device.kernel("view/reduce.cl", "reduce_objects").fixed(

@@ -33,6 +33,8 @@ from iprt.view.composite import Composite
 from iprt.view.drawing import Drawing
 from iprt.view.object_layer import VisibleLayer
 from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
+from iprt.world.objects.lamp_tree import TREE_FROM
+from iprt.world.objects.lamps import emitting_triangles
 from iprt.world.objects.objects import Objects
 from iprt.world.objects.sunlit import Sunlit
 from iprt.world.real.camera_motion import CameraMotion
@@ -147,6 +149,7 @@ class Renderer:
             self.settings,
             footage or Footage.of(frame),
             lights=any(instance.mesh.light is not None for instance in self.instances),
+            many_lamps=emitting_triangles(self.instances) > TREE_FROM,
             deforming=any(instance.mesh.deforms for instance in self.instances),
         )
         self._frame_index = 0

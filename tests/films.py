@@ -30,6 +30,7 @@ from iprt.geometry.equirect import equirect_direction
 from iprt.geometry.light import PROFILE_SHAPE, Light
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, light_mesh
+from iprt.geometry.variants import Variants
 from iprt.renderer import RenderedFrame, Renderer
 from iprt.settings.model import Settings
 from tests.meshes import transform
@@ -106,13 +107,14 @@ def films(**settings: Any) -> dict[str, Film]:
     textured = replace(clay, mesh=replace(clay.mesh, materials=(Material(texture=CHECKS),)))
     every, glazed = _objects(), (textured, plastic, mirror)
     glowing = replace(clay, mesh=replace(clay.mesh, materials=(LAMP,)))
+    bulb = ball((0.0, -1.1, -1.7), 0.3, LAMP, subdivisions=3)  # enough triangles for a tree
     clear = replace(clay, mesh=replace(clay.mesh, materials=(GLASS,)))
     sheet = replace(plastic, mesh=replace(plastic.mesh, materials=(HALF_GLASS,)))
     varnished = replace(clay, mesh=replace(clay.mesh, materials=(VARNISH,)))
     own: dict[str, tuple[tuple[Frame, Frame], tuple[Instance, ...], View, dict[str, Any]]] = {
         "triangles": (_sunny(_carried(room)), _bending((*glazed, brass)), LOOK, TRIANGLES),
         "maps": (room, (_mapped(clay), plastic), LOOK, TRIANGLES),
-        "lamps": (_sunny(_glossy(_room(19, 9))), (glowing, plastic), LOOK, TRIANGLES),
+        "lamps": (_sunny(_glossy(_room(19, 9))), (bulb, plastic), LOOK, TRIANGLES),
         "glass": (_sunny(_glossy(_room(19, 9))), (clear, sheet), LOOK, TRIANGLES),
         "virtual lights": (
             _sunny(_glossy(_room(19, 9))),
@@ -299,6 +301,9 @@ def _mapped(instance: Instance) -> Instance:
         surface_texture=CHECKS[..., :2],
         normal_texture=2.0 * CHECKS - 1.0,
         opacity_texture=CHECKS[..., 0],
+        variants=Variants(
+            ("clearcoat",), ((0.0,), (0.8,)), (CHECKS[..., 0] > 0.5).astype(np.uint8)
+        ),
     )
     tangents = np.ones((len(mesh.positions), 4), np.float32)
     return replace(instance, mesh=replace(mesh, materials=(material,), tangents=tangents))

@@ -2,8 +2,8 @@
 
 clang with libclc links each variant that `tests.films` build for NVIDIA and AMD, and ptxas
 allocates NVIDIA's registers. Exits with 1 if a kernel does not link, computes in double precision,
-or needs more registers, stack or spilled bytes than `gpu_budgets.toml` beside this file grants it;
-`--write` grants each what it needs now.
+or needs more registers, stack or spilled bytes than `gpu_budgets.toml` beside this file grants it
+(registers: and `SLACK`); `--write` grants each what it needs now.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import sysconfig
 import tomllib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -34,6 +34,8 @@ MISSING = (
     "libclc-19) and ptxas (pip install nvidia-cuda-nvcc-cu12)"
 )
 NVIDIA, AMD = ("sm_75", "sm_90"), ("gfx1030", "gfx1100")
+SLACK = 4
+"""Registers by which allocation varies with the order of unrelated instructions."""
 ALL, BRIEF = (NVIDIA, AMD), (NVIDIA[:1], AMD[:1])
 
 ALLOCATED = re.compile(
@@ -205,12 +207,13 @@ def budgets() -> dict[str, dict[str, Need]]:
 
 
 def exceeded(needs: dict[tuple[str, str], Need]) -> list[str]:
-    """A line for each kernel that needs more than it is granted."""
+    """Return a line for each kernel that needs more than it is granted, and `SLACK` registers."""
     granted = budgets()
     lines = []
     for (vendor, kernel), need in sorted(needs.items()):
         budget = granted[vendor].get(kernel, granted[vendor]["others"])
-        if need.most(budget) != budget:
+        most = replace(budget, registers=budget.registers + SLACK)
+        if need.most(most) != most:
             lines.append(f"{kernel} on {vendor}: needs {need}, may need {budget}")
     return lines
 

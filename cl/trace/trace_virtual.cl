@@ -119,9 +119,10 @@ TRACING_KERNEL void trace_virtual(
         float3 n = at.n, viewer = -normalize(at.p), color = load_traced(surfaces.albedo, at.size, at.pixel);
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
         float2 finish = seen_finish(surfaces, at.pixel);
+        int shown = seen_material(surfaces, at); // its variant
         const RayCone pixel_cone = {0.0f, pixels.pixel_angle};
 #ifdef REFRACTS
-        Scatterer from = {o, n, color, at.id - 1};
+        Scatterer from = {o, n, color, shown};
         from.beyond = at.p - object_lift(world.objects, length(at.p)) * n;
         from.plane = n;
         from.enters = 1;
@@ -141,6 +142,9 @@ TRACING_KERNEL void trace_virtual(
                 n = seen.normal;
                 color = seen.albedo;
                 finish = seen.finish;
+#ifdef VARIANTS
+                shown = seen.material;
+#endif
                 viewer = -d;
 #ifdef REFRACTS
                 from = seen;
@@ -154,7 +158,7 @@ TRACING_KERNEL void trace_virtual(
         float2 v = sobol_2d(index, hash_combine(seed, 1));
         float3 o_object = o;
 #ifdef REFRACTS
-        Material material = load_surface_material(world.materials, at.id - 1, finish);
+        Material material = load_surface_material(world.materials, shown, finish);
         Scatter s;
         if (is_passable(material, &v)) {
             s = scatter_glass(world, material, from, viewer, -1.0f, (float3)(u, v.x), LEAST_FIRST, 0, &o, &o_object);
@@ -164,7 +168,7 @@ TRACING_KERNEL void trace_virtual(
             s.diffuse *= factor;
         }
 #else
-        const Material material = load_surface_material(world.materials, at.id - 1, finish);
+        const Material material = load_surface_material(world.materials, shown, finish);
         const Scatter s = scatter(world, material, color, o, n, viewer, (float4)(u, v));
 #endif
         if (!(s.diffuse + s.specular.x + s.specular.y + s.specular.z > 0.0f))

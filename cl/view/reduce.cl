@@ -27,6 +27,7 @@ __kernel void reduce_objects(
     __global const float *restrict full_normal,
     __global const float *restrict full_depth,
     __global const float *restrict full_id,
+    __global const float *restrict full_variant,  // null without variants
     __global const float *restrict full_roughness,
     __global const float *restrict full_metallic, // null without principled materials
     __global const float *restrict full_albedo,
@@ -35,6 +36,7 @@ __kernel void reduce_objects(
     __global float *restrict normal,
     __global float *restrict depth,
     __global float *restrict id,
+    __global float *restrict variant,
     __global float *restrict roughness,
     __global float *restrict metallic,
     __global float *restrict albedo,
@@ -78,6 +80,8 @@ __kernel void reduce_objects(
     store_planes(normal, size, p, n);
     depth[p] = full_depth[chosen] * clamp(nearer, 1.0f - PLANE_RANGE, 1.0f + PLANE_RANGE);
     id[p] = full_id[chosen];
+    if (variant)
+        variant[p] = full_variant[chosen];
     roughness[p] = full_roughness[chosen];
     if (metallic)
         metallic[p] = full_metallic[chosen];

@@ -4,7 +4,8 @@
 //      materials           material table (lib/world/brdf.h)
 //      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/real_layer.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
-//      diffuse), albedo 3, coverage 1, motion 2 planes; metallic 1, null without principled materials
+//      diffuse), albedo 3, coverage 1, motion 2 planes; metallic 1, null without principled materials; variant 1,
+//      null without variants: as id, but of the variant; filters see one surface
 //      sides     [H*W]     shares of the pixel's own real surface, and of the other one, that objects hide,
 //                          where other_pixel is not -1 and objects are in the pixel
 //
@@ -72,6 +73,7 @@ __kernel void unpack_objects(
     __global float *restrict normal,
     __global float *restrict depth,
     __global float *restrict id,
+    __global float *restrict variant,
     __global float *restrict roughness,
     __global float *restrict metallic,
     __global float *restrict emission,
@@ -110,6 +112,10 @@ __kernel void unpack_objects(
     normal[2 * size + pixel] = n.z;
     depth[pixel] = visible ? seen.w : 0.0f;
     id[pixel] = surface.w;
+    if (variant) {
+        variant[pixel] = surface.w;
+        id[pixel] = visible ? without_variant(materials, (int)surface.w - 1) + 1 : 0.0f;
+    }
     const Material parameters = load_material(materials, max((int)surface.w - 1, 0));
     roughness[pixel] = parameters.kind == KIND_DIFFUSE ? 1.0f : parameters.alpha;
     if (metallic) {

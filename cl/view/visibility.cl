@@ -227,8 +227,8 @@ static inline ALWAYS_INLINE int2 meet_nearby(const Objects world, __global const
 }
 
 // Return the number of rays that meet an object in front of the real surface, and of rays that meet any.
-// `albedo`, `finish` and `emission` get the means over rays that meet material `index` - 1, which average textures
-// finer than pixels. `ahead`: direction of the pixel.
+// `albedo`, `finish` and `emission` get the means over rays that meet material `index` - 1, whatever its variant, which
+// average textures finer than pixels. `ahead`: direction of the pixel.
 static inline int2 visible_samples(const Objects world, __global const float *restrict view,
                                    __global const int2 *restrict met, int4 rectangle, int x, int y,
                                    int width, float3 ahead, int samples, int index,
@@ -266,7 +266,7 @@ static inline int2 visible_samples(const Objects world, __global const float *re
             }
             const RayCone cone = {0.0f, pixel_angle(view, d) / samples};
             const ObjectSurface at = object_surface(world, hit, d, cone);
-            if (at.material + 1 == index) {
+            if (object_material(world, hit) + 1 == index) {
                 sum += object_albedo(world, at);
                 finish_sum += object_finish(world, at);
 #ifdef EMISSION
@@ -302,6 +302,17 @@ static inline int nearest_covered_neighbour(__global const float4 *restrict fron
             return row * width + column;
     }
     return -1;
+}
+
+// Return 1 + the index of the material at the centre of a pixel, whatever its variant; 0: none.
+static inline ALWAYS_INLINE int centre_material(const Objects world, int2 met)
+{
+    if (met.x == -1)
+        return 0;
+    ObjectHit hit;
+    hit.instance = met.x < 0 ? -2 - met.x : met.x;
+    hit.triangle = met.y;
+    return object_material(world, hit) + 1;
 }
 
 // Return whether all samples of a pixel can be assumed to meet an object in front of the real surface, as
@@ -361,7 +372,7 @@ TRACING_KERNEL void show_objects(
     int2 visible = (int2)(samples * samples);
     if (!(outlines_only(samples) && is_inside(met, rectangle, x, y, width)))
         visible = visible_samples(world, view, met, rectangle, x, y, width, d, samples,
-                                  (int)its_material.w, surface, surface_width, surface_height, &albedo,
+                                  centre_material(world, met[pixel]), surface, surface_width, surface_height, &albedo,
                                   &its_finish, &its_emission);
     its_material.xyz = albedo;
     from = visible.y > 0 ? from : -1;

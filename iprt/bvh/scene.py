@@ -108,6 +108,10 @@ class Shape:
             return tangents
         return moved_tangents(tangents, self.baked[None, :3]).astype(np.float32)
 
+    def second_uvs(self) -> Floats:
+        """Return the (V, 2) coordinates `Mesh.uvs2`; 0 without."""
+        return np.zeros_like(self.mesh.uvs) if self.mesh.uvs2 is None else self.mesh.uvs2
+
 
 @dataclass(frozen=True)
 class SceneSizes:
@@ -131,6 +135,8 @@ class SceneBvh:
         Three vertices and the mesh's material, per place of a packet.
     normals : (V, 4) float32
     uvs : (V, 2) float32
+    uvs2 : (V, 2) float32 or None
+        As in `Mesh`; None if no mesh has any.
     tangents : (V, 4) float32 or None
         As in `Mesh`, in the space of their tree. None if no mesh has any.
     displacements : (V, 4) float32 or None
@@ -150,6 +156,7 @@ class SceneBvh:
     triangles: NDArray[np.int32]
     normals: Floats
     uvs: Floats
+    uvs2: Floats | None
     tangents: Floats | None
     displacements: Floats | None
     instance_of: NDArray[np.int32]
@@ -304,6 +311,7 @@ def _assemble(
         first_node += len(tree.nodes)
         first_packet += len(tree.packets)
         first_vertex += len(mesh.positions)
+    second = any(shape.mesh.uvs2 is not None for shape, _ in trees)
     bumpy = any(shape.mesh.tangents is not None for shape, _ in trees)
     first_material = np.cumsum([0, *(len(i.mesh.materials) for i in instances)])
     rows = np.zeros((len(present), INSTANCE_ROWS, 4), np.float32)
@@ -320,6 +328,7 @@ def _assemble(
         np.concatenate(triangles),
         np.concatenate(normals),
         np.concatenate(uvs),
+        np.concatenate([shape.second_uvs() for shape, _ in trees]) if second else None,
         np.concatenate([shape.tangents() for shape, _ in trees]) if bumpy else None,
         None,
         np.array(present, np.int32),

@@ -26,11 +26,10 @@ from iprt.geometry.gltf_document import (
     GltfMesh,
     Primitive,
 )
+from iprt.geometry.gltf_surfaces import UV_SETS
 
 MAX_DEPTH = 256
 """Limit for the nesting of nodes; each is transformed by all its ancestors."""
-UV_SETS = 2
-"""Number of sets of texture coordinates that are read."""
 READ_ATTRIBUTES = {
     "POSITION": ("VEC3",),
     "NORMAL": ("VEC3",),
@@ -56,7 +55,7 @@ def check_gltf(gltf: Gltf) -> None:
         for primitive in mesh.primitives:
             _check_primitive(gltf, primitive, f"meshes[{number}]")
     for number, material in enumerate(gltf.materials):
-        for texture in (*material.textures(), *material.averaged()):
+        for texture in material.textures():
             _require("texture", texture.index, gltf.textures, f"materials[{number}]")
     for number, entry in enumerate(gltf.textures):
         _require("image", entry.image, gltf.images, f"textures[{number}]")
@@ -188,7 +187,7 @@ def require_uncompressed(path: Path, gltf: Gltf) -> None:
     found = [f"{name} ({key})" for key, name in _MESHES.items() if key in gltf.extensions_required]
     if not found and _has_draco_alone(gltf):
         found = [f"Draco ({_DRACO})"]
-    numbers = {reference.index for reference in gltf.used_textures()}
+    numbers = {reference.index for reference in gltf.read_textures()}
     textures = [entry for number, entry in enumerate(gltf.textures) if number in numbers]
     basis = any(entry.image is None and entry.basisu is not None for entry in textures)
     if basis:

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
-from PIL import Image
 
-from iprt.geometry.gltf_surfaces import Clearcoat, GltfMaterial, Sheen, TextureReference
+from iprt.geometry.gltf_layers import index_of_refraction
+from iprt.geometry.gltf_surfaces import GltfMaterial
+from iprt.geometry.layers import FEWER_STRENGTHS, STRENGTHS, Layers, values_of, variants_of
 from iprt.geometry.material import Material
-from iprt.geometry.reflectance import NEARLY, color_of, plain_alpha, triple
-from iprt.geometry.textures import ALPHA, GREEN, RED, Textures
-
-Picture = Callable[[TextureReference | None], Image.Image | None]
+from iprt.geometry.reflectance import plain_alpha
+from iprt.geometry.sampler import Sampler
 
 
 def covered(
     material: Material,
     source: GltfMaterial,
     base: tuple[float, float],
-    picture: Picture,
-    textures: Textures,
+    layers: Layers,
+    sampler: Sampler,
     dropped: list[str],
 ) -> Material:
-    """Return a material below the clear coat and sheen of its source, and with its tint.
+    """Return a material below the clear coat and sheen of its source, with its tint, and maps.
 
     `dropped` gets phrases for approximations, and for layers that glass cannot have.
 
@@ -32,85 +32,47 @@ def covered(
     ----------
     base : (float, float)
         Roughness and index of refraction, for a material without a coat of its own.
-    picture : callable
-        Returns the decoded image of a texture.
+    layers : Layers
+    sampler : Sampler
+        Of the maps.
     """
     whole = replace(material, kind="principled")
     if material.kind in ("diffuse", "plastic"):
         roughness, ior = base
         whole = replace(whole, alpha=plain_alpha(roughness), ior=ior)
-    if material.kind != "diffuse" and (material.metallic < 1.0 or material.maps[1] is not None):
-        whole = replace(whole, tint=tint_of(source))
-    if source.clearcoat is not None:
-        whole = _coated(whole, source.clearcoat, picture, textures, dropped)
-    if source.sheen is not None:
-        whole = _with_sheen(whole, source.sheen, picture, textures, dropped)
+    tinted = material.kind != "diffuse" and (
+        material.metallic < 1.0 or material.maps[1] is not None
+    )
+    index = partial(index_of_refraction, source)
+    mean = values_of(layers.mean, 0, index)
+    whole = replace(whole, **_layers(mean, tinted=tinted))
+    coat = source.clearcoat
+    if coat is not None and coat.clearcoat_factor > 0.0 and coat.clearcoat_normal_texture:
+        dropped.append("normal map of clearcoat")
     if material.kind == "dielectric":
-        dropped += [name for name, given in _names(whole).items() if given]
+        dropped += [name for name, given in _names(whole, layers).items() if given]
         return material
-    return whole if whole.is_covered else material
+    strengths = STRENGTHS if whole.maps[1] is None else FEWER_STRENGTHS
+    variants = variants_of(layers, index, sampler, tinted=tinted, strengths=strengths)
+    whole = replace(whole, variants=variants)
+    return whole if whole.is_covered or variants is not None else material
 
 
-def tint_of(source: GltfMaterial) -> tuple[float, float, float]:
-    """Return the color of the reflection at normal incidence, whose greatest channel is 1."""
-    given = source.specular
-    if given is None:
-        return 1.0, 1.0, 1.0
-    color = np.array(triple(given.specular_color_factor, np.inf))
-    most = color.max()
-    even = most - color.min() <= NEARLY * most
-    return (1.0, 1.0, 1.0) if even else color_of(color / most)
-
-
-def _names(whole: Material) -> dict[str, bool]:
+def _names(whole: Material, layers: Layers) -> dict[str, bool]:
     return {
         "clearcoat of glass": whole.clearcoat > 0.0,
         "sheen of glass": max(whole.sheen) > 0.0,
         "color of the specular reflection of glass": min(whole.tint) < 1.0,
+        "map of specular strength of glass; its mean is used": bool(
+            np.ptp(layers.specular, axis=0).any()
+        ),
     }
 
 
-def _coated(
-    material: Material,
-    coat: Clearcoat,
-    picture: Picture,
-    textures: Textures,
-    dropped: list[str],
-) -> Material:
-    if not coat.clearcoat_factor > 0.0:
-        return material
-    if coat.clearcoat_normal_texture is not None:
-        dropped.append("normal map of clearcoat")
-    if coat.clearcoat_texture is not None or coat.clearcoat_roughness_texture is not None:
-        dropped.append("map of clearcoat; its mean is used")
-    strength = min(coat.clearcoat_factor, 1.0)
-    alpha = plain_alpha(coat.clearcoat_roughness_factor)
-    return replace(
-        material,
-        clearcoat=strength * textures.mean(picture(coat.clearcoat_texture), RED),
-        clearcoat_alpha=alpha
-        * textures.mean(picture(coat.clearcoat_roughness_texture), GREEN, power=2),
-    )
-
-
-def _with_sheen(
-    material: Material,
-    sheen: Sheen,
-    picture: Picture,
-    textures: Textures,
-    dropped: list[str],
-) -> Material:
-    color = np.array(color_of(sheen.sheen_color_factor))
-    if not color.max() > 0.0:
-        return material
-    if sheen.sheen_color_texture is not None or sheen.sheen_roughness_texture is not None:
-        dropped.append("map of sheen; its mean is used")
-    texels = textures.linear(picture(sheen.sheen_color_texture))
-    if texels is not None:
-        color *= texels.mean(axis=(0, 1), dtype=np.float64)
-    alpha = plain_alpha(sheen.sheen_roughness_factor)
-    return replace(
-        material,
-        sheen=color_of(color),
-        sheen_alpha=alpha * textures.mean(picture(sheen.sheen_roughness_texture), ALPHA, power=2),
-    )
+def _layers(values: dict[str, Any], *, tinted: bool) -> dict[str, Any]:
+    """Return the values of layers alone."""
+    return {
+        name: value
+        for name, value in values.items()
+        if name not in ("ior", "transmission") and (tinted or name != "tint")
+    }

@@ -202,18 +202,13 @@ class Gltf(Part):
         return [index for index in range(len(self.nodes)) if index not in children]
 
     def read_images(self) -> list[int]:
-        """Return the indices of the images of the textures that are read or averaged."""
-        images = [self.textures[texture.index].image for texture in self.used_textures()]
+        """Return the indices of the images of the textures that are read."""
+        images = [self.textures[texture.index].image for texture in self.read_textures()]
         return list(dict.fromkeys(image for image in images if image is not None))
 
     def read_textures(self) -> list[TextureReference]:
         """Return the textures of all materials that are read."""
         return [texture for material in self.materials for texture in material.textures()]
-
-    def used_textures(self) -> list[TextureReference]:
-        """Return the textures of all materials that are read or averaged."""
-        averaged = [texture for material in self.materials for texture in material.averaged()]
-        return self.read_textures() + averaged
 
 
 def parsed_gltf(document: Any) -> Gltf:

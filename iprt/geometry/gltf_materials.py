@@ -6,30 +6,21 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.geometry.gltf_cover import covered
+from iprt.geometry.gltf_layers import index_of_refraction, layers_of
 from iprt.geometry.gltf_surfaces import GltfMaterial, TextureReference
-from iprt.geometry.material import (
-    MAX_ABSORPTION,
-    MAX_EMISSION,
-    PLAIN,
-    Material,
-    MaterialKind,
-    Sampler,
-    Wrap,
-)
+from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material, MaterialKind
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.reflectance import (
-    LEAST_IOR,
-    MAX_IOR,
     NEARLY,
     color_of,
     metal_or_not,
     plain_alpha,
     triple,
 )
+from iprt.geometry.sampler import PLAIN, Sampler, Wrap
 from iprt.geometry.textures import Textures
 
 WRAPS: Mapping[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
@@ -37,8 +28,6 @@ NEAREST = 9728
 """Numbers of OpenGL in glTF's samplers."""
 LEAST_CUTOFF = 1e-6
 """Stands for a cutoff of 0, which in `Material` means none."""
-MAX_REFLECTANCE = 0.36
-"""Reflectance of `MAX_IOR` at normal incidence."""
 LEAST_PASSING, LEAST_DISTANCE = 1e-4, 1e-4
 """Limits of attenuation: the color, and the distance in metres."""
 
@@ -79,12 +68,13 @@ def from_gltf(
             "diffuse", (0.0, 0.0, 0.0), emission=color_of(color), emission_texture=texture
         )
     else:
-        ior = _index_of_refraction(source, dropped)
+        layers = layers_of(source, picture, textures)
+        ior = index_of_refraction(source, layers.mean.specular[0])
         material = metal_or_not(color_of(color), metallic, roughness, texture, surface, ior)
-        material = _transmitting(material, source, color_of(color), roughness, texture, ior)
-        if source.transmission is not None and source.transmission.transmission_texture is not None:
-            dropped.append("map of transmission")
-        material = covered(material, source, (roughness, ior), picture, textures, dropped)
+        share = float(layers.mean.transmission[0])
+        material = _transmitting(material, source, share, roughness, ior)
+        sampler = _sampler(file, next(iter(source.varying().values()), None))
+        material = covered(material, source, (roughness, ior), layers, sampler, dropped)
     references = (
         base,
         pbr.metallic_roughness_texture,
@@ -92,14 +82,15 @@ def from_gltf(
         source.emissive_texture if source.unlit is None else base,
     )
     first, second, third, fourth = (_sampler(file, reference) for reference in references)
-    material = replace(material, samplers=(first, second, third, fourth))
+    samplers = (first, second, third, fourth)
+    material = replace(material, samplers=samplers, places=source.places)
     if max(source.emissive_factor) > 0.0 and source.unlit is None:
         strength = 1.0 if source.strength is None else source.strength.emissive_strength
         glow = textures.linear(picture(source.emissive_texture))
         emission = triple(np.multiply(source.emissive_factor, strength), MAX_EMISSION)
         material = replace(material, emission=emission, emission_texture=glow)
     material = material if normals is None else replace(material, normal_texture=normals)
-    if source.alpha_mode not in ("MASK", "BLEND"):
+    if not source.has_opacity:
         return material
     return replace(
         material,
@@ -113,18 +104,16 @@ def from_gltf(
 def _transmitting(
     material: Material,
     source: GltfMaterial,
-    color: tuple[float, float, float],
+    share: float,
     roughness: float,
-    texture: NDArray[np.float32] | None,
     ior: float,
 ) -> Material:
     """Return a material with transmission and volume (KHR_materials_transmission and _volume).
 
-    Without a thickness, it is a thin wall.
+    Without a thickness, it is a thin wall. `share` is the mean of the transmission.
     """
-    if source.transmission is None or source.transmission.transmission_factor <= NEARLY:
+    if not share > 0.0:
         return material
-    share = min(source.transmission.transmission_factor, 1.0)
     volume, absorption = source.volume, (0.0, 0.0, 0.0)
     solid = volume is not None and volume.thickness_factor > 0.0
     if volume is not None and volume.attenuation_distance is not None:
@@ -134,7 +123,7 @@ def _transmitting(
     if material.kind != "principled":
         alpha = plain_alpha(roughness)
         kind: MaterialKind = "dielectric" if share > 1.0 - NEARLY else "principled"
-        material = Material(kind, color, alpha=alpha, ior=ior, texture=texture)
+        material = Material(kind, material.albedo, alpha=alpha, ior=ior, texture=material.texture)
     if material.kind == "principled":
         material = replace(material, transmission=share)
     return replace(material, thin=not solid, absorption=absorption if solid else (0.0, 0.0, 0.0))
@@ -149,22 +138,3 @@ def _sampler(file: MeshFile, reference: TextureReference | None) -> Sampler:
     given = file.gltf.samplers[number]
     u, v = (WRAPS.get(mode, "repeat") for mode in (given.wrap_s, given.wrap_t))
     return Sampler((u, v), nearest=given.mag_filter == NEAREST)
-
-
-def _index_of_refraction(source: GltfMaterial, dropped: list[str]) -> float:
-    """Return the index of refraction whose reflectance at normal incidence is the material's.
-
-    KHR_materials_specular multiplies that reflectance, by its color's greatest channel
-    (`gltf_cover.tint_of`). Maps are named in `dropped`.
-    """
-    ior = Material.ior if source.refraction is None else source.refraction.ior
-    ior = MAX_IOR if ior == 0.0 else ior  # 0 stands for a reflectance of 1
-    given = source.specular
-    if given is not None and ior > 0.0:
-        if given.specular_texture is not None or given.specular_color_texture is not None:
-            dropped.append("map of specular strength")
-        factor = given.specular_factor * max(given.specular_color_factor)
-        reflectance = factor * ((ior - 1.0) / (ior + 1.0)) ** 2
-        root = float(np.sqrt(np.clip(reflectance, 0.0, MAX_REFLECTANCE)))
-        ior = (1.0 + root) / (1.0 - root)
-    return min(max(ior, LEAST_IOR), MAX_IOR)

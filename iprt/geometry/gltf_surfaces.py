@@ -11,10 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from iprt.geometry.gltf_part import Index, Number, Pair, Part, Quadruple, Triple, extension
+from iprt.geometry.place import ALL_ALIKE, IDENTITY, Coefficients, Place, Places, relative, upright
 
-Coefficients = tuple[tuple[float, float, float], tuple[float, float, float]]
-IDENTITY: Coefficients = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-"""Map of texture coordinates without KHR_texture_transform."""
+UV_SETS = 2
+"""Number of sets of texture coordinates that are read."""
+Placement = tuple[int, Coefficients]
+"""Set of texture coordinates, and the map of its coordinates, v down."""
 
 
 class TextureTransform(Part):
@@ -50,9 +52,10 @@ class TextureReference(Part):
         return self.tex_coord if given is None else given
 
     @property
-    def placement(self) -> tuple[int, Coefficients]:
-        """Texture coordinate set, and the map of its coordinates (`TextureTransform.matrix`)."""
-        return self.coordinates, IDENTITY if self.transform is None else self.transform.matrix
+    def placement(self) -> Placement:
+        """Coordinate set and transform of the texture; the first set stands for unread ones."""
+        number = self.coordinates if self.coordinates < UV_SETS else 0
+        return number, IDENTITY if self.transform is None else self.transform.matrix
 
 
 class NormalTexture(TextureReference):
@@ -92,19 +95,19 @@ class IndexOfRefraction(Part):
 
 
 class Specular(Part):
-    """The strength of a dielectric's reflection; textures are named, not read."""
+    """The strength of a dielectric's reflection."""
 
     specular_factor: Number = 1.0
     specular_color_factor: Triple = Field(default=[1.0, 1.0, 1.0])
-    specular_texture: Any = None
-    specular_color_texture: Any = None
+    specular_texture: TextureReference | None = None
+    specular_color_texture: TextureReference | None = None
 
 
 class Transmission(Part):
-    """The share of light that a surface transmits; a texture is named, not read."""
+    """The share of light that a surface transmits."""
 
     transmission_factor: Number = 0.0
-    transmission_texture: Any = None
+    transmission_texture: TextureReference | None = None
 
 
 class Volume(Part):
@@ -116,7 +119,7 @@ class Volume(Part):
 
 
 class Clearcoat(Part):
-    """A clear coat; means of its textures are used, and its normal map is named, not read."""
+    """A clear coat; its normal map is named, not read."""
 
     clearcoat_factor: Number = 0.0
     clearcoat_texture: TextureReference | None = None
@@ -126,7 +129,7 @@ class Clearcoat(Part):
 
 
 class Sheen(Part):
-    """Light that fibres reflect at grazing angles; means of its textures are used."""
+    """Light that fibres reflect at grazing angles."""
 
     sheen_color_factor: Triple = Field(default=[0.0, 0.0, 0.0])
     sheen_color_texture: TextureReference | None = None
@@ -155,6 +158,11 @@ class GltfMaterial(Part):
     sheen: Sheen | None = extension("KHR_materials_sheen")
     unlit: Any = extension("KHR_materials_unlit")
 
+    @property
+    def has_opacity(self) -> bool:
+        """True if alpha makes holes."""
+        return self.alpha_mode in ("MASK", "BLEND")
+
     def color_textures(self) -> list[TextureReference]:
         """Return the color textures of this material."""
         other = None if self.glossiness is None else self.glossiness.diffuse_texture
@@ -170,17 +178,68 @@ class GltfMaterial(Part):
         others = [surface, self.normal_texture, glow]
         if self.unlit is not None:
             return self.color_textures()[:1]
-        return self.color_textures()[:1] + [one for one in others if one is not None]
+        read = [one for one in others if one is not None]
+        return self.color_textures()[:1] + read + list(self.varying().values())
 
-    def averaged(self) -> list[TextureReference]:
-        """Return the textures of this material of which only means are used."""
-        coat, sheen = self.clearcoat, self.sheen
-        given = [] if coat is None else [coat.clearcoat_texture, coat.clearcoat_roughness_texture]
-        if sheen is not None:
-            given += [sheen.sheen_color_texture, sheen.sheen_roughness_texture]
-        return [one for one in given if one is not None and self.unlit is None]
+    def varying(self) -> dict[str, TextureReference]:
+        """Return the textures of parameters that kernels read by the index of a material.
+
+        Keys are the keys of `gltf_layers.CHANNELS`. Textures without effect are left out.
+        """
+        coat, sheen, specular, passing = (
+            self.clearcoat,
+            self.sheen,
+            self.specular,
+            self.transmission,
+        )
+        given: dict[str, TextureReference | None] = {}
+        if coat is not None and coat.clearcoat_factor > 0.0:
+            given["clearcoat"] = coat.clearcoat_texture
+            given["clearcoat roughness"] = coat.clearcoat_roughness_texture
+        if sheen is not None and max(sheen.sheen_color_factor) > 0.0:
+            given["sheen"] = sheen.sheen_color_texture
+            given["sheen roughness"] = sheen.sheen_roughness_texture
+        if specular is not None and specular.specular_factor > 0.0:
+            given["specular"] = specular.specular_texture
+            given["specular color"] = specular.specular_color_texture
+        if passing is not None and passing.transmission_factor > 0.0:
+            given["transmission"] = passing.transmission_texture
+        return {name: one for name, one in given.items() if one is not None}
 
     @property
-    def placement(self) -> tuple[int, Coefficients]:
-        """`TextureReference.placement` of the first texture that is read, used for all of them."""
+    def placement(self) -> Placement:
+        """`TextureReference.placement` of the first texture that is read."""
         return next((one.placement for one in self.textures()), (0, IDENTITY))
+
+    @property
+    def places(self) -> Places:
+        """`Material.places`, of meshes whose coordinates lie at `placement`."""
+        if self.unlit is not None:
+            return ALL_ALIKE
+        surface = self.pbr_metallic_roughness.metallic_roughness_texture
+        read = self.textures()
+        first, second, third = (
+            None if one is None or one not in read else _place(self.placement, one.placement)
+            for one in (surface, self.normal_texture, self.emissive_texture)
+        )
+        return first, second, third
+
+    @property
+    def misplaced(self) -> bool:
+        """True if some texture is read at the place of another."""
+        base = self.placement
+        layers = any(one.placement != base for one in self.varying().values())
+        others = {one.placement for one in self.textures()} - {base}
+        return layers or any(_place(base, other) is None for other in others)
+
+
+def _place(base: Placement, other: Placement) -> Place | None:
+    """Return the place of a texture on a mesh whose coordinates lie at `base`.
+
+    None if it is the same, or if all coordinates there fall onto a line.
+    """
+    if other == base:
+        return None
+    if other[0] != base[0]:
+        return Place(upright(other[1]), second=True)
+    return relative(upright(base[1]), upright(other[1]))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import Literal, get_args
+from functools import cached_property, lru_cache
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from iprt.device.kept import Arrays, kept
 from iprt.device.kernel_source import constant, float_constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 from iprt.geometry.cover import MIN_SHEEN_ALPHA, clearcoat_table, sheen_table
+from iprt.geometry.place import ALL_ALIKE, Place, Places
+from iprt.geometry.sampler import PLAIN, Sampler
+from iprt.geometry.variants import Variants
 
 MaterialKind = Literal["diffuse", "conductor", "plastic", "principled", "dielectric"]
 MIRROR_ALPHA = 1e-4
@@ -36,28 +39,6 @@ COAT_LEVELS = constant(_TABLE, "COAT_LEVELS")
 
 Lobe = Literal["diffuse", "glossy", "mirror"]
 """Kinds of lobes; a mirror has no roughness."""
-
-
-Wrap = Literal["repeat", "clamp", "mirror"]
-
-
-@dataclass(frozen=True)
-class Sampler:
-    """Filter and wrap modes of a texture.
-
-    Attributes
-    ----------
-    wrap : (Wrap, Wrap)
-        Beyond 0 and 1, along u and v.
-    nearest : bool
-        The nearest texel, without interpolation.
-    """
-
-    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
-    nearest: bool = False
-
-
-PLAIN = Sampler()
 
 
 @dataclass(frozen=True)
@@ -119,6 +100,11 @@ class Material:
     samplers : tuple of four Sampler
         Of `texture` and `opacity_texture`, `surface_texture`, `normal_texture`, and
         `emission_texture`.
+    places : tuple of three (Place or None)
+        Of `surface_texture`, `normal_texture` and `emission_texture`, where they lie elsewhere than
+        the mesh's `uvs` say. The other maps lie there.
+    variants : Variants or None
+        A map of other values of a principled material, whose means are its own.
     """
 
     kind: MaterialKind = "diffuse"
@@ -135,6 +121,7 @@ class Material:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_texture: NDArray[np.float32] | None = field(default=None, compare=False)
     samplers: tuple[Sampler, Sampler, Sampler, Sampler] = (PLAIN, PLAIN, PLAIN, PLAIN)
+    places: Places = ALL_ALIKE
     transmission: float = 0.0
     thin: bool = False
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -144,6 +131,20 @@ class Material:
     sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sheen_alpha: float = 0.25
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    variants: Variants | None = None
+
+    @cached_property
+    def palette(self) -> tuple[Material, ...]:
+        """The materials of `variants`, none without."""
+        if self.variants is None or self.kind != "principled":
+            return ()
+        rows = (dict(zip(self.variants.names, row, strict=True)) for row in self.variants.values)
+        return tuple(replace(self, variants=None, **row) for row in rows)
+
+    def edited(self, **values: Any) -> Material:
+        """Return the material with other values, which replace their maps among its variants."""
+        kept = None if self.variants is None else self.variants.without(values)
+        return replace(self, **{"variants": kept, **values})
 
     @property
     def transmits(self) -> bool:
@@ -162,6 +163,12 @@ class Material:
         surface = self.surface_texture if self.kind == "principled" else None
         glow = self.emission_texture if self.emits else None
         return self.texture, surface, self.normal_texture, glow
+
+    @property
+    def map_places(self) -> tuple[Place | None, ...]:
+        """The place of each of `maps`, None without the map too."""
+        placed = zip(self.maps, (None, *self.places), strict=True)
+        return tuple(None if image is None else place for image, place in placed)
 
     @property
     def emits(self) -> bool:
@@ -184,7 +191,7 @@ class Material:
     @property
     def textured(self) -> bool:
         """True if it has a texture."""
-        return any(image is not None for image in self.maps)
+        return any(image is not None for image in self.maps) or bool(self.palette)
 
     @property
     def is_mirror(self) -> bool:
@@ -198,7 +205,10 @@ class Material:
 
     @property
     def lobes(self) -> frozenset[Lobe]:
-        """The lobes of the reflectance."""
+        """The lobes of the reflectance, of its variants too."""
+        if self.palette:
+            bare = replace(self, variants=None)
+            return bare.lobes.union(*(variant.lobes for variant in self.palette))
         if self.kind == "diffuse":
             return frozenset({"diffuse"})
         only_specular = self.kind in ("conductor", "dielectric")
@@ -229,6 +239,10 @@ class MaterialNeeds:
         Some material has a clear coat, sheen or a tint.
     textures : bool
         Some material has a texture.
+    variants : bool
+        Some material has variants.
+    texture_places : bool
+        Some material has a map that lies elsewhere.
     """
 
     principled: bool
@@ -238,6 +252,8 @@ class MaterialNeeds:
     glass: bool
     covered: bool
     textures: bool
+    variants: bool
+    texture_places: bool
 
     @classmethod
     def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
@@ -251,6 +267,8 @@ class MaterialNeeds:
             glass=any(material.transmits for material in every),
             covered=any(material.is_covered for material in every),
             textures=any(material.textured for material in every),
+            variants=any(material.palette for material in every),
+            texture_places=any(any(material.map_places) for material in every),
         )
 
     @property
@@ -268,11 +286,30 @@ class MaterialNeeds:
             "GLASS": self.glass,
             "COVERED": self.covered,
             "TEXTURES": self.textures,
+            "VARIANTS": self.variants,
+            "TEXTURE_PLACES": self.texture_places,
         }
+
+
+def table_rows(materials: Sequence[Material]) -> list[Material]:
+    """Return the materials by the indices that kernels use: these, then all variants of each."""
+    return [*materials, *(variant for material in materials for variant in material.palette)]
+
+
+def first_variants(materials: Sequence[Material]) -> list[int]:
+    """Return the index of the first variant of each material in `table_rows`; 0: it has none."""
+    starts = np.cumsum([len(materials), *(len(material.palette) for material in materials)])
+    places = zip(materials, starts, strict=False)
+    return [int(start) if material.palette else 0 for material, start in places]
 
 
 def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
     """Return the table of materials that kernels read; albedo comes with each hit instead.
+
+    Parameters
+    ----------
+    materials : sequence of Material
+        Of all objects. The table has a row for each of `table_rows`.
 
     Returns
     -------
@@ -281,16 +318,21 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
         refraction, scale factor of the base below a coat; the coat's transmittance at cosines
         (i / 31)², i = 0..31; metalness, index of the entries for its map of roughness, transmission
         and thinness; absorption and priority; the cover (`cl/lib/world/cover.h`); emission and
-        the mean of its channels. Entries for maps of roughness follow the materials, `COAT_LEVELS`
-        for each index of refraction.
+        the mean of its channels. The fourth number of the cover is the index of the material, of
+        which this is a variant, or its own. Entries for maps of roughness follow the variants,
+        `COAT_LEVELS` for each index of refraction.
         Without materials there is one of zeros.
     """
-    mapped = [material.ior for material in materials if material.maps[1] is not None]
+    rows = table_rows(materials)
+    mapped = [material.ior for material in rows if material.maps[1] is not None]
     levels = {ior: index for index, ior in enumerate(dict.fromkeys(mapped))}
-    entries = [_entry(_mean_finish(material)) for material in materials]
-    for material, entry in zip(materials, entries, strict=True):
+    entries = [_entry(mean) for mean in table_rows([_with_means(one) for one in materials])]
+    bases = [*range(len(materials))]
+    bases += [base for base in range(len(materials)) for _ in materials[base].palette]
+    for material, base, entry in zip(rows, bases, entries, strict=True):
+        entry[_COVER_ROW, 3] = base
         if material.maps[1] is not None:
-            entry[_FINISH_ROW, 1] = len(materials) + COAT_LEVELS * levels[material.ior]
+            entry[_FINISH_ROW, 1] = len(rows) + COAT_LEVELS * levels[material.ior]
     for ior in levels:
         roughness = np.linspace(0.0, 1.0, COAT_LEVELS)
         entries += [_entry(Material("principled", alpha=r * r, ior=ior)) for r in roughness]
@@ -298,8 +340,9 @@ def material_table(materials: Sequence[Material]) -> NDArray[np.float32]:
     return np.reshape(entries, (-1, 4)).astype(np.float32)
 
 
-def _mean_finish(material: Material) -> Material:
-    """Return the material with the means of its map of metalness and roughness."""
+def _with_means(material: Material) -> Material:
+    """Return the material with the means of its maps of a principled surface and of emission."""
+    material = replace(material, emission=material.mean_emission, emission_texture=None)
     surface = material.maps[1]
     if surface is None:
         return material
@@ -318,8 +361,7 @@ def _entry(material: Material) -> NDArray[np.float32]:
     entry[_FINISH_ROW] = material.metallic, 0.0, material.transmission, material.thin
     entry[_MEDIUM_ROW] = *material.absorption, material.priority
     entry[_COVER_ROW:-1] = _cover(material)
-    emission = material.mean_emission
-    entry[-1] = *emission, sum(emission) / 3.0
+    entry[-1] = *material.emission, sum(material.emission) / 3.0
     return entry
 
 

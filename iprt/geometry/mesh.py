@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from iprt.errors import SceneError
 from iprt.geometry.light import Light
 from iprt.geometry.material import Material
+from iprt.geometry.place import Place
 from iprt.geometry.tangents import with_tangents
 
 Float = NDArray[np.float64]
@@ -39,10 +40,12 @@ class Mesh:
     deforms : bool
         True if an animation changes positions and normals.
     tangents : (V, 4) float32 or None
-        Unit vectors along u, or 0, and the sign of the bitangent (`with_tangents`); None without
-        normal maps.
+        Unit vectors along u of the normal map, or 0, and the sign of the bitangent
+        (`with_tangents`); None without normal maps.
     light : Light or None
         A light without geometry, which this is instead of triangles.
+    uvs2 : (V, 2) float32 or None
+        A second set of texture coordinates; None if no material has a map there.
     """
 
     positions: NDArray[np.float32]
@@ -56,14 +59,19 @@ class Mesh:
     deforms: bool = False
     tangents: NDArray[np.float32] | None = None
     light: Light | None = None
+    uvs2: NDArray[np.float32] | None = None
 
 
-def tangent_mesh(mesh: Mesh) -> Mesh:
-    """Return a mesh with tangents; vertices where they differ are split."""
+def tangent_mesh(mesh: Mesh, place: Place | None = None) -> Mesh:
+    """Return a mesh with tangents for a normal map at a place, by default at `uvs`.
+
+    Vertices where they differ are split.
+    """
+    uvs = mesh.uvs if place is None else place.coordinates(mesh.uvs, mesh.uvs2)
     source, tangents, triangles = with_tangents(
         mesh.positions.astype(np.float64),
         mesh.normals.astype(np.float64),
-        mesh.uvs,
+        uvs,
         mesh.triangles.astype(np.int64),
     )
     return replace(
@@ -71,6 +79,7 @@ def tangent_mesh(mesh: Mesh) -> Mesh:
         positions=mesh.positions[source],
         normals=mesh.normals[source],
         uvs=mesh.uvs[source],
+        uvs2=None if mesh.uvs2 is None else mesh.uvs2[source],
         triangles=triangles.astype(np.int32),
         tangents=tangents.astype(np.float32),
     )
@@ -136,6 +145,14 @@ class Instance:
     to_world: Float
 
 
+def row_owners(instances: Sequence[Instance]) -> NDArray[np.int32]:
+    """Return the instance of each row of the `table_rows` of all instances' materials, (M,)."""
+    materials = [len(instance.mesh.materials) for instance in instances]
+    variants = [sum(len(one.palette) for one in instance.mesh.materials) for instance in instances]
+    numbers = np.arange(len(instances), dtype=np.int32)
+    return np.concatenate([np.repeat(numbers, materials), np.repeat(numbers, variants)])
+
+
 def require_same_objects(before: Sequence[Instance], after: Sequence[Instance]) -> None:
     """Raise SceneError unless these are the same objects, possibly moved.
 
@@ -182,13 +199,13 @@ def _same_shape(old: Mesh, new: Mesh) -> bool:
     return (
         old.deforms == new.deforms
         and old.positions.shape == new.positions.shape
-        and _equal(old, new, "uvs", "triangles", "material_index", *vertices)
+        and _equal(old, new, "uvs", "uvs2", "triangles", "material_index", *vertices)
         and _same_kind(old.light, new.light)
         and old.materials == new.materials
         and all(
             one is other
             for a, b in zip(old.materials, new.materials, strict=True)
-            for one, other in zip(a.maps, b.maps, strict=True)
+            for one, other in zip((*a.maps, a.variants), (*b.maps, b.variants), strict=True)
         )
     )
 

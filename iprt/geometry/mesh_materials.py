@@ -47,22 +47,28 @@ def convert_material(
     return from_mtl(source, textures, dropped)
 
 
-def tinted(material: Material, color: tuple[float, float, float] | None) -> Material:
-    """Return a material multiplied by a color, or unchanged if the color is None."""
+def tinted(material: Material, color: tuple[float, ...] | None) -> Material:
+    """Return a material multiplied by a color, maybe with opacity; None: unchanged."""
     if color is None:
         return material
+    if len(color) > 3:
+        material = replace(material, opacity=material.opacity * color[3])
     if _is_unlit(material):
-        tint = np.multiply(material.emission, color)
+        tint = np.multiply(material.emission, color[:3])
         return replace(material, emission=triple(tint, MAX_EMISSION))
     own = (1.0, 1.0, 1.0) if material is DEFAULT_MATERIAL else material.albedo
-    return replace(material, albedo=color_of(np.multiply(own, color)))
+    return replace(material, albedo=color_of(np.multiply(own, color[:3])))
 
 
 def colored(material: Material, texture: NDArray[np.float32]) -> Material:
-    """Return a material with a color texture."""
+    """Return a material with a texture of colors (H, W, 3), or of colors and opacity (H, W, 4)."""
+    rgb = np.ascontiguousarray(texture[..., :3])
     if _is_unlit(material):
-        return replace(material, emission_texture=texture)
-    return replace(material, texture=texture)
+        material = replace(material, emission_texture=rgb)
+    if texture.shape[2] > 3:
+        alpha = np.ascontiguousarray(texture[..., 3])
+        return replace(material, texture=rgb, opacity_texture=alpha)
+    return material if _is_unlit(material) else replace(material, texture=rgb)
 
 
 def _is_unlit(material: Material) -> bool:

@@ -19,7 +19,7 @@ from iprt.errors import FormatError
 from iprt.files.images import decode_srgb
 from iprt.files.safe_reading import MAX_TRIANGLES, MAX_VERTICES
 from iprt.geometry.animation import Float, Skeleton
-from iprt.geometry.gltf_check import READ_ATTRIBUTES, UV_SETS
+from iprt.geometry.gltf_check import READ_ATTRIBUTES
 from iprt.geometry.gltf_document import (
     TRIANGLE_STRIP,
     TRIANGLES,
@@ -27,8 +27,9 @@ from iprt.geometry.gltf_document import (
     Primitive,
 )
 from iprt.geometry.gltf_skin import read_bones, require_few_vertices, scene_nodes, skin_of
-from iprt.geometry.gltf_surfaces import IDENTITY, GltfMaterial
+from iprt.geometry.gltf_surfaces import UV_SETS, GltfMaterial
 from iprt.geometry.mesh_files import MeshFile
+from iprt.geometry.place import ALL_ALIKE, IDENTITY, Places
 
 Ints = NDArray[np.int64]
 Float32 = NDArray[np.float32]
@@ -51,12 +52,14 @@ class Shape:
         Zero where the file has none; v = 0 is the bottom of a texture.
     triangles : (F, 3) int64
     material : GltfMaterial, UsdMaterial, trimesh material or None
-    colors : (F, 3, 3) float32 or None
-        Linear RGB from 0 to 1 by triangle and corner; None without colors.
+    colors : (F, 3, 3) or (F, 3, 4) float32 or None
+        Linear RGB, maybe with opacity, from 0 to 1 by triangle and corner; None without colors.
     primitive : Primitive or None
         The primitive of a glTF file.
     tangents : (V, 4) float64 or None
         As in `Mesh`, of a glTF file that has them and a normal map.
+    uvs2 : (V, 2) float32 or None
+        Like `uvs`, the other set of a glTF file whose material uses both.
     """
 
     positions: Float
@@ -67,6 +70,12 @@ class Shape:
     colors: Float32 | None
     primitive: Primitive | None = None
     tangents: Float | None = None
+    uvs2: Float32 | None = None
+
+    @property
+    def places(self) -> Places:
+        """`Material.places` of its material."""
+        return getattr(self.material, "places", ALL_ALIKE)
 
     @property
     def bumpy(self) -> bool:
@@ -145,8 +154,7 @@ def _shapes_of(file: MeshFile, mesh: GltfMesh, where: str, *, colored: bool) -> 
         triangles = _triangles(file, primitive, len(positions), where)
         colors = None
         if colored and "COLOR_0" in primitive.attributes:
-            rgb = _attribute(file, primitive, "COLOR_0", where)[:, :3]
-            colors = np.clip(np.nan_to_num(rgb), 0.0, 1.0).astype(np.float32)[triangles]
+            colors = _colors(file, primitive, material, where)[triangles]
         shape = Shape(
             positions,
             normals,
@@ -159,16 +167,31 @@ def _shapes_of(file: MeshFile, mesh: GltfMesh, where: str, *, colored: bool) -> 
         if shape.bumpy and {"NORMAL", "TANGENT"} <= primitive.attributes.keys():
             tangents = _attribute(file, primitive, "TANGENT", where)
             shape = replace(shape, tangents=tangents)
+        if any(place is not None and place.second for place in shape.places):
+            other = UV_SETS - 1 - (0 if material is None else material.placement[0])
+            uvs2 = _attribute(file, primitive, f"TEXCOORD_{other}", where)
+            uvs2 = uvs2 * (1.0, -1.0) + (0.0, 1.0)
+            shape = replace(shape, uvs2=np.nan_to_num(uvs2).astype(np.float32))
         yield shape
+
+
+def _colors(
+    file: MeshFile, primitive: Primitive, material: GltfMaterial | None, where: str
+) -> Float32:
+    """Return the colors (V, 3) of a primitive, (V, 4) with opacity if its material has any."""
+    given = _attribute(file, primitive, "COLOR_0", where)
+    colors = np.ones((len(given), 4 if material is not None and material.has_opacity else 3))
+    columns = min(given.shape[1], colors.shape[1])
+    colors[:, :columns] = np.clip(np.nan_to_num(given[:, :columns]), 0.0, 1.0)
+    return colors.astype(np.float32)
 
 
 def _texture_coordinates(
     file: MeshFile, primitive: Primitive, material: GltfMaterial | None, where: str
 ) -> Float:
-    """Return (V, 2), v up, of the set that the material's textures use, after their transform."""
+    """Return (V, 2), v up, of the set that the material's color uses, after its transform."""
     number, matrix = (0, IDENTITY) if material is None else material.placement
-    name = f"TEXCOORD_{number if number < UV_SETS else 0}"
-    uvs = _attribute(file, primitive, name, where)
+    uvs = _attribute(file, primitive, f"TEXCOORD_{number}", where)
     if matrix != IDENTITY:
         linear = np.array(matrix)
         uvs = uvs @ linear[:, :2].T + linear[:, 2]
@@ -207,7 +230,8 @@ def usd_shapes(file: MeshFile, *, colored: bool) -> Iterator[tuple[Float, Shape]
         positions, normals, uvs, triangles = (arrays[f"{name} {number}"] for name in KEPT)
         material = None if placed.material is None else contents.materials[placed.material]
         colors = arrays.get(f"colors {number}") if colored else None
-        yield matrix[None, :3], Shape(positions, normals, uvs, triangles, material, colors)
+        shape = Shape(positions, normals, uvs, triangles, material, colors)
+        yield matrix[None, :3], replace(shape, uvs2=arrays.get(f"uvs2 {number}"))
 
 
 def trimesh_shapes(file: MeshFile, dropped: list[str], *, colored: bool) -> list[Shape]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from iprt.files.message_text import printable
-from iprt.geometry.gltf_check import UV_SETS
 from iprt.geometry.gltf_document import Gltf
+from iprt.geometry.gltf_surfaces import UV_SETS
 
 _TRIANGLE_MODES = (4, 5)
 _READ_EXTENSIONS = (
@@ -52,7 +52,7 @@ def unread_gltf(gltf: Gltf, *, animated: bool) -> Iterator[str]:
     textures = gltf.read_textures()
     if any(texture.coordinates >= UV_SETS for texture in textures):
         yield "a third set of texture coordinates; the first is used"
-    if any(len({one.placement for one in material.textures()}) > 1 for material in gltf.materials):
+    if any(material.misplaced for material in gltf.materials):
         yield "texture coordinates that differ between a material's textures; the color's are used"
     for name in gltf.extensions_used:
         if name not in _READ_EXTENSIONS:

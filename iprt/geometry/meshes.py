@@ -19,6 +19,7 @@ from iprt.geometry.mesh import Mesh
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.mesh_materials import colored, convert_material, has_texture, tinted
 from iprt.geometry.mesh_shapes import Shape, resting_shapes, trimesh_shapes, usd_shapes
+from iprt.geometry.place import Place
 from iprt.geometry.solids import with_solids
 from iprt.geometry.tangents import moved_tangents, with_tangents
 from iprt.geometry.textures import Textures
@@ -42,12 +43,14 @@ class Part:
     source : (V,) int64
         Original vertex in the file of each vertex.
     material : GltfMaterial, UsdMaterial, trimesh material or None
-    color : (r, g, b) or None
+    color : (r, g, b), (r, g, b, opacity) or None
         Linear color that multiplies the material; None if the file has none.
-    colors : (V, 3) float32 or None
+    colors : (V, 3) or (V, 4) float32 or None
         Colors by vertex where they differ; then no two triangles share a vertex.
     tangents : (V, 4) float64 or None
         As in `Mesh`.
+    uvs2 : (V, 2) float32 or None
+        As in `Shape`.
     """
 
     positions: NDArray[np.float64]
@@ -56,9 +59,10 @@ class Part:
     triangles: NDArray[np.int64]
     source: NDArray[np.int64]
     material: Any
-    color: tuple[float, float, float] | None = None
+    color: tuple[float, ...] | None = None
     colors: NDArray[np.float32] | None = None
     tangents: NDArray[np.float64] | None = None
+    uvs2: NDArray[np.float32] | None = None
 
     def taken(self, source: NDArray[np.int64], triangles: NDArray[np.int64]) -> Part:
         """Return the part with new triangles, whose vertices (W,) are copies of `source`."""
@@ -71,6 +75,7 @@ class Part:
             source=self.source[source],
             colors=None if self.colors is None else self.colors[source],
             tangents=None if self.tangents is None else self.tangents[source],
+            uvs2=None if self.uvs2 is None else self.uvs2[source],
         )
 
 
@@ -139,27 +144,32 @@ def part_of(shape: Shape, matrices: NDArray[np.float64], dropped: list[str]) -> 
     positions = np.nan_to_num(positions, posinf=0.0, neginf=0.0)
     source = np.arange(len(positions))
     part = Part(positions, normals, shape.uvs.copy(), triangles[kept], source, shape.material)
+    part.uvs2 = shape.uvs2
     if shape.bumpy:
         tangents = None if shape.tangents is None else moved_tangents(shape.tangents, matrices)
-        part = _bumpy(part, tangents)
+        part = _bumpy(part, tangents, shape.places[1])
     return part if shape.colors is None else _colored(part, shape.colors[kept], dropped)
 
 
-def _bumpy(part: Part, tangents: NDArray[np.float64] | None) -> Part:
-    """Return a part with tangents, and with flat normals where it has no others."""
+def _bumpy(part: Part, tangents: NDArray[np.float64] | None, place: Place | None) -> Part:
+    """Return a part with tangents, and with flat normals where it has no others.
+
+    `place` is its normal map's, which tangents that are not given follow.
+    """
     usable = have_normals(part.normals)
     if tangents is not None and usable.all() and np.isfinite(tangents).all():
         return replace(part, tangents=tangents)
     flat = np.ones(len(part.triangles), np.bool_)
     source, normals, triangles = with_normals(part.positions, part.normals, part.triangles, flat)
     part = replace(part.taken(source, triangles), normals=normals)
-    source, tangents, triangles = with_tangents(part.positions, normals, part.uvs, triangles)
+    uvs = part.uvs if place is None else place.coordinates(part.uvs, part.uvs2)
+    source, tangents, triangles = with_tangents(part.positions, normals, uvs, triangles)
     return replace(part.taken(source, triangles), tangents=tangents)
 
 
 def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Part:
-    """Return a part with the colors (F, 3, 3) of its triangles' corners."""
-    flat = colors.reshape(-1, 3)
+    """Return a part with the colors (F, 3, 3) or (F, 3, 4) of its triangles' corners."""
+    flat = colors.reshape(-1, colors.shape[2])
     varied = bool((flat != flat[:1]).any())
     if varied and not has_texture(part.material):
         count = len(part.triangles)
@@ -167,8 +177,8 @@ def _colored(part: Part, colors: NDArray[np.float32], dropped: list[str]) -> Par
         return replace(divided, colors=flat)
     if varied:
         _note(dropped, "colors of vertices below a texture; their mean is used")
-    red, green, blue = flat.mean(axis=0, dtype=np.float64) if len(flat) else (1.0, 1.0, 1.0)
-    return replace(part, color=(float(red), float(green), float(blue)))
+    mean = flat.mean(axis=0, dtype=np.float64) if len(flat) else np.ones(flat.shape[1])
+    return replace(part, color=tuple(map(float, mean)))
 
 
 def joined(
@@ -194,6 +204,10 @@ def joined(
         none = [np.zeros((len(part.positions), 4)) for part in parts]
         given = [part.tangents for part in parts]
         tangents = np.concatenate([n if t is None else t for t, n in zip(given, none, strict=True)])
+    uvs2 = None
+    if any(place is not None and place.second for one in materials for place in one.map_places):
+        given2 = [np.zeros_like(part.uvs) if part.uvs2 is None else part.uvs2 for part in parts]
+        uvs2 = np.concatenate(given2)
     indices = np.repeat(index, [len(part.triangles) for part in parts])
     flat = np.full(len(triangles), file.gltf is not None)
     source, normals, triangles = with_normals(positions, normals, triangles, flat)
@@ -207,6 +221,7 @@ def joined(
         dropped=tuple(dict.fromkeys(dropped)),
         warnings=tuple(warnings),
         tangents=None if tangents is None else tangents[source].astype(np.float32),
+        uvs2=None if uvs2 is None else uvs2[source],
     )
     mesh = with_solids(mesh)
     for line in mesh.warnings:

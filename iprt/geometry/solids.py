@@ -15,6 +15,10 @@ OPEN = (
     "or set thin = true"
 )
 
+SWELLING = 5e-4
+"""Share of a solid's longest side by which its surface moves outward. Rays start up to 1e-5 of
+their distance beyond a surface, and would miss another one there."""
+
 
 def with_solids(mesh: Mesh) -> Mesh:
     """Return a mesh whose dielectrics are closed solids, with normals outward, or thin walls.
@@ -44,6 +48,40 @@ def with_solids(mesh: Mesh) -> Mesh:
         triangles=triangles,
         warnings=tuple(dict.fromkeys(warnings)),
     )
+
+
+def solids(mesh: Mesh) -> tuple[int, ...]:
+    """Return the indices of the materials that are solids."""
+    used = np.unique(mesh.material_index)
+    return tuple(
+        int(index)
+        for index in used
+        if mesh.materials[index].transmits and not mesh.materials[index].thin
+    )
+
+
+def swollen(mesh: Mesh) -> Mesh:
+    """Return a mesh whose solids are larger by `SWELLING`, so that touching ones overlap.
+
+    Faces that coincide would be met as one: a ray that leaves a solid would not enter the other.
+    Each plane around a vertex moves by the same distance.
+    """
+    positions = mesh.positions.astype(np.float64)
+    for index in solids(mesh):
+        (own,) = np.nonzero(
+            np.bincount(
+                mesh.triangles[mesh.material_index == index].ravel(), minlength=len(positions)
+            )
+        )
+        place = same_position(positions[own])
+        planes = np.unique(np.column_stack([place, mesh.normals[own].round(3)]), axis=0)
+        at, normals = planes[:, 0].astype(np.int64), planes[:, 1:]
+        total = np.stack([np.bincount(at, normals[:, i]) for i in range(3)], axis=1)
+        mean = total / np.bincount(at)[:, None]
+        squared = np.maximum(np.einsum("vi,vi->v", mean, mean), 0.1)
+        outward = (mean / squared[:, None])[place]
+        positions[own] += SWELLING * float(np.ptp(positions[own], axis=0).max()) * outward
+    return replace(mesh, positions=positions.astype(np.float32))
 
 
 def _is_closed(corners: NDArray[np.int64]) -> bool:

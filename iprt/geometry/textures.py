@@ -82,18 +82,17 @@ class Textures:
 
         return self._decode(image, f"normals {scale}", vectors)
 
-    def mean(self, image: Any, channel: int, power: int = 1) -> float:
-        """Return the mean of a power of a channel of a Pillow image, 1 for other objects.
+    def channels(self, image: Image.Image, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return all channels (H, W, 4), as stored, of an image of another size (W, H).
 
         Channels are red, green, blue and alpha; errors as above.
         """
-        if not isinstance(image, Image.Image):
-            return 1.0
-        if channel == ALPHA:
-            pixels = texture_alpha(image, self._path)
-        else:
-            pixels = texture_pixels(image, self._path)[..., channel]
-        return float(np.mean(np.power(_fractions(pixels), power), dtype=np.float64))
+        color, alpha = texture_pixels(image, self._path), texture_alpha(image, self._path)
+        pixels = Image.fromarray(np.dstack([color, alpha]))
+        if pixels.size == size:
+            return np.asarray(pixels)
+        planes = [plane.resize(size, Image.Resampling.BILINEAR) for plane in pixels.split()]
+        return np.dstack([np.asarray(plane) for plane in planes])
 
     def _decode(
         self,

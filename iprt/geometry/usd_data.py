@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from iprt.geometry.gltf_surfaces import IDENTITY, Coefficients
-from iprt.geometry.material import Wrap
+from iprt.geometry.place import IDENTITY, Coefficients, Place, Places, relative
+from iprt.geometry.sampler import Wrap
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 Color = tuple[float, float, float]
@@ -44,6 +44,11 @@ class UsdTexture(_Plain):
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     coordinates: str = "st"
     matrix: Coefficients = IDENTITY
+
+    @property
+    def placement(self) -> tuple[str, Coefficients]:
+        """Pair of `coordinates` and `matrix`."""
+        return self.coordinates, self.matrix
 
 
 class UsdMaterial(_Plain):
@@ -91,8 +96,47 @@ class UsdMaterial(_Plain):
             self.opacity_texture,
             self.emission_texture,
             self.normal_texture,
+            *((self.clearcoat_texture, self.clearcoat_roughness_texture) * (self.clearcoat > 0.0)),
         )
         return [texture for texture in every if texture is not None]
+
+    @property
+    def second(self) -> str | None:
+        """Name of the coordinates of `Mesh.uvs2`; None if all textures share the first's."""
+        base = next((one.coordinates for one in self.textures()), None)
+        used = (one.coordinates for one in self._placed() if one is not None)
+        return next((name for name in used if name != base), None)
+
+    @property
+    def places(self) -> Places:
+        """`Material.places`, of meshes whose coordinates lie where the first texture does."""
+        first, second, third = map(self._place, self._placed())
+        return first, second, third
+
+    @property
+    def misplaced(self) -> bool:
+        """True if some texture is read at the place of another."""
+        base = next((one.placement for one in self.textures()), None)
+        coat = (self.clearcoat_texture, self.clearcoat_roughness_texture) * (self.clearcoat > 0.0)
+        fixed = [one.placement for one in (self.opacity_texture, *coat) if one is not None]
+        surface = {one.placement for one in (self.metallic_texture, self.roughness_texture) if one}
+        placed = zip(self._placed(), self.places, strict=True)
+        own = [one.placement for one, place in placed if one is not None and place is None]
+        return len(surface) > 1 or any(one != base for one in fixed + own)
+
+    def _placed(self) -> tuple[UsdTexture | None, ...]:
+        """Return the textures that have places of their own."""
+        surface = self.metallic_texture or self.roughness_texture
+        return surface, self.normal_texture, self.emission_texture
+
+    def _place(self, texture: UsdTexture | None) -> Place | None:
+        base = next(iter(self.textures()), None)
+        if texture is None or base is None or texture.placement == base.placement:
+            return None
+        if texture.coordinates != base.coordinates:
+            same = texture.coordinates == self.second
+            return Place(texture.matrix, second=True) if same else None
+        return relative(base.matrix, texture.matrix)
 
 
 class Placed(_Plain):

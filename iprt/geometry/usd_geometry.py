@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pxr import UsdGeom, UsdShade
 
 from iprt.geometry.creases import same_position
-from iprt.geometry.gltf_surfaces import IDENTITY, Coefficients
+from iprt.geometry.place import IDENTITY, Coefficients
 from iprt.geometry.usd_data import UsdMaterial
 
 Float = NDArray[np.float64]
@@ -42,6 +42,8 @@ class Geometry:
         Counter-clockwise seen from outside.
     colors : (F, 3, 3) float32 or None
         Linear RGB from 0 to 1 by triangle and corner; None without colors.
+    uvs2 : (V, 2) float32 or None
+        Like `uvs`, if the material has a second set.
     """
 
     positions: Float
@@ -49,6 +51,7 @@ class Geometry:
     uvs: NDArray[np.float32]
     triangles: Ints
     colors: NDArray[np.float32] | None = None
+    uvs2: NDArray[np.float32] | None = None
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name."""
@@ -63,6 +66,7 @@ class Geometry:
             self.uvs[used],
             index.reshape(-1, 3),
             None if self.colors is None else self.colors[chosen],
+            None if self.uvs2 is None else self.uvs2[used],
         )
 
 
@@ -137,11 +141,14 @@ class Needs:
         Map of the coordinates.
     colors : bool
         True if it shows the primvar `displayColor`.
+    second : str or None
+        Name of the second set of texture coordinates; None without one.
     """
 
     coordinates: str | None = None
     matrix: Coefficients = IDENTITY
     colors: bool = True
+    second: str | None = None
 
     @classmethod
     def of(cls, material: UsdMaterial | None) -> Needs:
@@ -151,7 +158,8 @@ class Needs:
         textures = material.textures()
         if not textures:
             return cls(colors=material.vertex_colors)
-        return cls(textures[0].coordinates, textures[0].matrix, material.vertex_colors)
+        first = textures[0]
+        return cls(first.coordinates, first.matrix, material.vertex_colors, material.second)
 
 
 def mesh_geometry(
@@ -171,13 +179,18 @@ def mesh_geometry(
     normals, smooth = _normals(mesh, corners, time, unread)
     if mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none and np.isnan(normals).any():
         unread["subdivision; meshes are shown as stored"] = None
-    uvs, continuous = _coordinates(prim, corners, needs, time, unread)
+    uvs, continuous = _coordinates(prim, corners, needs.coordinates, needs.matrix, time, unread)
+    rows = [corners.vertex[:, None], np.nan_to_num(normals), uvs]
+    uvs2 = None
+    if needs.second is not None:
+        uvs2, both = _coordinates(prim, corners, needs.second, IDENTITY, time, unread)
+        continuous = continuous and both
+        rows.append(uvs2)
     colors = _colors(prim, corners, time, unread) if needs.colors else None
     if smooth and continuous:
         vertex = corners.vertex
         where = _places(vertex, len(corners.points) if len(vertex) else 0)
     else:
-        rows = [corners.vertex[:, None], np.nan_to_num(normals), uvs]
         vertex = same_position(np.concatenate(rows, axis=1))
         where = _places(vertex, vertex.max(initial=-1) + 1)
     geometry = Geometry(
@@ -186,6 +199,7 @@ def mesh_geometry(
         uvs[where].astype(np.float32),
         vertex[corners.triangles],
         None if colors is None else colors[corners.triangles],
+        None if uvs2 is None else uvs2[where].astype(np.float32),
     )
     return geometry, corners.of_face
 
@@ -218,13 +232,16 @@ def _normals(mesh: Any, corners: Corners, time: Any, unread: dict[str, None]) ->
 def _coordinates(
     prim: Any,
     corners: Corners,
-    needs: Needs,
+    wanted: str | None,
+    place: Coefficients,
     time: Any,
     unread: dict[str, None],
 ) -> tuple[Float, bool]:
-    """Return texture coordinates by corner (C, 2), and if they are the same at a vertex."""
-    wanted = COORDINATES if needs.coordinates is None else (needs.coordinates, *COORDINATES)
-    for name in wanted:
+    """Return texture coordinates by corner (C, 2), and if they are the same at a vertex.
+
+    The primvar `wanted`, or else one of a usual name, is mapped by `place`.
+    """
+    for name in COORDINATES if wanted is None else (wanted, *COORDINATES):
         primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
         values = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None
         if values is None or not len(values):
@@ -236,7 +253,7 @@ def _coordinates(
         if rows is None:
             unread["texture coordinates that do not match their mesh"] = None
             continue
-        matrix = np.array(needs.matrix)
+        matrix = np.array(place)
         rows = np.nan_to_num(rows) @ matrix[:, :2].T + matrix[:, 2]
         return rows, primvar.GetInterpolation() in PER_VERTEX
     return np.zeros((len(corners.vertex), 2)), True

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from iprt.geometry.gltf_materials import LEAST_CUTOFF
-from iprt.geometry.material import MAX_EMISSION, PLAIN, Material, MaterialKind, Sampler
+from iprt.geometry.layers import Layers, variants_of
+from iprt.geometry.material import MAX_EMISSION, Material, MaterialKind
 from iprt.geometry.mesh_files import MeshFile
 from iprt.geometry.reflectance import (
     LEAST_IOR,
@@ -20,11 +21,12 @@ from iprt.geometry.reflectance import (
     plain_alpha,
     triple,
 )
+from iprt.geometry.sampler import PLAIN, Sampler
 from iprt.geometry.textures import Textures
 from iprt.geometry.usd_data import UsdMaterial, UsdTexture
+from iprt.geometry.variants import distinct
 
 CHANNELS = "rgba"
-NO_MAP = "map of clearcoat; its mean is used"
 
 
 def from_usd(
@@ -32,8 +34,7 @@ def from_usd(
 ) -> Material:
     """Convert a UsdPreviewSurface; alpha = roughness²."""
     dropped.extend(source.unread)
-    placements = {(one.coordinates, one.matrix) for one in source.textures()}
-    if len(placements) > 1:
+    if source.misplaced:
         dropped.append(
             "texture coordinates that differ between a material's textures; the color's are used"
         )
@@ -55,35 +56,60 @@ def from_usd(
     color_or_opacity = source.color_texture or source.opacity_texture
     used = (color_or_opacity, rough, source.normal_texture, source.emission_texture)
     first, second, third, fourth = (_sampler(one) for one in used)
-    return replace(material, samplers=(first, second, third, fourth))
+    samplers = (first, second, third, fourth)
+    return replace(material, samplers=samplers, places=source.places)
 
 
 def _coated(
     material: Material, source: UsdMaterial, file: MeshFile, textures: Textures, dropped: list[str]
 ) -> Material:
-    """Return a material with its clear coat; means of textures are used."""
+    """Return a material with its clear coat, and its maps."""
     if not source.clearcoat > 0.0:
         return material
     if material.kind == "dielectric":
         dropped.append("clearcoat of glass")
         return material
-
-    def mean(texture: UsdTexture | None, power: int) -> float:
-        if texture is None:
-            return 1.0
-        if NO_MAP not in dropped:
-            dropped.append(NO_MAP)
-        picture, channel = file.usd_picture(texture.file), CHANNELS.index(texture.channel)
-        return textures.mean(picture, channel, power=power)
-
     if material.kind != "principled":
         ior = float(np.clip(source.ior, LEAST_IOR, MAX_IOR))
         material = replace(
             material, kind="principled", alpha=plain_alpha(source.roughness), ior=ior
         )
-    strength = float(np.clip(source.clearcoat, 0.0, 1.0)) * mean(source.clearcoat_texture, 1)
-    alpha = plain_alpha(source.clearcoat_roughness) * mean(source.clearcoat_roughness_texture, 2)
-    return replace(material, clearcoat=strength, clearcoat_alpha=alpha)
+    layers = _coat_layers(source, file, textures)
+    sampler = _sampler(source.clearcoat_texture or source.clearcoat_roughness_texture)
+    return replace(
+        material,
+        clearcoat=float(layers.mean.clearcoat[0]),
+        clearcoat_alpha=float(layers.mean.clearcoat_alpha[0]),
+        variants=variants_of(layers, lambda _: material.ior, sampler, tinted=False),
+    )
+
+
+def _coat_layers(source: UsdMaterial, file: MeshFile, textures: Textures) -> Layers:
+    """Return the clear coat at the texels of its textures."""
+    used = source.clearcoat_texture, source.clearcoat_roughness_texture
+    pictures = [None if one is None else file.usd_picture(one.file) for one in used]
+    sizes = [picture.size for picture in pictures if picture is not None]
+    width, height = (max((size[axis] for size in sizes), default=1) for axis in (0, 1))
+    planes = np.full((2, height, width), 255, np.uint8)
+    for plane, one, picture in zip(planes, used, pictures, strict=True):
+        if one is not None and picture is not None:
+            channels = textures.channels(picture, (width, height))
+            plane[:] = channels[..., CHANNELS.index(one.channel)]
+    if sizes:
+        textures.count(width * height)
+    values, number = distinct(planes.reshape(2, -1))
+    strength, roughness = values.T / 255.0
+    count = len(values)
+    return Layers(
+        clearcoat=float(np.clip(source.clearcoat, 0.0, 1.0)) * strength,
+        clearcoat_alpha=plain_alpha(source.clearcoat_roughness) * roughness**2,
+        sheen=np.zeros((count, 3)),
+        sheen_alpha=np.full(count, Material.sheen_alpha),
+        specular=np.ones((count, 3)),
+        transmission=np.zeros(count),
+        weights=np.bincount(number).astype(np.float64),
+        number=number.reshape(height, width),
+    )
 
 
 def _sampler(texture: UsdTexture | None) -> Sampler:

@@ -13,8 +13,8 @@ from typing import Any
 from pxr import Usd, UsdShade
 
 from iprt.files.message_text import printable
-from iprt.geometry.gltf_surfaces import IDENTITY, Coefficients
-from iprt.geometry.material import Wrap
+from iprt.geometry.place import IDENTITY, Coefficients
+from iprt.geometry.sampler import Wrap
 from iprt.geometry.usd_data import Color, UsdMaterial, UsdTexture
 from iprt.geometry.usd_layers import Layers
 

@@ -26,12 +26,12 @@ def color_texture(centers: NDArray[np.floating], colors: Float32) -> tuple[Float
     ----------
     centers : (F, 3) floating
         Finite centres of the triangles; at least one.
-    colors : (F, 3, 3) float32
-        Linear RGB by triangle and corner.
+    colors : (F, 3, C) float32
+        Linear RGB, or RGB and opacity, by triangle and corner.
 
     Returns
     -------
-    texture : (H, W, 3) float32
+    texture : (H, W, C) float32
         Row 0 at v = 1; H and W are powers of two. Texels outside all triangles may be below 0 or
         above 1.
     uvs : (F, 3, 2) float32
@@ -44,7 +44,7 @@ def color_texture(centers: NDArray[np.floating], colors: Float32) -> tuple[Float
     tile = np.arange(columns * rows)
     column, row = _every_other_bit(tile), _every_other_bit(tile >> 1)
     a, b, c = np.moveaxis(colors[order[np.minimum(tile, count - 1)]], 1, 0)
-    texture = np.empty((2 * rows, 2 * columns, 3), np.float32)
+    texture = np.empty((2 * rows, 2 * columns, colors.shape[2]), np.float32)
     for texel, color in (((0, 0), a), ((0, 1), b), ((1, 0), c), ((1, 1), b + c - a)):
         texture[2 * row + texel[0], 2 * column + texel[1]] = color
     corner = np.array([[0, 0], [1, 0], [0, 1]])

@@ -10,9 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.geometry.material import Material, MaterialNeeds, Sampler
-from iprt.geometry.mesh import Instance, Mesh, cofactors, motion_between, transformed
+from iprt.geometry.material import MaterialNeeds, first_variants, table_rows
+from iprt.geometry.mesh import (
+    Instance,
+    Mesh,
+    cofactors,
+    motion_between,
+    row_owners,
+    transformed,
+)
 from iprt.geometry.tangents import moved_tangents
+from iprt.raster.images import images_of
 from iprt.raster.region import box_corners
 from iprt.raster.targets import texture_bytes
 
@@ -21,9 +29,6 @@ Float = NDArray[np.float64]
 _TRIANGLES_WIDTH = 2048
 _VERTICES_WIDTH = 2048
 """Size in texels; `glsl/mesh.glsl` has their logarithms. A vertex takes two texels."""
-
-IMAGES = "image", "finish_image", "normal_image", "emission_image"
-"""Textures of `glsl/shade.frag`, in the order of `Material.maps`."""
 
 _TABLE_WIDTH = 6
 """Texels per material."""
@@ -110,26 +115,29 @@ class WorldGeometry:
     ----------
     parts : tuple of Part
         Instances with triangles.
+    materials : tuple of Material
+        Of all instances.
     material_object : (M,) int32
-        Index of the instance that each material belongs to.
+        Index of the instance that each material of their `table_rows` belongs to.
     positions : moderngl.Buffer
         World-space corners, three per triangle. Unindexed drawing numbers the triangles at less
         cost than gl_PrimitiveID on software renderers.
     triangles, vertices, table : moderngl.Texture
         See `glsl/mesh.glsl` and `glsl/shade.frag`.
-    displacements, tangents : moderngl.Texture or None
-        See the same files; None if no mesh deforms, or without normal maps.
+    displacements, tangents, uvs2 : moderngl.Texture or None
+        See the same files; None if no mesh deforms, without normal maps, or if all maps lie where
+        the colors do.
     images : dict of int to dict of str to moderngl.Texture
         By material, if it is textured: its textures, by their names in `glsl/shade.frag`.
+    first_variants : list of int
+        `first_variants` of the materials.
     """
 
     def __init__(self, context: moderngl.Context, instances: Sequence[Instance]) -> None:
         self.parts, table, rows = _lay_out(instances)
         self.materials = tuple(m for instance in instances for m in instance.mesh.materials)
-        self.material_object = np.repeat(
-            np.arange(len(instances), dtype=np.int32), [len(i.mesh.materials) for i in instances]
-        )
-
+        self.material_object = row_owners(instances)
+        self.first_variants = first_variants(self.materials)
         self.positions = context.buffer(reserve=max(len(table), 1) * _CORNERS_BYTES)
         self.triangles = context.texture(
             (_TRIANGLES_WIDTH, max(_rows(len(table), _TRIANGLES_WIDTH), 1)), 4, dtype="i4"
@@ -141,12 +149,18 @@ class WorldGeometry:
             size = (_VERTICES_PER_ROW, max(rows, 1))
             self.displacements = context.texture(size, 4, bytes(16 * size[0] * size[1]), dtype="f4")
         self.tangents: moderngl.Texture | None = None
-        if MaterialNeeds.of(self.materials).normal_maps:
+        needs = MaterialNeeds.of(self.materials)
+        if needs.normal_maps:
             size = (_VERTICES_PER_ROW, max(rows, 1))
             self.tangents = context.texture(size, 4, dtype="f4")
-        self.table = context.texture((_TABLE_WIDTH, max(len(self.materials), 1)), 4, dtype="f4")
+        self.uvs2: moderngl.Texture | None = None
+        if needs.texture_places:
+            self.uvs2 = context.texture((_VERTICES_PER_ROW, max(rows, 1)), 2, dtype="f4")
+        self.table = context.texture(
+            (_TABLE_WIDTH, max(len(self.material_object), 1)), 4, dtype="f4"
+        )
         self.images = {
-            index: _images(context, material)
+            index: images_of(context, material, variants=needs.variants)
             for index, material in enumerate(self.materials)
             if material.textured
         }
@@ -163,6 +177,7 @@ class WorldGeometry:
             self.table,
             self.displacements,
             self.tangents,
+            self.uvs2,
         ]
         triangles = sum(texture_bytes(table) for table in tables if table is not None)
         textures = [texture for images in self.images.values() for texture in images.values()]
@@ -197,6 +212,12 @@ class WorldGeometry:
         )
         if self.tangents is not None:
             self._upload_tangents(self.tangents, part)
+        if self.uvs2 is not None:
+            texels2 = np.zeros_like(mesh.uvs) if mesh.uvs2 is None else mesh.uvs2
+            self.uvs2.write(
+                _padded(texels2, _VERTICES_PER_ROW),
+                viewport=(0, part.vertex_row, _VERTICES_PER_ROW, part.vertex_rows),
+            )
 
     def _upload_tangents(self, texture: moderngl.Texture, part: Part) -> None:
         """Upload one instance's world-space tangents; 0 without."""
@@ -220,13 +241,15 @@ class WorldGeometry:
         )
 
     def _upload_table(self) -> None:
-        table = np.zeros((max(len(self.materials), 1), _TABLE_WIDTH, 4), np.float32)
-        for row, material in zip(table, self.materials, strict=False):
+        table = np.zeros((max(len(self.material_object), 1), _TABLE_WIDTH, 4), np.float32)
+        for row, material in zip(table, table_rows(self.materials), strict=False):
             row[0, :3] = material.albedo
             row[4, :2] = material.metallic, material.alpha
             row[5, :3] = material.emission
         for part in self.parts:
-            table[part.materials, 1:4] = part.motion
+            table[: len(self.material_object)][self.material_object == part.index, 1:4] = (
+                part.motion
+            )
         self.table.write(table)
 
 
@@ -307,36 +330,3 @@ def _padded(array: NDArray[np.generic], width: int) -> bytes:
     """Return the bytes of `array`, zero-padded to whole rows of `width` items, at least one row."""
     missing = max(_rows(len(array), width), 1) * width - len(array)
     return array.tobytes() + bytes(missing * array.itemsize * int(np.prod(array.shape[1:])))
-
-
-def _images(context: moderngl.Context, material: Material) -> dict[str, moderngl.Texture]:
-    """Upload a material's textures; a missing one is a single texel without effect."""
-    flat = (1.0, 1.0, 1.0), (1.0, 1.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
-    named = zip(IMAGES, flat, material.maps, material.samplers, strict=True)
-    return {
-        name: _mipmapped(context, np.array([[plain]], np.float32) if one is None else one, sampler)
-        for name, plain, one, sampler in named
-    }
-
-
-def mirrored(material: Material) -> dict[str, tuple[bool, bool]]:
-    """Return the uniforms by which `glsl/shade.frag` mirrors the coordinates of each texture."""
-    return {
-        f"{name}_mirrored": (sampler.wrap[0] == "mirror", sampler.wrap[1] == "mirror")
-        for name, sampler in zip(IMAGES, material.samplers, strict=True)
-    }
-
-
-def _mipmapped(
-    context: moderngl.Context, image: NDArray[np.float32], sampler: Sampler
-) -> moderngl.Texture:
-    """Upload a mipmapped texture in half floats, which keep 11 bits of an albedo in [0, 1]."""
-    height, width, channels = image.shape
-    data = np.ascontiguousarray(image, np.float16).tobytes()
-    texture = context.texture((width, height), channels, data, dtype="f2")
-    texture.build_mipmaps()
-    enlarged = moderngl.NEAREST if sampler.nearest else moderngl.LINEAR
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, enlarged)
-    # OpenGL mirrors by itself, but moderngl does not ask it to.
-    texture.repeat_x, texture.repeat_y = (wrap == "repeat" for wrap in sampler.wrap)
-    return texture

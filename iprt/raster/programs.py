@@ -56,7 +56,9 @@ class Programs:
             more |= {"PRINCIPLED": 1, "FINISH_IMAGE": 3 if deforming else 2}
         if needs.emission:
             more |= {"EMISSION": 1, "EMISSION_IMAGE": 4 if deforming else 3}
-        bumps = {"NORMAL_MAPS": 1} if needs.normal_maps else {}
+        maps = {"NORMAL_MAPS": 1} if needs.normal_maps else {}
+        maps |= {"VARIANTS": 1} if needs.variants else {}
+        maps |= {"TEXTURE_PLACES": 1} if needs.texture_places else {}
         stages = f"visibility_{projection}"
 
         def visibility(**extra: int) -> moderngl.Program:
@@ -75,6 +77,6 @@ class Programs:
             visibility(),
             visibility(DEPTH_ONLY=1),
             screen("shade.frag", **more),
-            screen("shade.frag", TEXTURED=1, **more, **bumps),
+            screen("shade.frag", TEXTURED=1, **more, **maps),
             screen("finish.frag", SAMPLES=samples, **more),
         )

@@ -14,7 +14,8 @@ from iprt.geometry.camera import Projection, View
 from iprt.geometry.material import Material, MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.raster.context import bind_textures, create_context, set_uniforms
-from iprt.raster.geometry import Part, WorldGeometry, mirrored
+from iprt.raster.geometry import Part, WorldGeometry
+from iprt.raster.images import reading
 from iprt.raster.layers import COVERAGE_TOLERANCE, SAMPLES, Layer, ObjectLayers, blank_display
 from iprt.raster.programs import Programs
 from iprt.raster.region import Rect, box_rects, merge
@@ -66,9 +67,10 @@ class Rasterizer:
     Attributes
     ----------
     materials : tuple of Material
-        Concatenated materials of all instances; `Layer.material[..., 3] - 1` indexes it.
+        Concatenated materials of all instances; `Layer.material[..., 3] - 1` indexes their
+        `table_rows`.
     material_object : (M,) int32
-        Index of the instance that each material belongs to.
+        Index of the instance that each material of the `table_rows` belongs to.
     memory : dict of str to int
         Bytes of device memory by name; always the same dict.
 
@@ -248,6 +250,8 @@ class Rasterizer:
             textures["displacements"] = geometry.displacements
         if geometry.tangents is not None:
             textures["tangents"] = geometry.tangents
+        if geometry.uvs2 is not None:
+            textures["uvs2"] = geometry.uvs2
         for layer in layers:
             which = {"back_layer": layer is targets.back}
             bind_textures(programs.shade, textures)
@@ -256,7 +260,11 @@ class Rasterizer:
                 for index in range(part.materials.start, part.materials.stop):
                     if index in geometry.images:
                         bind_textures(programs.shade_textured, textures | geometry.images[index])
-                        textured = {"textured": index, **mirrored(geometry.materials[index])}
+                        textured = {
+                            "textured": index,
+                            "first_variant": geometry.first_variants[index],
+                            **reading(geometry.materials[index]),
+                        }
                         self._fill(programs.shade_textured, layer, rects, which | textured)
 
     def _finish(self, frame: _Frame, tile: Rect) -> None:

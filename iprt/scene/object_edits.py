@@ -6,6 +6,7 @@ Comments, order and everything else in the file stay unchanged.
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -53,6 +54,9 @@ COLORS: Mapping[MaterialKind, str] = {"conductor": "reflectance", "dielectric": 
 """Keys of colors other than `albedo`, in scene.toml."""
 NewMaps = dict[Path, tuple[MapName, NDArray[np.float32]]]
 """Maps to be written, by file."""
+MAPS_LOST = "clear coat, sheen, specular reflection or transmission"
+"""Maps that the table of a material does not have."""
+LOG = logging.getLogger("iprt.scene")
 Matrix = tuple[float, ...]
 """The 16 values of a (4, 4) transform, row-major."""
 
@@ -76,7 +80,7 @@ class ObjectEdit:
     light : LightTable or None
         Replaces the object's own, or makes a new light without geometry.
     maps : tuple of int
-        Identities of the maps of `material`, which comparisons of materials ignore.
+        Identities of the maps and variants of `material`, which comparisons of materials ignore.
     """
 
     name: str
@@ -89,8 +93,9 @@ class ObjectEdit:
     maps: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        maps = () if self.material is None else tuple(getattr(self.material, key) for key in MAPS)
-        object.__setattr__(self, "maps", tuple(map(id, maps)))
+        keys = () if self.material is None else (*MAPS, "variants")
+        maps = tuple(id(getattr(self.material, key)) for key in keys)
+        object.__setattr__(self, "maps", maps)
 
 
 def flat(to_world: NDArray[np.float64]) -> Matrix:
@@ -295,9 +300,16 @@ def _edit_table(table: Any, edit: ObjectEdit, scene: Scene, maps: NewMaps) -> No
 
 
 def _material_table(edit: ObjectEdit, scene: Scene, new: NewMaps) -> dict[str, Any]:
-    """Return the new `material` table; maps that are in no file of the scene go to `new`."""
+    """Return the new `material` table; maps that are in no file of the scene go to `new`.
+
+    Of values that vary over the surface, it has the means, with a warning.
+    """
     material = edit.material
     assert material is not None
+    if any(material.map_places):
+        LOG.warning("%s: the saved material has all maps where its color lies", edit.name)
+    if material.palette:
+        LOG.warning("%s: the saved material has the means of its maps of %s", edit.name, MAPS_LOST)
     color = COLORS.get(material.kind, "albedo")
     written: dict[str, Any] = {"kind": material.kind, color: list(material.albedo)}
     if material.kind != "diffuse":

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh, light_mesh, tangent_mesh
 from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
-from iprt.geometry.solids import OPEN, with_solids
+from iprt.geometry.solids import OPEN, solids, swollen, with_solids
 from iprt.scene.light_tables import LightTable, PointTable
 from iprt.scene.manifest import Manifest, ObjectTable
 from iprt.scene.material_maps import read_map, with_maps
@@ -159,7 +159,19 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
             light = SceneLight.read(table.light, root, manifest.nits)
             objects.append(SceneObject(table.name, light.mesh(), motion, light))
         _require_readable(manifest.name, [entry.bound for entry in objects])
-    return tuple(objects)
+    return tuple(_overlapping(objects))
+
+
+def _overlapping(objects: list[SceneObject]) -> list[SceneObject]:
+    """Return the objects with `swollen` solids, if there are several; animated ones stay."""
+    if sum(len(solids(entry.bound)) for entry in objects) < 2:
+        return objects
+    larger = {
+        id(entry.mesh): swollen(entry.mesh)
+        for entry in objects
+        if isinstance(entry.mesh, Mesh) and solids(entry.mesh)
+    }
+    return [replace(entry, mesh=larger.get(id(entry.mesh), entry.mesh)) for entry in objects]
 
 
 def painted(mesh: AnyMesh, material: Material) -> AnyMesh:
@@ -168,12 +180,14 @@ def painted(mesh: AnyMesh, material: Material) -> AnyMesh:
     An animated mesh without tangents gets no normal map, with a warning.
     """
     plain = _bound(mesh)
-    if material.normal_texture is not None and plain.tangents is None:
+    place = material.places[1]
+    elsewhere = any(one.places[1] != place for one in plain.materials)
+    if material.normal_texture is not None and (plain.tangents is None or elsewhere):
         if isinstance(mesh, AnimatedMesh):
             LOG.warning("%s: an animated mesh takes normal maps only from its own file", mesh.path)
             material = replace(material, normal_texture=None)
         else:
-            plain = tangent_mesh(plain)
+            plain = tangent_mesh(plain, place)
     one = len(plain.materials) == 1
     index = plain.material_index if one else np.zeros_like(plain.material_index)
     made = with_solids(replace(plain, materials=(material,), material_index=index))
@@ -187,11 +201,12 @@ def _bound(mesh: AnyMesh) -> Mesh:
 def _require_readable(scene: str, meshes: list[Mesh]) -> None:
     """Raise FormatError if the objects have too many triangles or texels in total."""
     arrays: dict[int, NDArray[np.int32]] = {}
-    textures: dict[int, NDArray[np.float32]] = {}
+    textures: dict[int, NDArray[Any]] = {}
     for mesh in meshes:
         arrays[id(mesh.triangles)] = mesh.triangles
         for material in mesh.materials:
-            for texture in material.maps:
+            variants = () if material.variants is None else (material.variants.index,)
+            for texture in (*material.maps, *variants):
                 if texture is not None:
                     textures[id(texture)] = texture
     triangles = sum(len(array) for array in arrays.values())

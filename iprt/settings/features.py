@@ -40,6 +40,8 @@ class Features:
         Needs of the objects' materials.
     virtual_lights : bool
         Lights without geometry shine.
+    lamp_tree : bool
+        Rays choose among many emitting triangles by a tree.
     deforming : bool
         Some object's mesh deforms.
     equirect_view : bool
@@ -70,6 +72,7 @@ class Features:
     lobes: frozenset[Lobe]
     materials: MaterialNeeds
     virtual_lights: bool
+    lamp_tree: bool
     deforming: bool
     equirect_view: bool
     opening_environment: bool
@@ -92,6 +95,7 @@ class Features:
         footage: Footage,
         *,
         lights: bool = False,
+        many_lamps: bool = False,
         deforming: bool = False,
     ) -> Features:
         """Derive the features of a picture.
@@ -105,6 +109,8 @@ class Features:
         footage : Footage
         lights : bool
             Some object is a light without geometry.
+        many_lamps : bool
+            More triangles emit light than are chosen by power alone.
         deforming : bool
             Some object's mesh deforms.
         """
@@ -119,6 +125,7 @@ class Features:
             lobes=frozenset().union(*(material.lobes for material in materials)),
             materials=MaterialNeeds.of(materials),
             virtual_lights=virtual_lights,
+            lamp_tree=many_lamps and tracing and needs.objects == "triangles",
             deforming=deforming,
             equirect_view=view.projection == "equirect",
             opening_environment=tracing
@@ -205,6 +212,11 @@ class Features:
         return self.tracing and self.needs.objects == "triangles"
 
     @property
+    def refracts(self) -> bool:
+        """True if rays pass through dielectrics."""
+        return self.bvh and self.materials.glass
+
+    @property
     def primary_rays(self) -> bool:
         """True if primary rays find the objects in the view, instead of OpenGL.
 
@@ -258,6 +270,7 @@ class Features:
             "SUN": self.sun,
             "ADDED_LIGHT": self.added_light,
             "VIRTUAL_LIGHTS": self.virtual_lights,
+            "LAMP_TREE": self.lamp_tree,
             **self.materials.defines(),
         }
 
@@ -281,6 +294,7 @@ class Features:
             "aiming rays at lights": self.light_sampling,
             "sun that the panorama does not show": self.sun,
             "lights without geometry": self.virtual_lights,
+            "tree of emitting triangles": self.lamp_tree,
             "distance impostor around the objects": self.impostor,
             "shadows in reflections of off-screen surfaces": self.ratio_map,
             "bounding volume hierarchy of the objects": self.bvh or self.primary_rays,

@@ -18,6 +18,7 @@ from iprt.settings.features import Features
 from iprt.trace.carried_motion import CarriedMotion
 from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
+from iprt.trace.seen_through import SeenThrough
 from iprt.trace.tracers import (
     GlossTracer,
     KnownArgs,
@@ -219,7 +220,12 @@ class ReflectingPixels:
         self._published = published
         # Without hit distances, reflections move with the surface.
         moving = self.tracer.hit is not None and not published
-        self._reflections = ReflectionMotion(device, guide) if moving else None
+        self._reflections: ReflectionMotion | None = None
+        self._seen_through: SeenThrough | None = None
+        if moving:
+            self._reflections = ReflectionMotion(device, guide, glass=features.refracts)
+        if moving and features.refracts:
+            self._seen_through = SeenThrough(device, guide, features)
         self._reflected_motion = visible.motion
 
     @property
@@ -267,19 +273,28 @@ class ReflectingPixels:
 
         def trace(context: FrameContext) -> None:
             known = self._known(panorama.mean_radiance, context.reflected_fading)
-            seen = self._visible
-            surfaces = SurfacesArgs(
-                albedo=seen.albedo, metallic=seen.metallic, roughness=seen.roughness
-            )
             self.tracer.run(
                 world,
                 self.mask,
                 context.view,
-                surfaces,
+                self._surfaces(),
                 known,
                 steady=context.steady,
                 pixel_angle=context.camera.pixel_angle,
             )
+
+        def move_reflections(context: FrameContext) -> None:
+            seen, through = self._visible, self._seen_through
+            self._reflected_motion = seen.motion
+            # A pure rotation of the view moves a surface and its images alike.
+            if context.changed and self._reflections is not None:
+                rays = None
+                if through is not None:
+                    through.run(world, self._surfaces(), context.view, context.index)
+                    rays = through.current, through.previous
+                self._reflected_motion = self._reflections.run(
+                    seen.motion, seen.roughness, self.tracer.hit, context.previous, rays
+                )
 
         samples = ("reflected samples",)
         if self.gloss_mask is not None:
@@ -290,7 +305,7 @@ class ReflectingPixels:
         if self._reflections is not None:
             moved = ("reflected motion",)
             of = (*samples, "object layer")
-            passes.append(Pass("reflection motion", Clock.FRAME, self._move_reflections, of, moved))
+            passes.append(Pass("reflection motion", Clock.FRAME, move_reflections, of, moved))
         passes += self._filter.passes("reflected", self._samples, lambda: panorama.mean_radiance)
         return passes
 
@@ -304,14 +319,14 @@ class ReflectingPixels:
             fading=0.0 if self._published else fading,
         )
 
-    def _move_reflections(self, context: FrameContext) -> None:
-        seen, reflections = self._visible, self._reflections
-        self._reflected_motion = seen.motion
-        # A pure rotation of the view moves a surface and its reflection alike.
-        if context.changed and reflections is not None:
-            self._reflected_motion = reflections.run(
-                seen.motion, seen.roughness, self.tracer.hit, context.previous
-            )
+    def _surfaces(self) -> SurfacesArgs:
+        seen = self._visible
+        return SurfacesArgs(
+            albedo=seen.albedo,
+            metallic=seen.metallic,
+            roughness=seen.roughness,
+            variant=seen.variant,
+        )
 
     def _samples(self) -> list[Samples]:
         """Return the samples of each signal."""

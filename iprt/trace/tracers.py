@@ -63,11 +63,14 @@ class SurfacesArgs(Block):
     albedo : 3 planes
     metallic, roughness : 1 plane or None
         Metalness and alpha of GGX, where a material is principled.
+    variant : 1 plane or None
+        1 + index of the material, where materials have variants.
     """
 
     albedo: Floats
     metallic: Floats = when("PRINCIPLED")
     roughness: Floats = when("PRINCIPLED")
+    variant: Floats = when("VARIANTS")
 
 
 @dataclass(kw_only=True)

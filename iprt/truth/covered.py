@@ -2,22 +2,27 @@
 
 Mitsuba's `principled` defines these layers differently from glTF. This module
 implements the functions of `cl/lib/world/cover.h` independently. It shares the tables of
-reflectance.
+reflectance. Of the values that vary over a surface, it reads a texel drawn at random among the four
+around a point, as the renderer does.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from iprt.device.kernel_source import constant
 from iprt.geometry.cover import CLEARCOAT_IOR, MIN_SHEEN_ALPHA, clearcoat_table, sheen_table
 from iprt.geometry.material import Material
+from iprt.geometry.sampler import Wrap
 from iprt.truth.backend import mitsuba
 
 LEAST_ALPHA = 0.01
 """GGX roughness in place of smooth layers, whose direction no density describes."""
+NODES = constant("lib/world/cover.h", "COVER_NODES")
 SHARES = {"below": 0.5, "cosine": 0.25, "clearcoat": 0.25}
 """Probabilities of the ways to sample a direction."""
 
@@ -28,7 +33,7 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
     Parameters
     ----------
     material : Material
-        Its clearcoat, sheen and tint are used; of a map of metalness, the mean.
+        Its clearcoat, sheen and tint are used, and their variants; of a map of metalness, the mean.
     below : dict
         BSDF of the same material without layers, and without smooth lobes.
 
@@ -39,42 +44,34 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
     """
     mi = mitsuba()
     dr = import_module("drjit")
+    layers = _Layers(material)
 
-    def distribution(alpha: float) -> Any:
-        return mi.MicrofacetDistribution(
-            mi.MicrofacetType.GGX, max(alpha, LEAST_ALPHA), sample_visible=True
-        )
+    def distribution(alpha: Any) -> Any:
+        return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, sample_visible=True)
 
     surface = material.maps[1]
     metallic = material.metallic * (1.0 if surface is None else float(surface[..., 0].mean()))
-    coat_alpha = max(material.clearcoat_alpha, LEAST_ALPHA)
-    sheen_alpha = max(material.sheen_alpha, MIN_SHEEN_ALPHA)
-    tables = [
-        mi.Float(np.ravel(table))
-        for table in (clearcoat_table(material.clearcoat_alpha), sheen_table(sheen_alpha))
-    ]
 
-    def share(table: Any, cosine: Any) -> Any:
+    def share(table: Any, first: Any, cosine: Any) -> Any:
         """Interpolate a table over the square root of the cosine."""
-        steps = dr.width(table) - 1
-        x = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * steps
-        low = dr.minimum(mi.UInt32(x), steps - 1)
+        x = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (NODES - 1)
+        low = dr.minimum(mi.UInt32(x), NODES - 2)
         part = x - mi.Float(low)
-        first = dr.gather(mi.Float, table, low)
-        return dr.lerp(first, dr.gather(mi.Float, table, low + 1), part)
+        value = dr.gather(mi.Float, table, first + low)
+        return dr.lerp(value, dr.gather(mi.Float, table, first + low + 1), part)
 
-    def most(table: Any, wi: Any, wo: Any) -> Any:
+    def most(table: Any, first: Any, wi: Any, wo: Any) -> Any:
         cosines = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
-        return dr.maximum(*(share(table, cosine) for cosine in cosines))
+        return dr.maximum(*(share(table, first, cosine) for cosine in cosines))
 
-    def slope(v: Any, alpha: float) -> Any:
+    def slope(v: Any, alpha: Any) -> Any:
         return dr.sqrt(v.z**2 + alpha**2 * (v.x**2 + v.y**2))
 
     class Covered(mi.BSDF):  # type: ignore[misc, name-defined]
         def __init__(self) -> None:
             super().__init__(mi.Properties())
             self._below = mi.load_dict(below)
-            self._coat, self._plastic = distribution(coat_alpha), distribution(material.alpha)
+            self._plastic = distribution(max(material.alpha, LEAST_ALPHA))
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components, self.m_flags = [flags], flags
 
@@ -85,30 +82,31 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[1]
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            wi, h = si.wi, dr.normalize(si.wi + wo)
+            wi, h, at = si.wi, dr.normalize(si.wi + wo), layers.at(si)
             active &= (wi.z > 0.0) & (wo.z > 0.0)
             value, density = self._below.eval_pdf(ctx, si, wo, active)
             cos_h = dr.dot(wi, h)
-            fade = (1.0 - mi.Color3f(*material.tint)) * (1.0 - (1.0 - cos_h) ** 5)
+            fade = (1.0 - at.tint) * (1.0 - (1.0 - cos_h) ** 5)
             plain = (1.0 - metallic) * mi.fresnel(cos_h, material.ior)[0] * self._plastic.eval(h)
             value -= fade * plain * self._plastic.G(wi, wo, h) / (4.0 * wi.z)
-            coat, white = (most(table, wi, wo) for table in tables)
-            coat *= material.clearcoat
-            value *= 1.0 - max(material.sheen) * dr.minimum(white, 1.0)
+            coat = at.clearcoat * most(layers.clearcoats, at.first, wi, wo)
+            white = most(layers.sheens, at.first, wi, wo)
+            value *= 1.0 - dr.max(at.sheen) * dr.minimum(white, 1.0)
 
             sine = dr.safe_sqrt(1.0 - h.z**2)
-            lobe = (2.0 + 1.0 / sheen_alpha) * sine ** (1.0 / sheen_alpha) / dr.two_pi
+            lobe = (2.0 + 1.0 / at.sheen_alpha) * sine ** (1.0 / at.sheen_alpha) / dr.two_pi
             visible = 0.25 / (wi.z + wo.z - wi.z * wo.z)
-            value += mi.Color3f(*material.sheen) * lobe * visible * wo.z / dr.maximum(white, 1.0)
+            value += at.sheen * lobe * visible * wo.z / dr.maximum(white, 1.0)
             value *= 1.0 - coat
 
-            masked = wo.z * slope(wi, coat_alpha) + wi.z * slope(wo, coat_alpha)
-            mirrored = mi.fresnel(cos_h, CLEARCOAT_IOR)[0] * self._coat.eval(h)
-            value += material.clearcoat * mirrored * wo.z / (2.0 * masked)
+            masked = wo.z * slope(wi, at.clearcoat_alpha) + wi.z * slope(wo, at.clearcoat_alpha)
+            facets = distribution(at.clearcoat_alpha)
+            mirrored = mi.fresnel(cos_h, CLEARCOAT_IOR)[0] * facets.eval(h)
+            value += at.clearcoat * mirrored * wo.z / (2.0 * masked)
 
             density *= SHARES["below"]
             density += SHARES["cosine"] * wo.z / dr.pi
-            density += SHARES["clearcoat"] * self._coat.pdf(wi, h) / (4.0 * dr.maximum(cos_h, 1e-6))
+            density += SHARES["clearcoat"] * facets.pdf(wi, h) / (4.0 * dr.maximum(cos_h, 1e-6))
             return dr.select(active, value, 0.0), dr.select(active, density, 0.0)
 
         def sample(
@@ -120,7 +118,7 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
             drawn, _ = self._below.sample(
                 ctx, si, sample1 / SHARES["below"], sample2, active & below
             )
-            normal, _ = self._coat.sample(si.wi, sample2)
+            normal, _ = distribution(layers.at(si).clearcoat_alpha).sample(si.wi, sample2)
             drawn.wo = dr.select(below, drawn.wo, mi.reflect(si.wi, normal))
             hemisphere = mi.warp.square_to_cosine_hemisphere(sample2)
             drawn.wo = dr.select(cosine, hemisphere, drawn.wo)
@@ -138,3 +136,77 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
             return "Covered[]"
 
     return Covered()
+
+
+class _Layers:
+    """The layers of a material and of its variants, on Mitsuba's device.
+
+    Attributes
+    ----------
+    clearcoats, sheens : mi.Float
+        `NODES` values of the tables of reflectance, per variant.
+    """
+
+    def __init__(self, material: Material) -> None:
+        mi = mitsuba()
+        variants = material.palette or (material,)
+        self._map = material.variants if material.palette else None
+        self.clearcoats = mi.Float(
+            np.ravel([clearcoat_table(one.clearcoat_alpha) for one in variants])
+        )
+        sheen_alphas = [max(one.sheen_alpha, MIN_SHEEN_ALPHA) for one in variants]
+        self.sheens = mi.Float(np.ravel([sheen_table(alpha) for alpha in sheen_alphas]))
+        self._sheen_alpha = mi.Float(sheen_alphas)
+        self._clearcoat = mi.Float([one.clearcoat for one in variants])
+        alphas = [max(one.clearcoat_alpha, LEAST_ALPHA) for one in variants]
+        self._clearcoat_alpha = mi.Float(alphas)
+        self._sheen, self._tint = (
+            mi.Float(np.ravel(colors))
+            for colors in ([one.sheen for one in variants], [one.tint for one in variants])
+        )
+        if self._map is not None:
+            self._index = mi.UInt32(self._map.index.ravel())
+
+    def at(self, si: Any) -> Any:
+        """Return the layers at interactions: values, and the place of their tables."""
+        mi, dr = mitsuba(), import_module("drjit")
+        index = self._drawn(si)
+        return SimpleNamespace(
+            first=NODES * index,
+            clearcoat=dr.gather(mi.Float, self._clearcoat, index),
+            clearcoat_alpha=dr.gather(mi.Float, self._clearcoat_alpha, index),
+            sheen=dr.gather(mi.Color3f, self._sheen, index),
+            sheen_alpha=dr.gather(mi.Float, self._sheen_alpha, index),
+            tint=dr.gather(mi.Color3f, self._tint, index),
+        )
+
+    def _drawn(self, si: Any) -> Any:
+        """Return the variant of a texel at interactions, the same for the same place."""
+        mi, dr = mitsuba(), import_module("drjit")
+        if self._map is None:
+            return mi.UInt32(0)
+        height, width = self._map.index.shape
+        bits = [dr.reinterpret_array(mi.UInt32, mi.Float(part)) for part in (si.uv.x, si.uv.y)]
+        scale = 0.0 if self._map.sampler.nearest else 2.0**-32
+        random = [scale * mi.Float(part) - 0.5 * (scale > 0.0) for part in mi.sample_tea_32(*bits)]
+        u, v = (
+            _wrapped(part, wrap)
+            for part, wrap in zip(
+                (si.uv.x + random[0] / width, 1.0 - si.uv.y - random[1] / height),
+                self._map.sampler.wrap,
+                strict=True,
+            )
+        )
+        column = dr.clip(mi.Int32(dr.floor(u * width)), 0, width - 1)
+        row = dr.clip(mi.Int32(dr.floor(v * height)), 0, height - 1)
+        return dr.gather(mi.UInt32, self._index, mi.UInt32(row * width + column))
+
+
+def _wrapped(part: Any, wrap: Wrap) -> Any:
+    """Return coordinates in [0, 1] of a texture that is read beyond."""
+    dr = import_module("drjit")
+    if wrap == "clamp":
+        return dr.clip(part, 0.0, 1.0)
+    if wrap == "mirror":
+        return 1.0 - abs(1.0 - (part - 2.0 * dr.floor(0.5 * part)))
+    return part - dr.floor(part)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, transformed
+from iprt.geometry.place import Place
 from iprt.truth.backend import mitsuba
 from iprt.truth.covered import LEAST_ALPHA, covered
+
+LOG = logging.getLogger("iprt.truth")
 
 
 class Triangles(Protocol):
@@ -73,14 +77,17 @@ def bsdf_of(material: Material) -> Any:
     """Return the Mitsuba BSDF of the front side of a virtual object's material, without holes.
 
     A principled one is a blend of `roughplastic`, whose roughness is the mean of its map, and of
-    `principled`, with the layers of `covered`.
+    `principled`, with the layers of `covered`. Where its index of refraction varies, this has the
+    mean. Maps of a second set of texture coordinates are read where the color lies.
     """
     color: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
         color = _bitmap(material.texture * np.array(material.albedo, np.float32))
     if material.normal_texture is not None:
         # Mitsuba stores vectors as colors, 0.5 (1 + v).
-        bumps = _bitmap(0.5 + 0.5 * _unit(material.normal_texture))
+        place = material.places[1]
+        vectors = _turned(_unit(material.normal_texture), place)
+        bumps = _bitmap(0.5 + 0.5 * vectors, place)
         plain = bsdf_of(replace(material, normal_texture=None))
         return {"type": "normalmap", "normalmap": bumps, "bsdf": plain}
     if material.kind == "principled":
@@ -124,22 +131,39 @@ def _principled(material: Material, color: dict[str, Any]) -> Any:
         # Light inside meets the opaque share from behind.
         opaque = {"type": "twosided", "bsdf": bsdf_of(replace(material, transmission=0.0))}
         glass = _dielectric(material, color)
-        return _mixed(material.transmission * (1.0 - metallic), opaque, glass)
+        return _mixed(_transmission(material, metallic), opaque, glass, material.places[0])
     if material.is_covered:
         bare = replace(material, clearcoat=0.0, sheen=(0.0, 0.0, 0.0), tint=(1.0, 1.0, 1.0))
         return covered(material, bsdf_of(replace(bare, alpha=max(material.alpha, LEAST_ALPHA))))
     roughness: Any = float(np.sqrt(alpha))
     if surface is not None:
         alpha *= float(np.square(surface[..., 1]).mean())
-        roughness = _bitmap(roughness * surface[..., 1:])
+        roughness = _bitmap(roughness * surface[..., 1:], material.places[0])
     metal = {"type": "principled", "base_color": color, "metallic": 1.0, "roughness": roughness}
     plastic = bsdf_of(Material("plastic", alpha=alpha, ior=material.ior))
-    return _mixed(metallic, plastic | {"diffuse_reflectance": color}, metal)
+    base = plastic | {"diffuse_reflectance": color}
+    return _mixed(metallic, base, metal, material.places[0])
 
 
-def _mixed(share: Any, first: Any, second: Any) -> dict[str, Any]:
-    """Return a blend with a share of the second, a number or an image (H, W, 1)."""
-    weight = _bitmap(share) if isinstance(share, np.ndarray) else float(share)
+def _transmission(material: Material, metallic: Any) -> Any:
+    """Return the share of the light that passes, a number or an image (H, W, 1)."""
+    share, variants = material.transmission, material.variants
+    if variants is None or "transmission" not in variants.names:
+        return share * (1.0 - metallic)
+    values = [variant.transmission for variant in material.palette]
+    shares = np.array(values, np.float32)[variants.index][..., None]
+    if isinstance(metallic, np.ndarray):
+        rows, columns = (
+            np.arange(shares.shape[axis]) * metallic.shape[axis] // shares.shape[axis]
+            for axis in (0, 1)
+        )
+        metallic = metallic[rows[:, None], columns]
+    return shares * (1.0 - metallic)
+
+
+def _mixed(share: Any, first: Any, second: Any, place: Place | None) -> dict[str, Any]:
+    """Return a blend with a share of the second, a number or an image (H, W, 1) at a place."""
+    weight = _bitmap(share, place) if isinstance(share, np.ndarray) else float(share)
     return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
 
 
@@ -154,7 +178,8 @@ def _emission(material: Material) -> dict[str, Any]:
     """Return the radiance that a material emits, in Mitsuba only from its front."""
     if material.emission_texture is None:
         return {"type": "rgb", "value": list(material.emission)}
-    return _bitmap(material.emission_texture * np.array(material.emission, np.float32))
+    image = material.emission_texture * np.array(material.emission, np.float32)
+    return _bitmap(image, material.places[2])
 
 
 def _opacity(material: Material) -> Any:
@@ -172,10 +197,29 @@ def _unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(vectors / np.maximum(length, 1e-9), np.float32)
 
 
-def _bitmap(image: NDArray[np.float32]) -> dict[str, Any]:
+def _turned(vectors: NDArray[np.float32], place: Place | None) -> NDArray[np.float32]:
+    """Return a normal map's vectors along the mesh's tangents instead of the map's own.
+
+    Mitsuba knows only the former. Exact where texture coordinates keep angles.
+    """
+    if place is None or place.second or place.scale == 0.0:
+        return vectors
+    linear = np.array(place.matrix)[:, :2]
+    along = np.linalg.inv(linear)[:, 0]
+    along /= np.linalg.norm(along)
+    across = np.sign(np.linalg.det(linear)) * np.array([-along[1], along[0]])
+    level = vectors[..., :2] @ np.stack([along, across])
+    return np.concatenate([level, vectors[..., 2:]], axis=-1).astype(np.float32)
+
+
+def _bitmap(image: NDArray[np.float32], place: Place | None = None) -> dict[str, Any]:
     """Return a texture of linear values, row 0 at v = 1."""
+    mi = mitsuba()
     rows = np.ascontiguousarray(image[::-1], np.float32)
-    return {"type": "bitmap", "bitmap": mitsuba().Bitmap(rows), "raw": True}
+    texture = {"type": "bitmap", "bitmap": mi.Bitmap(rows), "raw": True}
+    if place is not None and not place.second:
+        texture["to_uv"] = mi.ScalarTransform3f([*place.matrix, (0.0, 0.0, 1.0)])
+    return texture
 
 
 def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
@@ -189,6 +233,12 @@ def instance_shapes(instances: Sequence[Instance]) -> dict[str, Any]:
         placed = replace(
             mesh, positions=positions.astype(np.float32), normals=normals.astype(np.float32)
         )
+        used = (place for material in mesh.materials for place in material.map_places)
+        if any(place is not None and place.second for place in used):
+            LOG.warning(
+                "%s: the truth shows maps of its second texture coordinates where its color lies",
+                instance.name,
+            )
         for index, material in enumerate(mesh.materials):
             triangles = mesh.triangles[mesh.material_index == index]
             if len(triangles):

@@ -13,6 +13,19 @@ from iprt.geometry.material import MaterialNeeds
 from iprt.raster.layers import ObjectLayers
 from iprt.raster.region import Rect
 
+PLANES = (
+    "normal",
+    "depth",
+    "id",
+    "variant",
+    "roughness",
+    "metallic",
+    "albedo",
+    "coverage",
+    "motion",
+)
+"""Names of the planes of visible surfaces."""
+
 
 class VisibleSurfaces:
     """Nearest surfaces of the objects, as planes.
@@ -23,10 +36,12 @@ class VisibleSurfaces:
         See `cl/view/unpack.cl`.
     metallic : 1 plane or None
         None without principled materials.
+    variant : 1 plane or None
+        None if no material has variants.
     """
 
     def __init__(
-        self, device: ComputeDevice, layout: PlaneLayout, *, name: str, principled: bool
+        self, device: ComputeDevice, layout: PlaneLayout, *, name: str, needs: MaterialNeeds
     ) -> None:
         """Allocate the planes; `name` prefixes their buffers."""
         self.normal = device.zeros(f"{name} normal", layout.shape(3))
@@ -34,16 +49,18 @@ class VisibleSurfaces:
         self.id = device.zeros(f"{name} id", layout.shape(1))
         self.roughness = device.zeros(f"{name} roughness", layout.shape(1))
         self.metallic: cla.Array | None = None
-        if principled:
+        if needs.principled:
             self.metallic = device.zeros(f"{name} metallic", layout.shape(1))
+        self.variant: cla.Array | None = None
+        if needs.variants:
+            self.variant = device.zeros(f"{name} variant", layout.shape(1))
         self.albedo = device.zeros(f"{name} albedo", layout.shape(3))
         self.coverage = device.zeros(f"{name} coverage", layout.shape(1))
         self.motion = device.zeros(f"{name} motion", layout.shape(2))
 
     def planes(self, prefix: str = "") -> dict[str, cla.Array | None]:
         """Return all planes by name, as kernel arguments."""
-        names = "normal", "depth", "id", "roughness", "metallic", "albedo", "coverage", "motion"
-        return {prefix + name: getattr(self, name) for name in names}
+        return {prefix + name: getattr(self, name) for name in PLANES}
 
 
 class VisibleLayer(VisibleSurfaces):
@@ -67,7 +84,7 @@ class VisibleLayer(VisibleSurfaces):
         needs: MaterialNeeds,
     ) -> None:
         """Allocate the planes. `edges` is `RealLayer.edges` of the view, filled before this."""
-        super().__init__(device, layout, name="object", principled=needs.principled)
+        super().__init__(device, layout, name="object", needs=needs)
         self._device = device
         self._layout = layout
         self.display = device.empty(

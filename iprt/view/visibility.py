@@ -13,7 +13,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.geometry.camera import View
 from iprt.geometry.material import MaterialNeeds
-from iprt.geometry.mesh import Instance, motion_between
+from iprt.geometry.mesh import Instance, motion_between, row_owners
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.settings.features import BVH_DEFINES
 from iprt.view.object_layer import VisibleLayer
@@ -38,7 +38,7 @@ class Visibility:
     Attributes
     ----------
     motion : (3 M, 4) float32
-        Per material of all instances: rows of the map from world points of its object to their
+        Per row of `row_owners`: rows of the map from world points of its object to their
         positions before the last `follow`, without deformation.
     front, material : (H, W, 4) float32
         Planes of the last `run`, before edge pixels borrow surfaces: `iprt.raster.layers.Layer`.
@@ -57,8 +57,8 @@ class Visibility:
         self._bvh = bvh
         self._samples = samples
         self._instances: Sequence[Instance] | None = None
-        materials = sum(len(instance.mesh.materials) for instance in instances)
-        self.motion = device.empty(MOTION, (3 * max(materials, 1), 4))
+        self._owners = row_owners(instances)
+        self.motion = device.empty(MOTION, (3 * max(len(self._owners), 1), 4))
         bvh.follow_vertices()
         needs = MaterialNeeds.of(m for instance in instances for m in instance.mesh.materials)
         defines = {**BVH_DEFINES, "WIDE": device.wide, **needs.defines()}
@@ -89,10 +89,10 @@ class Visibility:
         moved = [
             motion_between(old.to_world, new.to_world)
             for old, new in zip(before, instances, strict=True)
-            for _ in new.mesh.materials
         ]
-        if moved:
-            self._device.write(self.motion, np.concatenate(moved))
+        if len(self._owners):
+            rows = np.array(moved)[self._owners]
+            self._device.write(self.motion, rows.reshape(-1, 4))
         self._instances = instances
 
     def close(self) -> None:

@@ -56,7 +56,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         return material is not None and (material.textured or material.has_holes)
 
     def bare() -> None:
-        ui.paint(**dict.fromkeys(MAPS), opacity=1.0, cutoff=0.0)
+        ui.paint(**dict.fromkeys(MAPS), variants=None, opacity=1.0, cutoff=0.0)
 
     def selected() -> bool:
         return ui.state is not None

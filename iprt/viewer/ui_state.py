@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -190,7 +189,7 @@ class UiState(ABC):
         """Change attributes of the selected object's material."""
         state = self.state
         if state is not None:
-            self.engine.paint(state.name, replace(state.materials[0], **part))
+            self.engine.paint(state.name, state.materials[0].edited(**part))
 
     def shine_as(self, light: LightTable) -> None:
         """Change the selected light without geometry."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from PIL import Image
 
 from docs.material_rows import ROWS
 from iprt.geometry.material import Material
+from iprt.geometry.variants import Variants
 from tests.geometry.gltf_files import GltfFile
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -19,6 +21,57 @@ UVS = [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [1.0, 0.0]]
 TRIANGLES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 DISTANCE = 0.1
 """Attenuation distance in metres."""
+
+
+LEAST_REFLECTANCE = 0.04
+"""Of the index of refraction 1.5."""
+INDEX = np.array([[0, 1, 2, 0], [2, 0, 1, 0]], np.uint8)
+"""Map of three values."""
+BASE = Material(
+    "principled",
+    (0.5, 0.25, 0.125),
+    alpha=0.25,
+    metallic=0.5,
+    clearcoat=1.0,
+    clearcoat_alpha=0.04,
+    sheen=(1.0, 1.0, 1.0),
+    sheen_alpha=0.16,
+    thin=True,
+)
+LAYERS = {
+    "clearcoat": ("clearcoat", "clearcoatFactor", "clearcoatTexture", "r"),
+    "clearcoat_alpha": ("clearcoat", "clearcoatRoughnessFactor", "clearcoatRoughnessTexture", "g"),
+    "sheen": ("sheen", "sheenColorFactor", "sheenColorTexture", "rgb"),
+    "sheen_alpha": ("sheen", "sheenRoughnessFactor", "sheenRoughnessTexture", "a"),
+    "ior": ("specular", "specularFactor", "specularTexture", "a"),
+    "tint": ("specular", "specularColorFactor", "specularColorTexture", "rgb"),
+    "transmission": ("transmission", "transmissionFactor", "transmissionTexture", "r"),
+}
+"""Extension, factor, texture and its channels, by attribute of `Material`."""
+
+
+def ior_of(strength: float) -> float:
+    """Return the index of refraction of a share of the reflectance of 1.5."""
+    root = np.sqrt(LEAST_REFLECTANCE * strength)
+    return float((1.0 + root) / (1.0 - root))
+
+
+MAPS: dict[str, tuple[Any, Any, Any]] = {
+    "clearcoat": (0.0, 0.4, 1.0),
+    "clearcoat_alpha": (0.04, 0.36, 1.0),
+    "sheen": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (1.0, 1.0, 1.0)),
+    "sheen_alpha": (0.04, 0.36, 1.0),
+    "ior": (ior_of(0.2), ior_of(0.6), ior_of(1.0)),
+    "tint": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (1.0, 1.0, 1.0)),
+    "transmission": (0.0, 0.4, 1.0),
+}
+"""Values of a map of each attribute: levels of 8 bits."""
+
+
+def with_map(*names: str) -> Material:
+    """Return a material with a map of some attributes."""
+    rows = tuple(zip(*(MAPS[name] for name in names), strict=True))
+    return replace(BASE, variants=Variants(names, rows, INDEX))
 
 
 def models() -> Iterator[tuple[str, Material]]:
@@ -94,8 +147,33 @@ def described(file: GltfFile, material: Material) -> dict[str, Any]:
         }
     if material.tint != (1.0, 1.0, 1.0):
         extensions["specular"] = {"specularColorFactor": material.tint}
+    if material.variants is not None:
+        extensions["ior"] = {"ior": 1.5}
+        for extension, keys in layer_maps(file, material.variants).items():
+            extensions[extension] = extensions.get(extension, {}) | keys
     entry["extensions"] = {f"KHR_materials_{name}": given for name, given in extensions.items()}
     return entry
+
+
+def layer_maps(file: GltfFile, variants: Variants) -> dict[str, dict[str, Any]]:
+    """Return the keys of extensions that have the maps of variants, with factors of 1."""
+    extensions: dict[str, dict[str, Any]] = {}
+    for name, values in zip(variants.names, zip(*variants.values, strict=True), strict=True):
+        extension, factor, texture, channels = LAYERS[name]
+        levels = np.array(values, np.float64)
+        if name == "ior":
+            levels = ((levels - 1.0) / (levels + 1.0)) ** 2 / LEAST_REFLECTANCE
+        elif name.endswith("alpha"):
+            levels = np.sqrt(levels)
+        stored = srgb(levels) if channels == "rgb" else np.rint(255.0 * levels).astype(np.uint8)
+        pixels = np.full((*variants.index.shape, 4), 255, np.uint8)
+        for place in channels:
+            value = stored[:, channels.index(place)] if channels == "rgb" else stored
+            pixels[..., "rgba".index(place)] = value[variants.index]
+        one = [1.0, 1.0, 1.0] if channels == "rgb" else 1.0
+        keys = {factor: one, texture: image(file, pixels)}
+        extensions[extension] = extensions.get(extension, {}) | keys
+    return extensions
 
 
 def image(file: GltfFile, pixels: np.ndarray) -> dict[str, int]:

@@ -72,9 +72,9 @@ def test_impossible_strengths_are_bounded(tmp_path: Path) -> None:
     assert (material.sheen, material.sheen_alpha) == ((0.0, 1.0, 0.5), 0.0)
 
 
-def test_means_of_maps_are_used(tmp_path: Path) -> None:
+def test_maps_of_two_layers_share_their_texels(tmp_path: Path) -> None:
     """Red is the strength, green the roughness; sheen's roughness is alpha, its color sRGB."""
-    first, second = noise(4, 4), np.random.default_rng(6).integers(0, 256, (3, 5, 4), np.uint8)
+    first, second = noise(3, 5), np.random.default_rng(6).integers(0, 256, (3, 5, 4), np.uint8)
     coat = {
         "clearcoatFactor": 0.8,
         "clearcoatTexture": {"index": 0},
@@ -89,13 +89,53 @@ def test_means_of_maps_are_used(tmp_path: Path) -> None:
     }
     mesh = covered(tmp_path, None, first, second, clearcoat=coat, sheen=sheen)
     (material,) = mesh.materials
-    assert material.clearcoat == pytest.approx(0.8 * (first[..., 0] / 255).mean())
-    assert material.clearcoat_alpha == pytest.approx(0.25 * ((first[..., 1] / 255) ** 2).mean())
-    color = linear(second[..., :3]).mean(axis=(0, 1)) * [1.0, 0.5, 0.25]
-    assert material.sheen == pytest.approx(color, rel=1e-3)
-    assert material.sheen_alpha == pytest.approx(0.36 * ((second[..., 3] / 255) ** 2).mean())
-    assert mesh.dropped == ("map of clearcoat; its mean is used", "map of sheen; its mean is used")
+    assert mesh.dropped == ()
     assert material.maps == (None,) * 4
+    expected = {
+        "clearcoat": 0.8 * first[..., 0] / 255,
+        "clearcoat_alpha": 0.25 * (first[..., 1] / 255) ** 2,
+        "sheen": linear(second[..., :3]) * [1.0, 0.5, 0.25],
+        "sheen_alpha": 0.36 * (second[..., 3] / 255) ** 2,
+    }
+    assert material.variants is not None
+    for name, values in expected.items():
+        palette = np.array([getattr(variant, name) for variant in material.palette])
+        np.testing.assert_allclose(palette[material.variants.index], values, atol=1e-4)
+        assert getattr(material, name) == pytest.approx(values.mean(axis=(0, 1)), abs=1e-4)
+
+
+def test_a_smaller_map_is_enlarged(tmp_path: Path) -> None:
+    """Its texels lie where they did, and values between them are between theirs."""
+    coarse = np.zeros((1, 2, 3), np.uint8)
+    coarse[0, 1] = 255
+    fine = np.full((4, 8, 3), 255, np.uint8)
+    coat = {
+        "clearcoatFactor": 1.0,
+        "clearcoatTexture": {"index": 0},
+        "clearcoatRoughnessFactor": 1.0,
+        "clearcoatRoughnessTexture": {"index": 1},
+    }
+    (material,) = covered(tmp_path, None, coarse, fine, clearcoat=coat).materials
+    assert material.variants is not None
+    palette = np.array([variant.clearcoat for variant in material.palette])
+    found = palette[material.variants.index]
+    assert found.shape == (4, 8)
+    expected = np.clip((np.arange(8) + 0.5) / 4 - 0.5, 0.0, 1.0)
+    np.testing.assert_allclose(found, np.tile(expected, (4, 1)), atol=0.01)
+
+
+def test_maps_without_effect_are_not_read(tmp_path: Path) -> None:
+    """Of a metal, specular strength; of a factor of 0, everything."""
+    pbr = {"metallicFactor": 1.0, "roughnessFactor": 0.5}
+    given = {
+        "specular": {"specularTexture": {"index": 0}},
+        "clearcoat": {"clearcoatFactor": 0.0, "clearcoatTexture": {"index": 9}},
+        "sheen": {"sheenColorFactor": [0.0] * 3, "sheenColorTexture": {"index": 9}},
+    }
+    alpha = np.dstack([noise(2, 2), [[0, 64], [128, 255]]]).astype(np.uint8)
+    mesh = covered(tmp_path, pbr, alpha, **given)
+    (material,) = mesh.materials
+    assert (material.variants, mesh.dropped) == (None, ())
 
 
 def test_a_normal_map_of_clearcoat_is_named(tmp_path: Path) -> None:
@@ -114,15 +154,19 @@ def test_glass_has_no_cover(tmp_path: Path) -> None:
         "transmission": {"transmissionFactor": 1.0},
         "clearcoat": {"clearcoatFactor": 1.0},
         "sheen": {"sheenColorFactor": [1.0, 1.0, 1.0]},
-        "specular": {"specularColorFactor": [1.0, 0.0, 0.0]},
+        "specular": {
+            "specularColorFactor": [1.0, 0.0, 0.0],
+            "specularColorTexture": {"index": 0},
+        },
     }
-    mesh = covered(tmp_path, **given)
+    mesh = covered(tmp_path, None, noise(2, 2), **given)
     (material,) = mesh.materials
     assert material.kind == "dielectric"
     assert mesh.dropped == (
         "clearcoat of glass",
         "sheen of glass",
         "color of the specular reflection of glass",
+        "map of specular strength of glass; its mean is used",
     )
 
 

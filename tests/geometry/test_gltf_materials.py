@@ -11,9 +11,10 @@ import pytest
 from PIL import Image
 
 from iprt.errors import FormatError
-from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material, Sampler
+from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
+from iprt.geometry.sampler import Sampler
 from tests.geometry.gltf_files import GltfFile
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
@@ -116,16 +117,6 @@ def test_texture_transforms(
     mesh = quad(tmp_path, {"baseColorTexture": texture}, noise(2, 2))
     np.testing.assert_allclose(sorted_uvs(mesh), expected * [1, -1] + [0, 1], atol=1e-6)
     assert mesh.warnings == ()
-
-
-def test_textures_that_lie_differently_are_named(tmp_path: Path) -> None:
-    moved = {"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
-    pbr = {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": moved}
-    mesh = quad(tmp_path, pbr, noise(2, 2), noise(2, 2))
-    assert mesh.dropped == (
-        "texture coordinates that differ between a material's textures; the color's are used",
-    )
-    np.testing.assert_allclose(sorted_uvs(mesh), UVS * [1, -1] + [0, 1], atol=1e-6)
 
 
 def test_samplers(tmp_path: Path) -> None:
@@ -340,6 +331,14 @@ def test_absorption_is_bounded(tmp_path: Path, distance: float) -> None:
     assert 0.0 < max(material.absorption) <= MAX_ABSORPTION
 
 
-def test_a_map_of_transmission_is_named(tmp_path: Path) -> None:
+def test_a_map_of_transmission(tmp_path: Path) -> None:
+    """Glass whose map lets less pass is principled; red counts."""
+    stored = np.zeros((1, 2, 3), np.uint8)
+    stored[0, 1] = 255, 128, 64
     given = {"transmissionFactor": 1.0, "transmissionTexture": {"index": 0}}
-    assert transmitting(tmp_path, given).dropped == ("map of transmission",)
+    extensions = {"KHR_materials_transmission": given}
+    mesh = quad(tmp_path, {"metallicFactor": 0.0}, stored, extensions=extensions)
+    (material,) = mesh.materials
+    assert (material.kind, material.transmission, material.thin) == ("principled", 0.5, True)
+    assert [one.transmission for one in material.palette] == [0.0, 1.0]
+    assert mesh.dropped == ()

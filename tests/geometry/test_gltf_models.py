@@ -11,7 +11,7 @@ import pytest
 from docs.material_rows import ROWS
 from iprt.geometry.material import Material
 from iprt.geometry.meshes import load_mesh
-from tests.geometry.gltf_models import models, write_model
+from tests.geometry.gltf_models import BASE, INDEX, MAPS, models, with_map, write_model
 
 MODELS = dict(models())
 IMAGES = {field.name for field in fields(Material) if field.name.endswith("texture")}
@@ -32,7 +32,7 @@ def test_a_model_has_its_material(tmp_path: Path, name: str) -> None:
     assert (mesh.dropped, mesh.warnings) == ((), ())
     (material,) = mesh.materials
     assert material.kind == expected.kind
-    unused = {"samplers", "kind"} | IMAGES
+    unused = {"samplers", "places", "kind"} | IMAGES
     if expected.kind == "diffuse":
         unused |= {"alpha", "ior"}
     if max(expected.sheen) == 0.0:
@@ -49,8 +49,39 @@ def test_a_model_has_its_material(tmp_path: Path, name: str) -> None:
             np.testing.assert_allclose(found, wanted, atol=1.01 / 127.5, err_msg=field)
 
 
+@pytest.mark.parametrize(
+    "names",
+    [*((name,) for name in MAPS), ("clearcoat", "sheen_alpha", "tint"), ("ior", "tint")],
+    ids="-".join,
+)
+def test_a_map_has_its_palette(tmp_path: Path, names: tuple[str, ...]) -> None:
+    """Each texel has the material of its values, and the material itself has their means."""
+    mesh = load_mesh(write_model(tmp_path / "m.glb", with_map(*names)))
+    assert (mesh.dropped, mesh.warnings) == ((), ())
+    (material,) = mesh.materials
+    assert material.variants is not None
+    # A mean of colors is darker than each of them.
+    assert set(material.variants.names) == set(names) | ({"ior"} if "tint" in names else set())
+    assert material.variants.index.shape == INDEX.shape
+    for texel in np.ndindex(INDEX.shape):
+        found = material.palette[material.variants.index[texel]]
+        for name in names:
+            expected = MAPS[name][INDEX[texel]]
+            assert getattr(found, name) == pytest.approx(expected, abs=1e-3), name
+        others = {name: getattr(BASE, name) for name in names}
+        bare = replace(found, **others, samplers=BASE.samplers)
+        for field in fields(Material):
+            value = getattr(bare, field.name)
+            if field.name not in IMAGES | {"thin", "places"}:
+                assert value == pytest.approx(getattr(BASE, field.name), abs=1e-6), field.name
+    for name in set(names) - {"ior", "tint"}:
+        mean = np.array(MAPS[name])[INDEX].mean(axis=(0, 1))
+        assert getattr(material, name) == pytest.approx(mean, abs=1e-3)
+
+
 def test_each_parameter_has_a_row() -> None:
     """A metal's reflectance and glass's transmittance are stored as the albedo."""
     rows = {row.name for row in ROWS} - {"reflectance", "transmittance"}
-    parameters = {field.name for field in fields(Material)} - {"kind", "samplers"}
+    others = {"kind", "samplers", "places", "variants"}
+    parameters = {field.name for field in fields(Material)} - others
     assert rows | {"opacity_texture"} == parameters

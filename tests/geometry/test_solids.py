@@ -10,7 +10,7 @@ import trimesh
 
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh
-from iprt.geometry.solids import OPEN, with_solids
+from iprt.geometry.solids import OPEN, SWELLING, solids, swollen, with_solids
 from tests.meshes import mesh_of
 
 GLASS = Material("dielectric", (1.0, 1.0, 1.0), alpha=0.0)
@@ -71,3 +71,27 @@ def test_each_material_by_itself() -> None:
     found = with_solids(mesh)
     assert found.materials[0].thin
     assert found.materials[1] == Material()
+
+
+def test_a_box_swells_by_the_same_distance_on_all_sides() -> None:
+    mesh = swollen(box())
+    assert solids(mesh) == (0,)
+    np.testing.assert_allclose(np.abs(mesh.positions), 0.5 + SWELLING, rtol=1e-6)
+
+
+def test_a_ball_swells_to_a_ball() -> None:
+    shape = trimesh.creation.icosphere(subdivisions=3, radius=2.0)
+    mesh = mesh_of(shape.vertices, shape.faces, (GLASS,), shape.vertices / 2.0)
+    radius = np.linalg.norm(swollen(mesh).positions, axis=1)
+    np.testing.assert_allclose(radius, 2.0 + 4.0 * SWELLING, rtol=1e-5)
+
+
+def test_only_solids_swell() -> None:
+    part = box()
+    mixed = replace(
+        part,
+        materials=(GLASS, Material()),
+        material_index=(np.arange(12) >= 6).astype(np.int32),
+    )
+    moved = (swollen(mixed).positions != mixed.positions).any(axis=1)
+    np.testing.assert_array_equal(moved, np.arange(36) < 18)

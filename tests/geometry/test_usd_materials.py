@@ -102,9 +102,7 @@ def test_textures(tmp_path: Path) -> None:
     assert mesh.tangents is not None
 
 
-def test_coordinates_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
-    Image.new("RGB", (2, 2)).save(tmp_path / "t.png")
-    place = """
+PLACE = """
         def Shader "place"
         {
             uniform token info:id = "UsdTransform2d"
@@ -115,12 +113,47 @@ def test_coordinates_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
             float2 outputs:result
         }
 """
+
+
+def test_coordinates_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2)).save(tmp_path / "t.png")
     node = texture("t", "t.png").replace("reader.outputs:result", "place.outputs:result")
     inputs = "color3f inputs:diffuseColor.connect = </thing/look/t.outputs:rgb>"
-    _, mesh = read(tmp_path, inputs, READER + place + node)
+    _, mesh = read(tmp_path, inputs, READER + PLACE + node)
     seen = {tuple(p): tuple(uv) for p, uv in zip(mesh.positions, mesh.uvs.round(5), strict=True)}
     assert seen[1, 0, 0] == (0.5, 2)
     assert seen[0, 1, 0] == (-2.5, 0)
+
+
+@pytest.mark.parametrize("primvar", ["st", "other"])
+def test_a_normal_map_lies_elsewhere(tmp_path: Path, primvar: str) -> None:
+    """The color has no transform; the other primvar has twice the coordinates, by corner."""
+    Image.new("RGB", (2, 2), (128, 128, 255)).save(tmp_path / "t.png")
+    second = READER.replace('"reader"', '"second"').replace('"st"', f'"{primvar}"')
+    nodes = READER + second + PLACE.replace("reader.outputs", "second.outputs")
+    nodes += texture("color", "t.png")
+    nodes += texture("bumps", "t.png").replace("reader.outputs:result", "place.outputs:result")
+    inputs = (
+        "color3f inputs:diffuseColor.connect = </thing/look/color.outputs:rgb>\n"
+        "normal3f inputs:normal.connect = </thing/look/bumps.outputs:rgb>"
+    )
+    more = """texCoord2f[] primvars:other = [(0, 0), (2, 0), (2, 2), (0, 2)] (
+            interpolation = "faceVarying"
+        )"""
+    material, mesh = read(tmp_path, inputs, nodes, more)
+    assert (mesh.uvs2 is None) == (primvar == "st")
+    place = material.places[1]
+    assert place is not None
+    np.testing.assert_allclose(mesh.uvs, mesh.positions[:, :2])
+    factor = 1.0 if primvar == "st" else 2.0
+    x, y = factor * mesh.positions[:, :2].T
+    wanted = np.stack([0.5 - 3.0 * y, 2.0 * x], axis=-1)
+    np.testing.assert_allclose(place.coordinates(mesh.uvs, mesh.uvs2), wanted, atol=1e-6)
+    # It grows to the right along -y.
+    assert mesh.tangents is not None
+    down = np.tile([0.0, -1.0, 0.0, 1.0], (len(mesh.tangents), 1))
+    np.testing.assert_allclose(mesh.tangents, down, atol=1e-6)
+    assert "texture coordinates" not in " ".join(mesh.dropped)
 
 
 def test_a_linear_picture_is_not_decoded(tmp_path: Path) -> None:
@@ -151,7 +184,7 @@ def test_colors_of_vertices_are_read_where_the_material_reads_them(tmp_path: Pat
 
 @pytest.mark.parametrize("metallic", [0.0, 0.5])
 def test_a_clear_coat(tmp_path: Path, metallic: float) -> None:
-    """Means of maps are used, of roughness the mean of its square."""
+    """It has the means of its maps, of roughness the mean of the square, and their palette."""
     inputs = f"float inputs:metallic = {metallic}\nfloat inputs:roughness = 0.5\n"
     plain, _ = read(tmp_path, inputs)
     coat = inputs + "float inputs:clearcoat = 0.75\nfloat inputs:clearcoatRoughness = 0.2\n"
@@ -167,7 +200,12 @@ def test_a_clear_coat(tmp_path: Path, metallic: float) -> None:
     material, mesh = read(tmp_path, mapped, READER + texture("t", "t.png"))
     assert material.clearcoat == pytest.approx(0.5)
     assert material.clearcoat_alpha == pytest.approx(0.5 * 0.04)
-    assert mesh.dropped == ("map of clearcoat; its mean is used",)
+    assert mesh.dropped == ()
+    assert material.variants is not None
+    assert [one.clearcoat for one in material.palette] == [0.0, 1.0]
+    alphas = [one.clearcoat_alpha for one in material.palette]
+    assert alphas == pytest.approx([0.0, 0.04])
+    assert material.variants.index.tolist() == [[0, 1]]
 
 
 def test_what_is_not_read_is_named(tmp_path: Path) -> None:

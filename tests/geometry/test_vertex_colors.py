@@ -178,3 +178,30 @@ def test_another_material_leaves_the_mesh_as_it_is(tmp_path: Path) -> None:
     assert mesh.materials == (Material(),)
     assert len(mesh.positions) == 162, "no vertex is divided"
     assert mesh.dropped == ()
+
+
+@pytest.mark.parametrize(("mode", "varied"), [("BLEND", True), ("BLEND", False), ("OPAQUE", True)])
+def test_opacity_of_vertices_counts_where_the_material_has_any(
+    tmp_path: Path, mode: str, varied: bool
+) -> None:
+    file = GltfFile()
+    colors = np.random.default_rng(5).random((3, 4)) if varied else np.full((3, 4), 0.6)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    number = file.mesh(corners, [[0, 1, 2]], COLOR_0=file.array(colors))
+    file.document["meshes"][number]["primitives"][0]["material"] = 0
+    file.node(mesh=number)
+    pbr = {"baseColorFactor": [1.0, 1.0, 1.0, 0.5], "metallicFactor": 0.0}
+    file.document["materials"] = [{"pbrMetallicRoughness": pbr, "alphaMode": mode}]
+    file.document["scenes"] = [{"nodes": [0]}]
+    mesh = load_mesh(file.write(tmp_path / "c.glb"))
+    (material,) = mesh.materials
+    assert material.has_holes == (mode == "BLEND")
+    if mode == "BLEND":
+        at = weights(1)
+        found = np.full((1, 1), material.opacity)
+        if varied:
+            assert material.opacity_texture is not None
+            uv = np.einsum("fc,fck->fk", at, mesh.uvs[mesh.triangles])
+            found = material.opacity * looked_up(material.opacity_texture[..., None], uv)
+        expected = 0.5 * at @ colors[:, 3:]
+        np.testing.assert_allclose(found, expected, atol=HALF)

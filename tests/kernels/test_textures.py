@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.material import Material, Sampler, Wrap
+from iprt.geometry.material import Material
+from iprt.geometry.sampler import Sampler, Wrap
 from iprt.world.objects.mip_levels import color_levels
-from iprt.world.objects.object_bvh import texture_table
+from iprt.world.objects.texture_tables import texture_table
 from tests.kernels.wrap import evaluate
 
 Float = NDArray[np.float64]

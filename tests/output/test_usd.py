@@ -16,6 +16,7 @@ from iprt.geometry.light import Light
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Mesh, transformed
 from iprt.geometry.meshes import load_mesh
+from iprt.geometry.variants import Variants
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from tests.geometry.usd_files import corners, in_this_process  # noqa: F401
@@ -242,6 +243,17 @@ def test_materials_come_back(tmp_path: Path, material: Material) -> None:
         assert (wanted is None) == (got is None), name
         if wanted is not None:
             np.testing.assert_allclose(got, wanted, atol=0.006)
+
+
+def test_maps_of_layers_are_lost(tmp_path: Path) -> None:
+    """Their means are written, and the loss is named."""
+    maps = Variants(("clearcoat",), ((0.5,), (1.0,)), np.array([[0, 1]], np.uint8))
+    material = Material("principled", RED, clearcoat=0.75, variants=maps)
+    stage = Usd.Stage.CreateInMemory()
+    writer = MaterialWriter(stage, "/materials", Pictures(tmp_path / "pictures"))
+    surface = UsdShade.Shader(writer.of(material, "coat").GetPrim().GetChild("surface"))
+    assert surface.GetInput("clearcoat").Get() == 0.75
+    assert [*writer.lost] == ["maps of clearcoat, sheen, tint and transmission; means are used"]
 
 
 def test_several_materials_are_subsets(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from iprt.errors import DeviceError, SceneError
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material, Sampler, Wrap
+from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
+from iprt.geometry.sampler import Sampler, Wrap
 from iprt.raster.rasterizer import Rasterizer
 from tests.oracles.raster import cast, gather
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from iprt.errors import FormatError, SceneError
 from iprt.footage.prepare.turn import turned_color, turned_geometry
+from iprt.geometry.solids import SWELLING
 from iprt.scene.scene import Scene
 from tests.scene.files import (
     MANIFEST,
@@ -73,6 +75,19 @@ def test_material_of_the_manifest_replaces_the_files(tmp_path: Path) -> None:
     assert material.albedo == (1.0, 1.0, 0.5)
     assert material.texture is not None
     assert np.allclose(material.texture, 0.5, atol=3e-3)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_solids_grow_where_there_are_several(tmp_path: Path, count: int) -> None:
+    """So that touching ones overlap."""
+    entry = OBJECT + 'material = { kind = "dielectric", transmittance = [1, 1, 1] }\n'
+    names = ["cube", "other"][:count]
+    write_scene(tmp_path, MANIFEST + "".join(entry.replace('"cube"', f'"{n}"') for n in names))
+    trimesh.creation.box().export(tmp_path / "cube.obj")
+    meshes = [instance.mesh for instance in Scene.open(tmp_path).instances]
+    half = 0.5 * (1.0 + 2.0 * SWELLING) if count > 1 else 0.5
+    for mesh in meshes:
+        np.testing.assert_allclose(np.abs(mesh.positions), half, rtol=1e-6)
 
 
 def test_missing_files_are_all_named(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material, Sampler
+from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
+from iprt.geometry.sampler import Sampler
 from iprt.renderer import RenderedFrame
 from iprt.settings.model import Settings
 from tests.meshes import transform

@@ -36,15 +36,20 @@ def moved(
     *,
     alpha: float = 0.0,
     hit: float = HIT,
+    seen: tuple[Array, Array] | None = None,
 ) -> Array:
     guide = before.guide(device)
     now.fill(device, guide)
     height, width = now.depth.shape
-    result = ReflectionMotion(device, guide).run(
+    rays = None
+    if seen is not None:
+        rays = upload(device, now.layout, seen[0]), upload(device, now.layout, seen[1])
+    result = ReflectionMotion(device, guide, glass=seen is not None).run(
         upload(device, now.layout, motion),
         upload(device, now.layout, np.full((1, height, width), alpha)),
         upload(device, now.layout, np.full((1, height, width), hit)),
         device.upload("view", before.view.kernel_constants()),
+        rays,
     )
     return read(device, now.layout, result)
 
@@ -187,3 +192,76 @@ def test_nothing_reflected_or_nothing_there(device: ComputeDevice) -> None:
     assert np.array_equal(moved(device, gbuffer, gbuffer, gone), gone)
     other = replace(gbuffer, ids=gbuffer.ids + 1.0)
     assert np.array_equal(moved(device, other, gbuffer, surface), surface)
+
+
+# Refraction ----------------------------------------------------------------------------------
+
+POWER = 0.8
+"""Of the thin lenses in these tests, 1/m."""
+
+
+def lens(gbuffer: GBuffer, centre: Array, *, stripes: float, mirrored: float = 0.0) -> Array:
+    """(10, H, W) rays behind a thin lens in the plane of a wall, which bends them to its centre.
+
+    `stripes`: contrast of the picture of a plane 1.5 m behind the lens, and `mirrored` of the
+    reflection, which is HIT away.
+    """
+    point = gbuffer.position
+    inside = gbuffer.depth > 0.0
+    bend = POWER * (point - centre[:, None, None])
+    bend[2] = 0.0
+    direction = point / np.abs(point[2]) - bend
+    direction /= np.linalg.norm(direction, axis=0)
+    distance = np.where(inside, -1.5 / direction[2], 0.0)
+    target = point + distance * direction
+    waves = np.sin(20.0 * target[0])
+    luminances = 1.0 + np.stack([stripes * waves, mirrored * np.sin(20.0 * point[0])])
+    hits = np.full((1, *inside.shape), HIT)
+    return np.concatenate([point, direction, distance[None], luminances, hits])
+
+
+def inner(view: View) -> tuple[slice, slice]:
+    return slice(8, view.height - 8), slice(8, view.width - 8)
+
+
+def test_image_in_a_sliding_lens_is_followed(device: ComputeDevice) -> None:
+    """To where the lens bent the view to the same point, by the rays of either picture."""
+    gbuffer = wall(VIEWS[0], np.array([0.0, 0.0, 1.0]), -2.0)
+    shift = np.array([0.06, -0.02, 0.0])
+    surface = surface_motion(gbuffer, gbuffer, shift)
+    centre = np.array([0.1, 0.05, -2.0])
+    now, before = (lens(gbuffer, at, stripes=5.0) for at in (centre, centre - shift))
+    result = moved(device, gbuffer, gbuffer, surface, seen=(now, before))
+    # In the plane of the lens, x + 1.5 (x / 2 - POWER (x - centre)) is the point seen.
+    slope = 1.0 + 1.5 * (0.5 - POWER)
+    point = np.moveaxis(gbuffer.position, 0, -1) + shift * (1.5 * POWER) / slope
+    expected = np.moveaxis(gbuffer.view.project(point), -1, 0)
+    at = (slice(None), *inner(gbuffer.view))
+    np.testing.assert_allclose(result[at], expected[at], atol=0.05)
+    assert np.abs(expected - surface)[at].max() > 0.5
+
+
+@pytest.mark.parametrize(("stripes", "mirrored"), [(0.0, 0.0), (0.2, 0.5)])
+def test_reflection_on_glass_is_followed_where_it_has_the_contrast(
+    device: ComputeDevice, stripes: float, mirrored: float
+) -> None:
+    gbuffer = wall(VIEWS[0], np.array([0.0, 0.0, 1.0]), -2.0)
+    shift = np.array([0.06, -0.02, 0.0])
+    surface = surface_motion(gbuffer, gbuffer, shift)
+    centre = np.array([0.1, 0.05, -2.0])
+    now, before = (
+        lens(gbuffer, at, stripes=stripes, mirrored=mirrored) for at in (centre, centre - shift)
+    )
+    result = moved(device, gbuffer, gbuffer, surface, seen=(now, before), hit=0.1)
+    mirror = moved(device, gbuffer, gbuffer, surface, hit=HIT)
+    at = (slice(None), *inner(gbuffer.view))
+    np.testing.assert_allclose(result[at], mirror[at], atol=1e-4)
+
+
+def test_first_picture_of_a_motion_follows_the_surface(device: ComputeDevice) -> None:
+    gbuffer = wall(VIEWS[0], np.array([0.0, 0.0, 1.0]), -2.0)
+    shift = np.array([0.06, -0.02, 0.0])
+    surface = surface_motion(gbuffer, gbuffer, shift)
+    now = lens(gbuffer, np.array([0.1, 0.05, -2.0]), stripes=5.0)
+    result = moved(device, gbuffer, gbuffer, surface, seen=(now, np.zeros_like(now)))
+    np.testing.assert_array_equal(result, surface.astype(np.float32))

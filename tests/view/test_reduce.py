@@ -18,6 +18,7 @@ PLANES = {
     "normal": 3,
     "depth": 1,
     "id": 1,
+    "variant": 1,
     "roughness": 1,
     "metallic": 1,
     "albedo": 3,
@@ -48,6 +49,7 @@ def layer(view: View) -> dict[str, Float]:
         "normal": np.where(covered[..., None], [0.0, 1.0, 0.0], 0.0),
         "depth": np.where(covered, -1.2 / np.minimum(d[..., 1], -0.01), 0.0),
         "id": np.where(covered, random.integers(1, 5, shape), 0.0),
+        "variant": random.integers(1, 9, shape).astype(float),
         "roughness": random.random(shape),
         "metallic": random.random(shape),
         "albedo": random.random((*shape, 3)),
@@ -111,7 +113,7 @@ def test_each_block_shows_its_covered_pixel_nearest_to_the_centre(
             pick = min(
                 candidates, key=lambda c: abs(full["coverage"][tuple(c)] - block["coverage"])
             )
-            for name in ("normal", "id", "roughness", "metallic", "albedo"):
+            for name in ("normal", "id", "variant", "roughness", "metallic", "albedo"):
                 np.testing.assert_allclose(block[name], full[name][tuple(pick)], rtol=1e-6)
             assert block["coverage"] == pytest.approx(full["coverage"][tuple(pick)])
             moved = (full["motion"][tuple(pick)] - (pick[::-1] + 0.5)) * (x_scale, y_scale)

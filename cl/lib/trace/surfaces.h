@@ -13,3 +13,13 @@ static inline float2 seen_finish(const Surfaces surfaces, uint pixel)
     return (float2)(0.0f);
 #endif
 }
+
+// Return the index of the material at a pixel, of its variant where there are any.
+static inline int seen_material(const Surfaces surfaces, const TracedPixel at)
+{
+#ifdef VARIANTS
+    return (int)surfaces.variant[at.pixel] - 1;
+#else
+    return at.id - 1;
+#endif
+}

@@ -2,7 +2,8 @@
 // KHR_materials_clearcoat and KHR_materials_sheen), and the tint of its plastic's coat (KHR_materials_specular).
 //
 // All directions are in the frame of the normal. `cover` points to row COVER_ROW of a material:
-//   row 0      clearcoat, its alpha (GGX; 0: smooth); alpha of the sheen
+//   row 0      clearcoat, its alpha (GGX; 0: smooth); alpha of the sheen; index of the material of which this is a
+//              variant (material.h)
 //   row 1      sheen, rgb; its greatest channel
 //   row 2      tint of the coat at normal incidence, rgb
 //   rows 3-10  share of light that the clearcoat reflects at cosines (i / 31)^2, i = 0..31

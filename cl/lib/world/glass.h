@@ -67,9 +67,15 @@ static inline ALWAYS_INLINE Scatter scatter_glass(
     const World world, const Material material, const Scatterer at, float3 wo, float t, float3 u, float least,
     ulong media, float3 *o, float3 *o_object)
 {
+#ifdef VARIANTS
+    // A ray may leave through another variant than it entered by.
+    const int medium = without_variant(world.materials, at.material);
+#else
+    const int medium = at.material;
+#endif
     const ulong beyond = material.thin ? media
-        : at.enters                    ? entered(media, at.material)
-                                       : left_behind(media, at.material);
+        : at.enters                    ? entered(media, medium)
+                                       : left_behind(media, medium);
     const int before = filling(world.materials, media), after = filling(world.materials, beyond);
     float3 weight = (float3)(1.0f), wi = -wo;
     int passes = 1;

@@ -1,7 +1,8 @@
 // Materials of surfaces, iprt/geometry/material.py: the table of them, loading, and their lobes.
 //
 // -D PRINCIPLED adds the principled material, whose parameters may vary over a surface. -D COVERED, with it, adds the
-// layers above it, and -D GLASS dielectrics.
+// layers above it, and -D GLASS dielectrics. -D VARIANTS: other values of some vary over a surface, whose variants are
+// materials of their own, with their own indices.
 #pragma once
 
 #include "world/cover.h"
@@ -48,6 +49,12 @@ typedef struct {
     __global const float *cover;             // the rows of lib/world/cover.h
 #endif
 } Material;
+
+// Return the index of the material of which a material is a variant, or its own.
+static inline int without_variant(__global const float4 *restrict materials, int index)
+{
+    return (int)materials[index * MATERIAL_ROWS + COVER_ROW].w;
+}
 
 static inline Material load_material(__global const float4 *restrict materials, int index)
 {

@@ -342,7 +342,7 @@ static inline ALWAYS_INLINE FirstHit trace_path(
         const float3 emission = emitted(world, at);
         if (any(emission > 0.0f) && !is_at_sun(s) && !at_light) {
             const int alone = bounce >= bounces;
-            arrive(sums, emission_weight(world, s, at, hit.t, own, alone) * throughput * emission);
+            arrive(sums, emission_weight(world, s, at, hit, o_object, own, alone) * throughput * emission);
         }
         if (is_at_lamp(s))
             return first;

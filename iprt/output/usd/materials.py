@@ -7,9 +7,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, UsdShade
 
-from iprt.geometry.material import PLAIN, Material, Sampler
+from iprt.geometry.material import Material
+from iprt.geometry.place import Place
+from iprt.geometry.sampler import PLAIN, Sampler
 from iprt.output.usd.pictures import Pictures
-from iprt.output.usd.prims import usable_name
+from iprt.output.usd.prims import FIRST, SECOND, usable_name
 
 NO_COAT = 1.0
 """Index of refraction of a surface without a specular reflection."""
@@ -23,6 +25,8 @@ INPUTS = {
     "opacityMode": TYPES.Token,
 }
 """Types of the surface's inputs other than numbers."""
+SHEAR = 1e-5
+"""Cosine of the angle between the axes of a texture up to which they count as perpendicular."""
 
 
 class Network:
@@ -53,9 +57,10 @@ class Network:
         space: str,
         *,
         sampler: Sampler = PLAIN,
+        place: Place | None = None,
         scale: tuple[float, ...] = (),
     ) -> Any:
-        """Return a new node that reads a picture at the primvar `st`, times a factor by channel."""
+        """Return a new node that reads a picture at a place, times a factor by channel."""
         node = self._node(name, "UsdUVTexture")
         node.CreateInput("file", TYPES.Asset).Set(file)
         node.CreateInput("sourceColorSpace", TYPES.Token).Set(space)
@@ -64,16 +69,49 @@ class Network:
         if any(factor != 1.0 for factor in scale):
             factors = (*scale, 1.0)[:4]
             node.CreateInput("scale", TYPES.Float4).Set(Gf.Vec4f(*factors))
-        reader = self._node("st", "UsdPrimvarReader_float2")
-        reader.CreateInput("varname", TYPES.String).Set("st")
-        reader.CreateOutput("result", TYPES.Float2)
-        node.CreateInput("st", TYPES.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+        source = self._coordinates(name, place)
+        node.CreateInput("st", TYPES.Float2).ConnectToSource(source.ConnectableAPI(), "result")
         return node
+
+    def _coordinates(self, name: str, place: Place | None) -> Any:
+        """Return the node that gives a texture its coordinates."""
+        transform = None if place is None else transform_of(place)
+        primvar = SECOND if place is not None and transform is not None and place.second else FIRST
+        reader = self._node(primvar, "UsdPrimvarReader_float2")
+        reader.CreateInput("varname", TYPES.String).Set(primvar)
+        reader.CreateOutput("result", TYPES.Float2)
+        if transform is None:
+            return reader
+        degrees, scale, offset = transform
+        moved = self._node(f"{name}_place", "UsdTransform2d")
+        moved.CreateInput("in", TYPES.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+        moved.CreateInput("rotation", TYPES.Float).Set(degrees)
+        moved.CreateInput("scale", TYPES.Float2).Set(Gf.Vec2f(*scale))
+        moved.CreateInput("translation", TYPES.Float2).Set(Gf.Vec2f(*offset))
+        moved.CreateOutput("result", TYPES.Float2)
+        return moved
 
     def _node(self, name: str, kind: str) -> Any:
         node = UsdShade.Shader.Define(self._stage, self.material.GetPath().AppendChild(name))
         node.CreateIdAttr(kind)
         return node
+
+
+def transform_of(place: Place) -> tuple[float, tuple[float, float], tuple[float, float]] | None:
+    """Return a place as UsdTransform2d has it; None if that cannot shear as the place does.
+
+    Returns
+    -------
+    degrees : float
+        Of the rotation, after the scale.
+    scale, offset : (float, float)
+    """
+    (a, b, right), (c, d, up) = place.matrix
+    size, angle = math.hypot(a, c), math.atan2(c, a)
+    along, across = math.cos(angle), math.sin(angle)
+    if abs(b * along + d * across) > SHEAR * math.hypot(b, d):
+        return None
+    return math.degrees(angle), (size, d * along - b * across), (right, up)
 
 
 class MaterialWriter:
@@ -97,6 +135,8 @@ class MaterialWriter:
                 return prim
         chosen = usable_name(name, {prim.GetPath().name for _, prim in self._written})
         network = Network(self._stage, f"{self._scope}/{chosen}")
+        if any(place is not None and transform_of(place) is None for place in material.map_places):
+            self.lost["sheared places of maps; they lie where the color does"] = None
         self._write_color(network, material, chosen)
         self._write_finish(network, material, chosen)
         self._write_light(network, material, chosen)
@@ -141,16 +181,28 @@ class MaterialWriter:
         surface = material.maps[1]
         if surface is not None:
             file = self._pictures.factors(f"{name}_finish", surface)
-            scale, sampler = (1.0, roughness, metallic), material.samplers[1]
-            node = network.texture("finish", file, "raw", sampler=sampler, scale=scale)
+            node = network.texture(
+                "finish",
+                file,
+                "raw",
+                sampler=material.samplers[1],
+                place=material.places[0],
+                scale=(1.0, roughness, metallic),
+            )
             network.connect("roughness", node, "g")
             network.connect("metallic", node, "b")
         if material.kind == "principled":
             self._write_layers(network, material)
         if material.normal_texture is not None:
             file = self._pictures.normals(f"{name}_normals", material.normal_texture)
-            sampler = material.samplers[2]
-            node = network.texture("normals", file, "raw", sampler=sampler, scale=NORMAL_SCALE)
+            node = network.texture(
+                "normals",
+                file,
+                "raw",
+                sampler=material.samplers[2],
+                place=material.places[1],
+                scale=NORMAL_SCALE,
+            )
             node.CreateInput("bias", TYPES.Float4).Set(Gf.Vec4f(*NORMAL_BIAS))
             network.connect("normal", node, "rgb")
 
@@ -162,6 +214,8 @@ class MaterialWriter:
             self.lost["sheen"] = None
         if min(material.tint) < 1.0:
             self.lost["tints of reflections"] = None
+        if material.palette:
+            self.lost["maps of clearcoat, sheen, tint and transmission; means are used"] = None
 
     def _write_light(self, network: Network, material: Material, name: str) -> None:
         if not material.emits:
@@ -169,8 +223,14 @@ class MaterialWriter:
         network.set("emissiveColor", material.emission)
         if material.emission_texture is not None:
             file = self._pictures.color(f"{name}_emission", material.emission_texture)
-            scale, sampler = material.emission, material.samplers[3]
-            node = network.texture("emission", file, "sRGB", sampler=sampler, scale=scale)
+            node = network.texture(
+                "emission",
+                file,
+                "sRGB",
+                sampler=material.samplers[3],
+                place=material.places[2],
+                scale=material.emission,
+            )
             network.connect("emissiveColor", node, "rgb")
 
 

@@ -13,6 +13,8 @@ from pxr import Gf, Sdf, UsdGeom, Vt
 from iprt.geometry.mesh import Mesh
 
 Float = NDArray[np.float64]
+FIRST, SECOND = "st", "st1"
+"""Names of sets of texture coordinates."""
 
 
 def usable_name(name: str, taken: Iterable[str] = ()) -> str:
@@ -39,11 +41,13 @@ def place(prim: Any, transform: Float, samples: Iterable[tuple[int, Float]] = ()
 
 
 def define_mesh(stage: Any, path: str, mesh: Mesh) -> Any:
-    """Define a mesh prim of triangles with normals and the texture coordinates `st`."""
+    """Define a mesh prim of triangles with normals and texture coordinates."""
     prim = triangles(stage, path, mesh.positions, mesh.triangles)
     prim.CreateNormalsAttr(vectors(mesh.normals))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     coordinates(prim, mesh.uvs, UsdGeom.Tokens.vertex)
+    if mesh.uvs2 is not None:
+        coordinates(prim, mesh.uvs2, UsdGeom.Tokens.vertex, SECOND)
     return prim
 
 
@@ -66,9 +70,11 @@ def vectors(values: NDArray[np.floating]) -> Any:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
 
-def coordinates(prim: Any, uvs: NDArray[np.floating], interpolation: str) -> None:
-    """Set the texture coordinates (N, 2) of a mesh prim, v up."""
+def coordinates(
+    prim: Any, uvs: NDArray[np.floating], interpolation: str, name: str = FIRST
+) -> None:
+    """Set texture coordinates (N, 2) of a mesh prim, v up."""
     primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
-        "st", Sdf.ValueTypeNames.TexCoord2fArray, interpolation
+        name, Sdf.ValueTypeNames.TexCoord2fArray, interpolation
     )
     primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uvs, np.float32)))

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from iprt.bvh.build import PACKET_ROWS
 from iprt.bvh.scene import INSTANCE_ROWS, SceneBuilder, scene_sizes, shapes_of
 from iprt.bvh.wide import NODE_ROWS
 from iprt.device.block import (
     Block,
+    Bytes,
     Counters,
     Float2s,
     Float4,
@@ -27,13 +28,12 @@ from iprt.device.block import (
     when,
 )
 from iprt.device.compute import ComputeDevice
-from iprt.device.kernel_source import constant
 from iprt.device.vectors import float4
-from iprt.geometry.material import Material, MaterialNeeds
+from iprt.geometry.material import MaterialNeeds
 from iprt.geometry.mesh import Instance, same_places
 from iprt.world.objects.lamps import Lamps, LampsArgs
-from iprt.world.objects.mip_levels import color_levels, finish_levels, normal_levels
 from iprt.world.objects.object_layers import ObjectLayerArgs
+from iprt.world.objects.texture_tables import place_table, texture_table, variant_table
 from iprt.world.objects.virtual_lights import VirtualLightsArgs
 
 
@@ -51,16 +51,25 @@ class BvhArgs(Block):
     normals : (V, 4) float32
         Object space.
     albedos : (2 M, 4), (4 M, 4), (6 M, 4) or (8 M, 4) float32
-        Per material: rgb, opacity; int bits of its texture's first texel, width (0: none) and
-        height, then the cutoff. With principled materials also metalness and alpha; the texture of
-        their factors. With normal maps also 0; the normal map. With emission all these, and
-        emission; the texture of its factors.
-    uvs : (V, 2) float32 or None
+        Per material of `table_rows`: rgb, opacity; int bits of its texture's first texel, width (0:
+        none) and height, then the cutoff. With principled materials also metalness and alpha; the
+        texture of their factors. With normal maps also 0; the normal map. With emission all these,
+        and emission; the texture of its factors. The fourth number of later textures is 1 + the
+        index of their place, or 0.
+    uvs, uvs2 : (V, 2) float32 or None
+        As in `Mesh`.
+    places : (2 P, 4) float32 or None
+        Per place: a row of its matrix and whether it is of `uvs2`; the other row and its scale.
     tangents : (V, 4) float32 or None
         As in `Mesh`, object space.
     texels : (T, 4) float16 or None
         Linear rgb and opacity; factors of metalness and of the square root of alpha; or directions
         of normals. The mip levels of each image follow it.
+    variants : (M, 4) int32 or None
+        Per material, if it has variants: the place of its map among `indices`, width, height, and
+        the index of its first variant; else 0.
+    indices : (T,) uint8 or None
+        Maps of variants.
     """
 
     nodes: Float4s
@@ -71,8 +80,12 @@ class BvhArgs(Block):
     normals: Float4s
     albedos: Float4s
     uvs: Float2s = when("TEXTURES")
+    uvs2: Float2s = when("TEXTURE_PLACES")
+    places: Float4s = when("TEXTURE_PLACES")
     tangents: Float4s = when("NORMAL_MAPS")
     texels: Halves = when("TEXTURES")
+    variants: Int4s = when("VARIANTS")
+    indices: Bytes = when("VARIANTS")
     work: Counters = when("COUNT_WORK", outer="work_counters")
 
 
@@ -122,24 +135,6 @@ class ObjectsArgs(Block):
             self.edges = float4(tuple(float(self.rectangle[axis]) for axis in "xyzw"))
 
 
-_HEADER = "lib/world/objects/textures.h"
-_WRAP, _NEAREST = constant(_HEADER, "TEXTURE_WRAP"), constant(_HEADER, "TEXTURE_NEAREST")
-_WRAPS = {
-    "repeat": 0,
-    "clamp": constant(_HEADER, "WRAP_CLAMP"),
-    "mirror": constant(_HEADER, "WRAP_MIRROR"),
-}
-
-
-_LEVELS: tuple[Callable[[NDArray[np.float32], Material], list[NDArray[np.float32]]], ...] = (
-    lambda image, material: color_levels(image, material.opacity_texture),
-    lambda image, _: finish_levels(image),
-    lambda image, _: normal_levels(image),
-    lambda image, _: color_levels(image),
-)
-"""Mip levels of the images of `Material.maps`."""
-
-
 class ObjectBvh:
     """Buffers of `cl/lib/world/objects/objects_bvh.h`.
 
@@ -186,6 +181,14 @@ class ObjectBvh:
         if needs.textures:
             self._make("uvs", (rows["vertices"], 2))
             self._texels = device.upload("bvh texels", texels)
+        self._maps: dict[str, cla.Array] = {}
+        if needs.variants:
+            places, indices = variant_table(materials)
+            self._maps["variants"] = device.upload("bvh variants", places)
+            self._maps["indices"] = device.upload("bvh variant indices", indices)
+        if needs.texture_places:
+            self._make("uvs2", (rows["vertices"], 2))
+            self._maps["places"] = device.upload("bvh texture places", place_table(materials))
         if needs.normal_maps:
             self._make("tangents", (rows["vertices"], 4))
         self._lamps = Lamps(device, instances) if needs.emission else None
@@ -256,36 +259,10 @@ class ObjectBvh:
             normals=self._buffers["normals"],
             albedos=self._albedos,
             uvs=self._buffers.get("uvs"),
+            uvs2=self._buffers.get("uvs2"),
             tangents=self._buffers.get("tangents"),
             texels=self._texels,
+            **self._maps,
         )
         lamps = None if self._lamps is None else self._lamps.arguments()
         return ObjectsArgs(bounds=boxes, count=boxes.shape[0], bvh=bvh, lamps=lamps)
-
-
-def texture_table(
-    materials: Sequence[Material],
-) -> tuple[NDArray[np.float32], NDArray[np.float16]]:
-    """Return `BvhArgs.albedos`, and the (T, 4) texels of all textures."""
-    needs = MaterialNeeds.of(materials)
-    rows = 8 if needs.emission else 6 if needs.normal_maps else 4 if needs.principled else 2
-    table = np.zeros((max(len(materials), 1), rows, 4), np.float32)
-    texels = [np.zeros((0, 4), np.float16)]
-    for row, material in zip(table, materials, strict=False):
-        row[0] = *material.albedo, material.opacity
-        row[1, 3] = material.cutoff
-        row[2:3, :2] = material.metallic, material.alpha
-        row[6:7, :3] = material.emission
-        maps = zip(row[1::2], material.maps, material.samplers, strict=False)
-        for number, (place, image, sampler) in enumerate(maps):
-            if image is not None:
-                height, width, _ = image.shape
-                wraps = [_WRAPS[wrap] << 2 * axis for axis, wrap in enumerate(sampler.wrap)]
-                first = sum(map(len, texels)) | sum(wraps) << _WRAP
-                read = width | sampler.nearest << _NEAREST
-                place.view(np.uint32)[:3] = first, read, height
-                levels = _LEVELS[number](image, material)
-                texels += [level.astype(np.float16).reshape(-1, 4) for level in levels]
-    if len(texels) == 1:
-        texels.append(np.zeros((1, 4), np.float16))
-    return table.reshape(-1, 4), np.concatenate(texels)

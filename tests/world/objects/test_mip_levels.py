@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.geometry.material import Material, Sampler
+from iprt.geometry.material import Material
+from iprt.geometry.sampler import Sampler
+from iprt.world.objects import texture_tables
 from iprt.world.objects.mip_levels import color_levels, finish_levels, normal_levels
-from iprt.world.objects.object_bvh import texture_table
+from iprt.world.objects.texture_tables import texture_table
 
+Float = NDArray[np.float32]
 SIZES = [(1, 1), (8, 8), (5, 3), (7, 1), (13, 6), (1, 31), (33, 65)]
 rng = np.random.default_rng(5)
 
@@ -79,3 +87,36 @@ def test_levels_follow_their_image_in_the_table() -> None:
     assert first.texture is not None
     mean = first.texture.mean(axis=(0, 1))
     np.testing.assert_allclose(texels[17, :3], mean, atol=1e-3)
+
+
+def test_levels_are_made_once_for_each_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also for later tables, such as after an edit; what belongs to no material is forgotten."""
+    made: list[int] = []
+
+    def counted(number: int) -> Callable[..., list[Float]]:
+        function = texture_tables._LEVELS[number]
+
+        def count(*arguments: Any) -> list[Float]:
+            made.append(number)
+            return function(*arguments)
+
+        return count
+
+    monkeypatch.setattr(texture_tables, "_LEVELS", tuple(map(counted, range(4))))
+    color, surface = image((8, 8), 3), image((8, 4), 2)
+    first = Material("principled", texture=color, surface_texture=surface)
+    _, texels = texture_table([first, replace(first, alpha=0.3)])
+    assert made == [0, 1]
+    _, again = texture_table([replace(first, albedo=(0.1, 0.2, 0.3), metallic=0.5)])
+    assert made == [0, 1]
+    np.testing.assert_array_equal(again, texels)
+    opacity = image((8, 8), 1)[..., 0]
+    texture_table([replace(first, opacity_texture=opacity)])
+    assert made == [0, 1, 0]
+    kept = len(texture_tables._KEPT)
+    del opacity
+    gc.collect()
+    assert len(texture_tables._KEPT) == kept - 1
+    del color, surface, first
+    gc.collect()
+    assert len(texture_tables._KEPT) == kept - 3

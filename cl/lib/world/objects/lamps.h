@@ -2,7 +2,9 @@
 //
 // A triangle is chosen in proportion to its area times its material's mean emission, and a point on it uniformly, so
 // that the density per area is the emission over a constant. A ray is aimed at a point on either side; whether it is
-// the nearest along the ray is left to the tracing.
+// the nearest along the ray is left to the tracing. -D LAMP_TREE: there are many, and nearer ones are preferred. The
+// choice descends a tree (iprt/world/objects/lamp_tree.py), to the child with the greater power over squared distance
+// more often.
 #pragma once
 
 #include "maths/maths.h"
@@ -32,11 +34,70 @@ static inline int find_lamp(const Lamps lamps, float u)
     return high;
 }
 
+#ifdef LAMP_TREE
+static inline float node_importance(const Lamps lamps, int node, float3 x)
+{
+    const float4 box = lamps.nodes[2 * node];
+    const float3 away = box.xyz - x;
+    return box.w / fmax(fmax(dot(away, away), lamps.nodes[2 * node + 1].x), FLT_MIN);
+}
+
+// Return the probability of the first child of a node, for a point x.
+static inline float first_child(const Lamps lamps, int node, float3 x)
+{
+    const float first = node_importance(lamps, 2 * node, x), second = node_importance(lamps, 2 * node + 1, x);
+    return first + second > 0.0f ? first / (first + second) : 1.0f;
+}
+
+// Choose a triangle for a point x; u in [0, 1).
+static inline int choose_lamp(const Lamps lamps, float3 x, float u)
+{
+    int node = 1;
+    for (int i = 0; i < lamps.levels; i++) {
+        const float first = first_child(lamps, node, x);
+        const int second = u >= first;
+        u = fmin(second ? (u - first) / (1.0f - first) : u / first, 0x1.fffffep-1f);
+        node = 2 * node + second;
+    }
+    return as_int(lamps.nodes[2 * node + 1].y);
+}
+
+// Return the index of a triangle, given by its instance and its place in the packets.
+static inline int lamp_at(const Lamps lamps, int2 place)
+{
+    int low = 0, high = lamps.count;
+    for (int i = 0; i < lamps.levels + 1; i++) {
+        const int middle = (low + high) >> 1;
+        const int2 found = lamps.triangles[middle].xy;
+        const int later = found.x > place.x || (found.x == place.x && found.y > place.y);
+        low = later ? low : middle;
+        high = later ? middle : high;
+    }
+    return low;
+}
+
+// Return the probability of a triangle for a point x, over its share of the power.
+static inline float lamp_preference(const Lamps lamps, float3 x, int2 place)
+{
+    int node = lamps.triangles[lamp_at(lamps, place)].w + (1 << lamps.levels);
+    float chance = lamps.power / fmax(lamps.nodes[2 * node].w, FLT_MIN);
+    for (int i = 0; i < lamps.levels; i++) {
+        const float first = first_child(lamps, node >> 1, x);
+        chance *= node & 1 ? 1.0f - first : first;
+        node >>= 1;
+    }
+    return chance;
+}
+#else
+static inline int choose_lamp(const Lamps lamps, float3 x, float u) { return find_lamp(lamps, u); }
+static inline float lamp_preference(const Lamps lamps, float3 x, int2 place) { return 1.0f; }
+#endif
+
 // Return the unit direction from x to a random point of the lamps, and its distance; u in [0, 1)^2, `which` in
 // [0, 1).
 static inline float3 towards_lamp(const Objects world, float3 x, float2 u, float which, float *distance)
 {
-    const int2 place = world.lamps.triangles[find_lamp(world.lamps, which)].xy;
+    const int2 place = world.lamps.triangles[choose_lamp(world.lamps, x, which)].xy;
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * place.x + 3;
     __global const float4 *packet = world.bvh.packets + BVH_PACKET_ROWS * (place.y >> 2);
     const float inner = sqrt(u.x);
@@ -48,11 +109,12 @@ static inline float3 towards_lamp(const Objects world, float3 x, float2 u, float
     return safe_normalize(away, (float3)(0.0f, 1.0f, 0.0f));
 }
 
-// Return the density per solid angle of that at a hit in the direction of a ray: `emission` is its material's mean,
-// `facing` the cosine between the ray and the triangle's plane, t the distance.
-static inline float lamp_density(const Objects world, float emission, float facing, float t)
+// Return the density per solid angle of that at a hit of a ray from x: `emission` is its material's mean, `facing` the
+// cosine between the ray and the triangle's plane.
+static inline float lamp_density(const Objects world, ObjectHit hit, float3 x, float emission, float facing)
 {
-    return emission * t * t / (world.lamps.power * fmax(facing, 1e-6f));
+    const float preference = lamp_preference(world.lamps, x, (int2)(hit.instance, hit.triangle));
+    return preference * emission * hit.t * hit.t / (world.lamps.power * fmax(facing, 1e-6f));
 }
 
 #endif

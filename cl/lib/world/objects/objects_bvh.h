@@ -46,29 +46,46 @@ typedef struct {
     float reach;          // the largest coordinate in its computation
     int4 vertices;        // w: the material of the mesh
     float3 weights;
-    int material;         // index among all instances' materials
+    int material;         // index among all instances' materials, and their variants
 #ifdef TEXTURES
     float footprint;      // width of the ray there, in texture coordinates
+#endif
+#ifdef TEXTURE_PLACES
+    float footprint2;     // the same in coordinates of the second set
 #endif
 } ObjectSurface;
 
 #ifdef TEXTURES
-static inline ALWAYS_INLINE float2 object_uv(const Objects world, int4 vertices, float3 weights)
+static inline ALWAYS_INLINE float2 object_uv(__global const float2 *uvs, int4 vertices, float3 weights)
 {
-    return weights.x * world.bvh.uvs[vertices.x] + weights.y * world.bvh.uvs[vertices.y]
-        + weights.z * world.bvh.uvs[vertices.z];
+    return weights.x * uvs[vertices.x] + weights.y * uvs[vertices.y] + weights.z * uvs[vertices.z];
 }
 
 // Return the width in texture coordinates of a ray along d that meets a triangle; `facing`: the cross product of two of
 // its edges, as long as twice its area. The width is the long axis of the cone's ellipse on the triangle, times the
 // square root of the ratio of the areas.
-static inline ALWAYS_INLINE float uv_footprint(const Objects world, int4 vertices, float3 facing, float3 d, float width)
+static inline ALWAYS_INLINE float uv_footprint(
+    __global const float2 *uvs, int4 vertices, float3 facing, float3 d, float width)
 {
-    const float2 a = world.bvh.uvs[vertices.x];
-    const float2 b = world.bvh.uvs[vertices.y] - a, c = world.bvh.uvs[vertices.z] - a;
+    const float2 a = uvs[vertices.x];
+    const float2 b = uvs[vertices.y] - a, c = uvs[vertices.z] - a;
     const float areas = fabs(b.x * c.y - b.y * c.x) * length(facing);
     return width * sqrt(areas) / fmax(fabs(dot(facing, d)), 1e-30f);
 }
+
+#ifdef TEXTURE_PLACES
+// Return texture coordinates there of a map that lies elsewhere; `place`: 1 + its index. Set the ray's width in them.
+static inline ALWAYS_INLINE float2 placed_uv(
+    const Objects world, const ObjectSurface at, int place, float *footprint)
+{
+    __global const float4 *rows = world.bvh.places + 2 * (place - 1);
+    const int second = rows[0].w > 0.0f;
+    const float2 uv = object_uv(second ? world.bvh.uvs2 : world.bvh.uvs, at.vertices, at.weights);
+    *footprint = rows[1].w * (second ? at.footprint2 : at.footprint);
+    const float3 from = (float3)(uv, 1.0f);
+    return (float2)(dot(rows[0].xyz, from), dot(rows[1].xyz, from));
+}
+#endif
 
 // Return the value there of the texture whose image is in a row of the table; 1 without one.
 static inline ALWAYS_INLINE float4 mapped_value(const Objects world, const ObjectSurface at, int row)
@@ -76,7 +93,15 @@ static inline ALWAYS_INLINE float4 mapped_value(const Objects world, const Objec
     const int4 image = as_int4(world.bvh.albedos[TEXTURED_ROWS * at.material + row]);
     if (!(image.y > 0))
         return (float4)(1.0f);
-    return object_texture(world.bvh.texels, image, object_uv(world, at.vertices, at.weights), at.footprint);
+#ifdef TEXTURE_PLACES
+    // The first image's fourth number is the cutoff.
+    if (row > 1 && image.w > 0) {
+        float footprint;
+        const float2 uv = placed_uv(world, at, image.w, &footprint);
+        return object_texture(world.bvh.texels, image, uv, footprint);
+    }
+#endif
+    return object_texture(world.bvh.texels, image, object_uv(world.bvh.uvs, at.vertices, at.weights), at.footprint);
 }
 #endif
 
@@ -136,7 +161,7 @@ static inline float largest(float3 v)
     return fmax(fabs(v.x), fmax(fabs(v.y), fabs(v.z)));
 }
 
-// Return the index, among all instances' materials, of the one that a ray has hit.
+// Return the index, among all instances' materials, of the one that a ray has hit, whatever its variant.
 static inline ALWAYS_INLINE int object_material(const Objects world, const ObjectHit hit)
 {
     __global const float4 *rows = world.bvh.instances + BVH_INSTANCE_ROWS * hit.instance;
@@ -159,7 +184,7 @@ static inline int is_met(const Objects world, const ObjectHit hit, float3 o, flo
     const int4 image = as_int4(rows[1]);
     if (image.y > 0) {
         const float3 weights = (float3)(1.0f - hit.u - hit.v, hit.u, hit.v);
-        const float2 uv = object_uv(world, world.bvh.triangles[hit.triangle], weights);
+        const float2 uv = object_uv(world.bvh.uvs, world.bvh.triangles[hit.triangle], weights);
         opacity *= level_value(world.bvh.texels, finest_level(image), uv).w;
     }
 #endif
@@ -195,6 +220,23 @@ static inline ALWAYS_INLINE int trace_objects(
     const Objects world, float3 o, float3 d, float t_max, int any, ObjectHit *hit)
 {
     return is_ray(o, d) && bvh_trace(world.bvh, o, d, t_max, any, hit);
+}
+#endif
+
+#ifdef VARIANTS
+// Return the index of the variant that a ray along d meets; without any, of the material itself.
+static inline ALWAYS_INLINE int drawn_variant(
+    const Objects world, const ObjectSurface at, const ObjectHit hit, float3 d)
+{
+    const int4 image = world.bvh.variants[at.material];
+    if (image.w == 0)
+        return at.material;
+    const uint ray = hash_combine(hash_combine(as_uint(d.x), as_uint(d.y)), as_uint(d.z));
+    const uint place = hash_combine(hash_combine(as_uint(hit.u), as_uint(hit.v)), (uint)hit.triangle);
+    const uint seed = hash_combine(ray, place);
+    const float2 u = (float2)(u01(seed), u01(hash_combine(seed, 1)));
+    const float2 uv = object_uv(world.bvh.uvs, at.vertices, at.weights);
+    return image.w + drawn_index(world.bvh.indices, image, uv, at.footprint, u);
 }
 #endif
 
@@ -244,7 +286,13 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(
         safe_normalize(cross(safe_normalize(b - a, d), safe_normalize(c - a, d)), -d);
     at.flat_normal = dot(at.flat_normal, d) > 0.0f ? -at.flat_normal : at.flat_normal;
 #ifdef TEXTURES
-    at.footprint = uv_footprint(world, at.vertices, cross(b - a, c - a), d, cone_width(cone, hit.t));
+    at.footprint = uv_footprint(world.bvh.uvs, at.vertices, cross(b - a, c - a), d, cone_width(cone, hit.t));
+#endif
+#ifdef TEXTURE_PLACES
+    at.footprint2 = uv_footprint(world.bvh.uvs2, at.vertices, cross(b - a, c - a), d, cone_width(cone, hit.t));
+#endif
+#ifdef VARIANTS
+    at.material = drawn_variant(world, at, hit, d);
 #endif
     const float3 na = vertex_normal(world, rows, at.vertices.x);
     const float3 nb = vertex_normal(world, rows, at.vertices.y);

@@ -2,7 +2,7 @@
 //
 //   image    x: index of the first texel, and how the image is read beyond 0 and 1; y: width, and whether the nearest
 //            texel is read; z: height. The levels follow each other, each half as wide and high, rounded down, at
-//            least 1.
+//            least 1. Maps of variants, -D VARIANTS, have the finest alone.
 #pragma once
 
 // Bits of an image's first texel: its place, and from TEXTURE_WRAP on how it is read beyond 0 and 1 along u and v, two
@@ -89,5 +89,27 @@ static inline float4 object_texture(__global const half *texels, int4 image, flo
     const float part = number - (float)finer;
     return part > 0.0f ? mix(value, level_value(texels, coarser_level(level), uv), part) : value;
 }
+
+#ifdef VARIANTS
+// Return the index in a texel drawn at random: indices have no mean. The texel lies within the footprint, or as likely
+// as its weight in the bilinear value where that is wider. Pictures thus have the mean of the filtered map (M.
+// Fajardo, B. Wronski, M. Salvi, M. Pharr, "Stochastic Texture Filtering", 2023). u in [0, 1)^2.
+static inline int drawn_index(__global const uchar *indices, int4 image, float2 uv, float footprint, float2 u)
+{
+    const TextureLevel map = finest_level(image);
+    const float2 size = convert_float2(map.size);
+    const float2 least = map.flags & NEAREST_FLAG ? (float2)(0.0f) : 1.0f / size;
+    uv += (u - 0.5f) * fmax(least, (float2)(footprint));
+    const uint along_u = map.flags & 3u, along_v = map.flags >> 2 & 3u;
+    if (along_u)
+        uv.x = wrapped(uv.x, along_u, size.x);
+    if (along_v)
+        uv.y = wrapped(uv.y, along_v, size.y);
+    const float2 part = uv - floor(uv);
+    const int x = min((int)(part.x * size.x), map.size.x - 1);
+    const int y = min((int)((1.0f - part.y) * size.y), map.size.y - 1);
+    return indices[map.first + y * map.size.x + x];
+}
+#endif
 
 #endif
