@@ -33,8 +33,7 @@ from iprt.view.composite import Composite
 from iprt.view.drawing import Drawing
 from iprt.view.object_layer import VisibleLayer
 from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
-from iprt.world.objects.lamp_tree import TREE_FROM
-from iprt.world.objects.lamps import emitting_triangles
+from iprt.world.objects.lamps import have_lamp_tree
 from iprt.world.objects.objects import Objects
 from iprt.world.objects.sunlit import Sunlit
 from iprt.world.real.camera_motion import CameraMotion
@@ -42,8 +41,7 @@ from iprt.world.shared import Worlds
 from iprt.world.world import World
 
 MOVING_FADING, MOVING_REFLECTED_FADING = 2.0, {False: 3.0, True: 2.0}
-"""Factors of `Settings.fading` while objects move: of the change on real surfaces, and of reflected
-light, which histories follow less well. The noise of glass (True) is a larger error."""
+"""Factors of `Settings.fading` while objects move: of real surfaces, and without and with glass."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,7 @@ class Renderer:
             self.settings,
             footage or Footage.of(frame),
             lights=any(instance.mesh.light is not None for instance in self.instances),
-            many_lamps=emitting_triangles(self.instances) > TREE_FROM,
+            many_lamps=have_lamp_tree(self.instances),
             deforming=any(instance.mesh.deforms for instance in self.instances),
         )
         self._frame_index = 0

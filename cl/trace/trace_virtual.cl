@@ -4,7 +4,7 @@
 // in   list, count    pixels to trace (y * width + x) and how many
 //      guide          7 planes (lib/gbuffer/guide.h): world normal towards the viewer, position, id
 //      surfaces       planes of the visible surfaces
-//      known          temporal means of the last picture (iprt/trace/tracers.py)
+//      known          temporal means of the last picture (iprt/trace/tracer_arguments.py)
 //      real, objects  lib/world/world.h
 // out  diffuse        3 planes: irradiance / pi; null if no material has a diffuse lobe
 //      specular       3 planes: radiance; null, as is `hit`, if no material has a specular lobe

@@ -18,7 +18,7 @@ Index = Callable[[Float], float]
 ROUGHNESSES = 16
 """Steps of the roughness of layers with more values than that: tables of each take long to make."""
 STRENGTHS, FEWER_STRENGTHS = 16, 4
-"""The same of the specular strength; with a map of roughness, each value has many tables."""
+"""Steps of the specular strength, without and with a map of roughness, which takes more tables."""
 VARYING = (
     "clearcoat",
     "clearcoat_alpha",

@@ -44,7 +44,7 @@ class Place:
 
 
 Places = tuple[Place | None, Place | None, Place | None]
-"""Of `surface_texture`, `normal_texture` and `emission_texture`; None: as the mesh's `uvs`."""
+"""Places of the maps of surface, normals and emission; None: as the mesh's `uvs`."""
 ALL_ALIKE: Places = (None, None, None)
 
 

@@ -19,13 +19,12 @@ from iprt.trace.carried_motion import CarriedMotion
 from iprt.trace.reflection_motion import ReflectionMotion
 from iprt.trace.relight import Relight
 from iprt.trace.seen_through import SeenThrough
+from iprt.trace.tracer_arguments import KnownArgs, SurfacesArgs
 from iprt.trace.tracers import (
     GlossTracer,
-    KnownArgs,
     RayKernel,
     RayKernels,
     RealTracer,
-    SurfacesArgs,
     VirtualTracer,
 )
 from iprt.view.object_layer import VisibleSurfaces

@@ -8,7 +8,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.kernel_source import constant
 from iprt.gbuffer.guide import Guide
 from iprt.settings.features import Features
-from iprt.trace.tracers import SurfacesArgs
+from iprt.trace.tracer_arguments import SurfacesArgs
 from iprt.world.world import World
 
 PLANES = constant("lib/trace/seen_through.h", "SEEN_PLANES")

@@ -228,7 +228,7 @@ def test_what_cannot_be_written_changes_nothing(scene: Scene, tmp_path: Path) ->
     ],
 )
 def test_a_file_that_somebody_broke_meanwhile(scene: Scene, old: str, new: str) -> None:
-    """Is told of by its name, and stays as it is."""
+    """The error names it, and it stays as it is."""
     path = scene.root / "scene.toml"
     broken = path.read_text().replace(old, new)
     path.write_text(broken)

@@ -29,7 +29,8 @@ from iprt.settings.filter import MaskSettings
 from iprt.settings.methods import methods
 from iprt.settings.model import Settings
 from iprt.trace.pixels import listed_arguments
-from iprt.trace.tracers import KnownArgs, RealTracer, SurfacesArgs, VirtualTracer
+from iprt.trace.tracer_arguments import KnownArgs, SurfacesArgs
+from iprt.trace.tracers import RealTracer, VirtualTracer
 from iprt.world.real.camera_motion import STILL
 from iprt.world.real.irradiance import IrradianceCache
 from iprt.world.real.panorama import START_BIAS

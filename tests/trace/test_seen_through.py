@@ -13,7 +13,7 @@ from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance
 from iprt.geometry.solids import swollen
 from iprt.trace.seen_through import SeenThrough
-from iprt.trace.tracers import SurfacesArgs
+from iprt.trace.tracer_arguments import SurfacesArgs
 from tests.oracles.brdf import fresnel
 from tests.trace.closed_forms import BOX_VIEW as VIEW
 from tests.trace.estimators import furnace, kernels

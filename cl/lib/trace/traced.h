@@ -5,7 +5,7 @@
 #include "maths/listed_items.h"
 #include "maths/rng.h"
 #include "maths/kernel_attributes.h"
-#include <iprt.trace.tracers>
+#include <iprt.trace.tracer_arguments>
 
 // Return the index of a listed pixel into padded planes.
 static inline int pixel_of(int listed, int width)

@@ -137,6 +137,11 @@ class Lamps:
         )
 
 
+def have_lamp_tree(instances: Sequence[Instance]) -> bool:
+    """Return True if rays choose among the emitting triangles by a tree."""
+    return emitting_triangles(instances) > TREE_FROM
+
+
 def emitting_triangles(instances: Sequence[Instance]) -> int:
     """Return the number of triangles that emit light."""
     return sum(map(_emitting, instances))
