@@ -217,8 +217,13 @@ def test_those_that_vanish_leave_nothing(place: Place) -> None:
         until(lambda: not place.host.browsers, "it is still there")
     until(lambda: not place.engine._core._sessions, "the engine renders for it")
     until(lambda: not _threads("iprt browser"), "a thread is left")
-    gc.collect()
-    assert [ref() for ref in seen if ref() is not None] == []
+
+    def kept() -> list[weakref.ref[Browser]]:
+        gc.collect()
+        return [ref for ref in seen if ref() is not None]
+
+    # The server's task of the last connection may still be about to end.
+    until(lambda: not kept(), "a browser is kept")
 
 
 def _threads(name: str) -> list[str]:
