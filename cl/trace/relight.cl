@@ -22,13 +22,6 @@
 #include "world/real/irradiance.h"
 #include "world/real/sun.h"
 
-// Upper bound of the ratio. A larger one occurs where E_R is small and noisy, and where the captured color
-// is too dark to be reliable. -D ADDED_LIGHT: a lamp brightens dark corners much more.
-#ifdef ADDED_LIGHT
-#define MAX_RATIO 1e4f
-#else
-#define MAX_RATIO 4.0f
-#endif
 // Largest reflectance of surfaces for the light that objects add. Below 1, so that the light that surfaces pass on to
 // each other from picture to picture ends.
 #ifdef ADDED_LIGHT
@@ -52,11 +45,11 @@ static inline ALWAYS_INLINE float explained_share(float real, float seen, float 
 }
 
 static inline ALWAYS_INLINE float channel_ratio(
-    float real, float both, float seen, float passing, float explained, float black)
+    float real, float both, float seen, float passing, float explained, float black, float clamp_at)
 {
     const float unexplained = fmax(seen - real, 0.0f);
     const float known = (both + passing * unexplained) / (real + unexplained);
-    const float ratio = fmin(fmax(passing + explained * (known - passing), 0.0f), MAX_RATIO);
+    const float ratio = fmin(fmax(passing + explained * (known - passing), 0.0f), clamp_at);
     const int usable = (real > black) & (real < 1e30f) & (fabs(both) < 1e30f) & (both != real);
     return usable ? ratio : 1.0f;
 }
@@ -73,6 +66,8 @@ __kernel void relight(
                                            // densely: more where objects change more
     STORED_IN variance,                    // -D NOISE: 1 plane, of the signal's guide scalar
     const Sun disc,                        // -D SUN
+    float clamp_at,                        // upper bound of the ratio: a larger one occurs in caustics, but also
+                                           // where E_R is small and noisy, or the color too dark to be reliable
     int width,
     int height)
 {
@@ -177,9 +172,9 @@ __kernel void relight(
         const float of_green = explained_share(real[1][i], green, black);
         const float of_blue = explained_share(real[2][i], blue, black);
         const float explained = fmin(fmax(fmin(of_red, fmin(of_green, of_blue)), 0.0f), 1.0f);
-        float r = channel_ratio(real[0][i], both[0][i], red, passing, explained, black);
-        float g = channel_ratio(real[1][i], both[1][i], green, passing, explained, black);
-        float b = channel_ratio(real[2][i], both[2][i], blue, passing, explained, black);
+        float r = channel_ratio(real[0][i], both[0][i], red, passing, explained, black, clamp_at);
+        float g = channel_ratio(real[1][i], both[1][i], green, passing, explained, black, clamp_at);
+        float b = channel_ratio(real[2][i], both[2][i], blue, passing, explained, black, clamp_at);
 #ifdef DELTA
         const int slight = larger[i] < SLIGHT;
         r = slight ? 1.0f - blocked[0][i] + bounce[0][i] : r;

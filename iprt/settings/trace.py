@@ -59,6 +59,13 @@ class TraceSettings(SettingsGroup):
         description="Remember surfaces that moving things hide in the video of a static camera, "
         "for rays that pass behind these.",
     )
+    caustic_clamp: float = Field(
+        default=4.0,
+        ge=1.0,
+        le=1e4,
+        description="Largest factor by which objects brighten a real surface by reflected and "
+        "refracted light: higher keeps caustics, lower cuts specks. Lamps have no such limit.",
+    )
     openings: Literal["environment", "surface"] = Field(
         default="environment",
         description="Radiance of windows: a distant environment behind them, or their own pixels.",

@@ -97,6 +97,7 @@ class RealPixels:
             delta=features.delta,
             sun=features.sun,
             added_light=features.added_light,
+            clamp=settings.trace.caustic_clamp,
             name=name,
         )
 

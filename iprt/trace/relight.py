@@ -10,6 +10,9 @@ from iprt.gbuffer.guide import Guide, tile_arguments
 from iprt.world.real.irradiance import BLACK, IrradianceCache, IrradianceCacheArgs
 from iprt.world.world import World
 
+MOST_LIT = 1e4
+"""Largest ratio where objects emit light: a lamp brightens dark corners by orders of magnitude."""
+
 
 class Relight:
     """Ratio of each pixel's radiance with objects to its radiance without.
@@ -17,10 +20,9 @@ class Relight:
     Attributes
     ----------
     ratio : (H * W, 4) float32
-        Factor per color channel of the real layer's radiance, in [0, 4], or up to 10⁴ where
-        objects emit light; row by row, without border. Exactly 1 where E_R and E_RV are equal,
-        where E_R is black or not finite, and where no
-        surface is lit.
+        Factor per color channel of the real layer's radiance, from 0 to `clamp`; row by row,
+        without border. Exactly 1 where E_R and E_RV are equal, where E_R is black or not finite,
+        and where no surface is lit.
     """
 
     def __init__(
@@ -32,6 +34,7 @@ class Relight:
         delta: bool,
         sun: bool,
         added_light: bool,
+        clamp: float,
         name: str,
     ) -> None:
         """Build the kernel and its output.
@@ -46,6 +49,8 @@ class Relight:
             There is a sun that the panorama does not show; it is not part of the cached E_R.
         added_light : bool
             Objects emit light.
+        clamp : float
+            Largest ratio without emission, `TraceSettings.caustic_clamp`.
         """
         self._guide = guide
         noise = variance if delta else None
@@ -61,7 +66,11 @@ class Relight:
         one = np.broadcast_to(np.float32(1.0), (pixels, 4))
         self.ratio = device.upload(f"{name} relighting ratio", one)
         self._kernel = device.kernel("trace/relight.cl", "relight", defines).fixed(
-            guide.layout.arguments(), tile_arguments([guide]), variance=noise, ratio=self.ratio
+            guide.layout.arguments(),
+            tile_arguments([guide]),
+            variance=noise,
+            clamp_at=MOST_LIT if added_light else clamp,
+            ratio=self.ratio,
         )
 
     def run(

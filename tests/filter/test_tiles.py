@@ -83,7 +83,7 @@ def test_what_is_left_out_is_what_it_was(
         roughness = upload(device, layout, np.full((1, HEIGHT, WIDTH), 0.2))
         noise = next(iter(signal_filter.variances), None)
         relight = Relight(
-            device, guide, noise, delta=True, sun=False, added_light=False, name="test"
+            device, guide, noise, delta=True, sun=False, added_light=False, clamp=4.0, name="test"
         )
         black = device.zeros("black", layout.shape(3))
         cache: Any = EvenCache(device, np.ones(3))

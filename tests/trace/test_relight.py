@@ -26,6 +26,7 @@ def run(
     irradiance: np.ndarray | None = None,
     touched: np.ndarray | None = None,
     variance: np.ndarray | None = None,
+    clamp: float = 4.0,
 ) -> np.ndarray:
     """(4, H, W) ratio, where the camera saw the radiance `seen`, one color.
 
@@ -36,7 +37,16 @@ def run(
     guide = gbuffer.guide(device)
     delta = irradiance is not None
     noise = None if variance is None else upload(device, layout, variance[None])
-    relight = Relight(device, guide, noise, delta=delta, sun=False, added_light=False, name="test")
+    relight = Relight(
+        device,
+        guide,
+        noise,
+        delta=delta,
+        sun=False,
+        added_light=False,
+        clamp=clamp,
+        name="test",
+    )
     color = np.tile(seen[:, None, None], (1, *signal.shape[1:]))
     planes, seen_planes = (upload(device, layout, image) for image in (signal, color))
     cache: Any = None if irradiance is None else EvenCache(device, irradiance)
@@ -93,6 +103,21 @@ def test_change_on_surfaces(device: ComputeDevice, width: int, height: int) -> N
     np.testing.assert_allclose(ratio[:3], expected, rtol=1e-5, atol=1e-6)
     assert np.all(ratio[3] == 1.0)
     assert np.all(ratio[:, : height // 2] == 1.0)
+
+
+@pytest.mark.parametrize("clamp", [1.0, 2.5, 1e4])
+@pytest.mark.parametrize("irradiance", [None, np.ones(3)], ids=["ratio", "delta"])
+def test_brightening_ends_at_the_clamp(
+    device: ComputeDevice, clamp: float, irradiance: np.ndarray | None
+) -> None:
+    """Irradiance grows by 0 to 100 times the room's, in 64 pixels."""
+    gbuffer = flat_gbuffer(64, 2)
+    more = np.linspace(0.0, 100.0, 64)
+    signal = np.zeros((6, 2, 64))
+    signal[:3], signal[3:] = (1.0, 1.0 + more) if irradiance is None else (0.0, more)
+    ratio = run(device, gbuffer, signal, irradiance=irradiance, clamp=clamp)
+    expected = np.broadcast_to(np.minimum(1.0 + more, clamp), (3, 2, 64))
+    np.testing.assert_allclose(ratio[:3], expected, rtol=1e-5)
 
 
 def test_equal_irradiance_is_exactly_one(device: ComputeDevice) -> None:
