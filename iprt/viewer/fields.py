@@ -178,7 +178,15 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
     sizes = Slider(0.001, 1000.0, False, 0.01)
     return (
         Field("position", "vector", lambda: PARTS["position"], position, move),
-        Field("size", "number", lambda: PARTS["size"], size, resize, slider=sizes),
+        Field(
+            "size",
+            "number",
+            lambda: PARTS["size"],
+            size,
+            resize,
+            slider=sizes,
+            enabled=lambda: ui.state is not None and ui.state.light is None,
+        ),
     )
 
 

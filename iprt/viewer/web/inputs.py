@@ -55,11 +55,12 @@ class Inputs:
         self._ui, self._visible, self._sparse = ui, visible, sparse
         self._bound: list[Binding | Upload] = []
         self._buttons: list[tuple[Action, Any]] = []
+        self._maps: Any = None
         for row in rows:
             if isinstance(row, Action):
                 self._add_button(row)
             elif row.kind == "file":
-                self._bound.append(Upload(ui, row))
+                self._add_upload(row)
             else:
                 self._bound.append(Binding(ui, row))
 
@@ -74,6 +75,9 @@ class Inputs:
         for action, button in self._buttons:
             show(button, "visible", visible and action.visible())
             show(button, "disabled", not action.enabled())
+        if self._maps is not None:
+            # viser does not hide the buttons themselves.
+            show(self._maps, "visible", visible)
         for binding in self._bound:
             shown = visible and (binding.field.enabled() or not self._sparse)
             show(binding.handle, "visible", shown)
@@ -84,6 +88,12 @@ class Inputs:
         """Remove the inputs, but not the buttons."""
         for binding in self._bound:
             binding.handle.remove()
+
+    def _add_upload(self, row: Field) -> None:
+        if self._maps is None:
+            self._maps = self._ui.client.gui.add_folder("Maps", expand_by_default=False)
+        with self._maps:
+            self._bound.append(Upload(self._ui, row))
 
     def _add_button(self, action: Action) -> None:
         button = self._ui.client.gui.add_button(

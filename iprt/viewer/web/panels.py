@@ -105,7 +105,9 @@ class Panels:
                 attribute_switch(ui, "snap", "snapping"),
                 attribute_switch(ui, "align", "align"),
             )
-            self._add(*place_fields(ui), *dragging, visible=lambda: ui.state is not None)
+            self._add(
+                *place_fields(ui), *dragging, visible=lambda: ui.state is not None, sparse=True
+            )
             for fields, has in ((material_fields, "materials"), (virtual_light_fields, "light")):
 
                 def visible(has: str = has) -> bool:

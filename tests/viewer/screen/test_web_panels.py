@@ -251,6 +251,39 @@ def test_materials_and_buffers_are_explained(place: Place) -> None:
     until(lambda: shown.count() and "Depth" in shown.inner_text(), "the status does not name it")
 
 
+def test_inputs_belong_to_what_is_selected(place: Place) -> None:
+    """Materials and their maps to meshes, power to lights; none of them to nothing."""
+    visitor, browser = place.visit()
+    at_rest(visitor, browser)
+    maps, power = visitor.page.get_by_text("Maps", exact=True), visitor.input("Power")
+    size = visitor.input("Size")
+
+    def shown(*expected: bool) -> None:
+        def seen() -> tuple[bool, ...]:
+            return tuple(item.is_visible() for item in (maps, power, size))
+
+        until(lambda: seen() == expected, lambda: str(seen()))
+
+    shown(False, False, False)
+    choose(visitor, "Selected", "cube")
+    shown(True, False, True)
+    button(visitor, "Add a light").click()
+    shown(False, True, False)
+    choose(visitor, "Light", "Spot")
+    until(lambda: visitor.input("Inner angle").is_visible(), "it has no cone")
+    power.fill("20")
+    power.press("Enter")
+    changed = {"kind": "spot", "power": 20.0}
+    until(lambda: light_of(place).items() >= changed.items(), lambda: str(light_of(place)))
+    while place.engine.can_undo:
+        place.engine.undo()
+
+
+def light_of(place: Place) -> dict[str, Any]:
+    """Of the added light, as it is wanted."""
+    return vars(place.engine.object_state("point").light)
+
+
 def albedo(place: Place) -> tuple[float, float, float]:
     """Of the cube, as it is wanted."""
     return tuple(place.engine.object_state("cube").materials[0].albedo)
