@@ -130,7 +130,9 @@ def table_text(key: str, **values: Any) -> str:
 def matrix_array(to_world: NDArray[np.float64]) -> tomlkit.items.Array:
     """Return a (4, 4) transform as TOML, a row a line."""
     rows = tomlkit.array()
-    for row in to_world:
+    # What rounding leaves of zeros is 0: elements of one column have the same unit.
+    least = 1e-9 * np.abs(to_world).max(axis=0)
+    for row in np.where(np.abs(to_world) < least, 0.0, to_world):
         rows.add_line(*(float(f"{value:.7g}") for value in row), indent="  ")
     rows.add_line(indent="")
     return rows

@@ -21,7 +21,7 @@ from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.compiling import Compiling
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.picture_job import PictureJob
-from iprt.viewer.plain_video import plain_video
+from iprt.viewer.plain_video import PlainVideo
 from iprt.viewer.scene_files import POLL_S, SceneFiles
 from iprt.viewer.scene_light import SceneLight
 from iprt.viewer.session import AbandonedError, Session
@@ -59,6 +59,7 @@ class Core:
     files : SceneFiles
     video : VideoPlayer
     light : SceneLight
+    plain : PlainVideo
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Core:
         )
         self.video = VideoPlayer(shared, self._problems, clock)
         self.light = SceneLight(self.jobs, self._problems, clock)
+        self.plain = PlainVideo(shared, self.jobs, scene)
         self._staging = Staging(self.files, self.light, self.video)
         self._sessions: dict[int, Session] = {}
         self._failed: dict[int, tuple[Stage, NumberedRequest]] = {}
@@ -122,6 +124,11 @@ class Core:
             self._failed.pop(client, None)
         stage = self._staging.follow(wanted, shown=self._all_see_the_frame(wanted.requests))
         chosen = None if stage is None else self._most_urgent(stage, wanted.requests)
+        if stage is not None:
+            self.plain.follow(stage.frame)
+        else:
+            for client in wanted.requests:
+                self.plain.show(client)
         if stage is None or chosen is None:
             missing = stage is None and not self._problems
             self._report("loading" if missing or self.jobs.running else "waiting")
@@ -231,7 +238,9 @@ class Core:
         """Report that the device is about to compile, which cannot be interrupted."""
         self._go_on()
         self._compiling.begin(file)
-        self._show_plain()
+        work = self._under_way
+        if work is not None:
+            self.plain.show(work.client)
 
     def _go_on(self) -> None:
         """Raise `AbandonedError` if the picture under way is obsolete."""
@@ -240,19 +249,6 @@ class Core:
             return
         if self._shared.closed or work.unwanted(self._shared.snapshot, self._abandoned):
             raise AbandonedError
-
-    def _show_plain(self) -> None:
-        """Show the plain video in the current view until there is a picture."""
-        work, device = self._under_way, self._device
-        if work is None or device is None:
-            return
-        asked = self._shared.snapshot.requests.get(work.client)
-        shown = self._shared.shown(work.client)
-        if asked is None or (shown is not None and not shown.plain):
-            return
-        if shown is None or shown.request.view != asked.request.view:
-            picture = plain_video(work.stage.frame, asked.request, device.name)
-            self._shared.publish(work.client, picture)
 
     def _report_compiling(self) -> None:
         self._report("rendering" if self._compiling.file is None else "compiling")
@@ -299,7 +295,13 @@ class Core:
         edits = self._shared.world.edits
         return {entry.name for entry in objects} | {edit.name for edit in edits}
 
-    def add(self, edit: ObjectEdit, direction: tuple[float, float], pose: MeshPose) -> None:
+    def add(
+        self,
+        edit: ObjectEdit,
+        direction: tuple[float, float],
+        pose: MeshPose,
+        failed: Callable[[], object] = lambda: None,
+    ) -> None:
         """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
         path, frame = edit.path, self.video.frame
         assert path is not None
@@ -324,7 +326,10 @@ class Core:
 
             return finish
 
-        self.jobs.start(f"loading {path}", job, self._report_mesh)
+        def report(problem: str) -> None:
+            # Files that browsers upload lie in the server's temporary folder.
+            self._problems["mesh"] = problem.replace(str(path), path.name)
+            self._noted_s = self._clock()
+            failed()
 
-    def _report_mesh(self, problem: str) -> None:
-        self._problems["mesh"], self._noted_s = problem, self._clock()
+        self.jobs.start(f"loading {path.name}", job, report)

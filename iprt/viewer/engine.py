@@ -26,6 +26,7 @@ from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
+from iprt.viewer.plain_video import PlainFrame
 from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
@@ -165,6 +166,11 @@ class Engine:
         """Return an object with all edits, including unrendered ones; None if it is missing."""
         state = next((state for state in self.objects if state.name == name), None)
         return None if state is None else state.edited(self.world.edit_of(state.name))
+
+    @property
+    def plain_frame(self) -> PlainFrame | None:
+        """The color of the newest video frame, or None before the first is read."""
+        return self._core.plain.frame
 
     @property
     def status(self) -> Status:
@@ -340,7 +346,9 @@ class Engine:
         name = free_name(path.stem, self._core.object_names() | self._names)
         self._names.add(name)
         edit = ObjectEdit(name, material=material, path=path)
-        self._core.add(edit, (yaw_deg, pitch_deg), pose or MeshPose())
+        self._core.add(
+            edit, (yaw_deg, pitch_deg), pose or MeshPose(), lambda: self._names.discard(name)
+        )
         return name
 
     def add_light(self, light: LightTable, to_world: NDArray[np.float64]) -> str:

@@ -5,9 +5,14 @@ This module does not draw: `desktop.widgets.draw_field` and `web.inputs.Inputs` 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from iprt.settings.overrides import Setting, all_settings, groups
 from iprt.settings.presets import PRESETS, Quality
@@ -19,6 +24,7 @@ from iprt.viewer.controls import (
     with_preset,
     with_value,
 )
+from iprt.viewer.gizmo import turn_of, turned_to
 from iprt.viewer.labels import (
     CURVES,
     NOTHING,
@@ -149,18 +155,29 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
 
 def place_fields(ui: UiState) -> tuple[Field, ...]:
-    """Build the fields of the selected object's position and size."""
+    """Build the fields of the selected object's pivot, rotation and size."""
 
     def position() -> tuple[float, ...]:
-        place = (0.0, 0.0, 0.0) if ui.state is None else ui.state.to_world[:3, 3]
-        return tuple(round(float(value), 4) for value in place)
+        return _rounded(np.zeros(3) if ui.state is None else ui.state.pivot, 4)
 
     def move(place: tuple[float, ...]) -> None:
         state = ui.state
         if state is not None:
-            to_world = state.to_world.copy()
-            to_world[:3, 3] = place
-            ui.place(state, to_world)
+            ui.place(state, state.about_pivot(state.to_world[:3, :3], np.array(place)))
+
+    def rotation() -> tuple[float, ...]:
+        if ui.state is None:
+            return 0.0, 0.0, 0.0
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # at ±90° about x, z is 0
+            y, x, z = Rotation.from_matrix(turn_of(ui.state)).as_euler("YXZ", degrees=True)
+        return _rounded([x, y, z], 3)
+
+    def turn(angles: tuple[float, ...]) -> None:
+        state, (x, y, z) = ui.state, angles
+        if state is not None and np.isfinite(angles).all():
+            turned = Rotation.from_euler("YXZ", [y, x, z], degrees=True).as_matrix()
+            ui.place(state, turned_to(state, turned))
 
     def size() -> float:
         return 1.0 if ui.state is None else round(float(ui.state.size.max()), 4)
@@ -169,15 +186,13 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         state = ui.state
         if state is None or not size > 0.0:
             return
-        to_world, factor = state.to_world.copy(), size / float(state.size.max())
-        # Scale about the centre of the bottom, so that the object stays in place.
-        to_world[:3, 3] += (1.0 - factor) * to_world[:3, :3] @ state.foot
-        to_world[:3, :3] *= factor
-        ui.place(state, to_world)
+        factor = size / float(state.size.max())
+        ui.place(state, state.about_pivot(factor * state.to_world[:3, :3]))
 
     sizes = Slider(0.001, 1000.0, False, 0.01)
     return (
-        Field("position", "vector", lambda: PARTS["position"], position, move),
+        Field("position", "vector", lambda: PARTS["position"], position, move, unit="m"),
+        Field("rotation", "vector", lambda: PARTS["rotation"], rotation, turn, unit="°"),
         Field(
             "size",
             "number",
@@ -185,9 +200,15 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
             size,
             resize,
             slider=sizes,
+            unit="m",
             enabled=lambda: ui.state is not None and ui.state.light is None,
         ),
     )
+
+
+def _rounded(values: ArrayLike, digits: int) -> tuple[float, ...]:
+    """Return values without negative zeros."""
+    return tuple(float(value) for value in np.asarray(values, np.float64).round(digits) + 0.0)
 
 
 def selected_field(ui: UiState) -> Field:

@@ -56,18 +56,14 @@ def box_edges(state: ObjectState, view: View, centre: Float) -> Float:
     return view.project(np.reshape(ends, (-1, 2, 3)))
 
 
-def turn_and_middle(state: ObjectState) -> tuple[Float, Float]:
-    """Return an object's rotation (3, 3), and the centre of its box (3,) in the world."""
-    linear = state.to_world[:3, :3]
-    return polar(linear)[0], linear @ state.middle + state.to_world[:3, 3]
+def turn_of(state: ObjectState) -> Float:
+    """Return an object's rotation (3, 3)."""
+    return polar(state.to_world[:3, :3])[0]
 
 
-def with_turn_and_middle(state: ObjectState, turn: Float, middle: Float) -> Float:
-    """Return the transform (4, 4) that gives an object this rotation and centre, and its size."""
-    to_world = np.eye(4)
-    to_world[:3, :3] = turn @ polar(state.to_world[:3, :3])[1]
-    to_world[:3, 3] = middle - to_world[:3, :3] @ state.middle
-    return to_world
+def turned_to(state: ObjectState, turn: Float, pivot: Float | None = None) -> Float:
+    """Return the transform (4, 4) of this rotation and the same size, with a pivot (3,)."""
+    return state.about_pivot(turn @ polar(state.to_world[:3, :3])[1], pivot)
 
 
 def polar(linear: Float) -> tuple[Float, Float]:

@@ -159,8 +159,9 @@ PARTS: Mapping[str, Label] = {
     "opacity_texture": Label("Opacity map", "In the picture's alpha channel, or in grey."),
     "emission_texture": Label("Emission map", "Picture that the emission multiplies."),
     "bare": Label("Remove maps", "The material becomes even and without holes."),
-    "position": Label("Position", "Metres: x to the right, y up, z backwards."),
-    "size": Label("Size", "Metres, along the longest side."),
+    "position": Label("Position", "Centre of the bottom: x to the right, y up, z backwards."),
+    "rotation": Label("Rotation", "About x, y (up) and z; y turns first."),
+    "size": Label("Size", "Length of the longest side."),
     "snap": Label("Stay on surfaces", "The object slides over the surfaces of the video."),
     "align": Label(
         "Align to surface", "The object tilts with the surface. Otherwise it is upright."

@@ -107,6 +107,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             lambda: PARTS["absorption"],
             lambda: material().absorption,
             absorb,
+            unit="1/m",
             enabled=solid["enabled"],
         ),
         field("priority", "number", "priority", slider=Slider(-9, 9, True, 0.0), **solid),

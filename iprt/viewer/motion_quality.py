@@ -311,8 +311,8 @@ class MotionQuality:
             self._moved_s = self._clock()
             self._rate.add()
         level = self._level_of(shown)
-        if (level is None or level.preview is None) and not shown.compiled:
-            self._usual_s = shown.seconds
+        if (level is None or level.preview is None) and (seconds := _rendering_s(shown)):
+            self._usual_s = seconds
         if (
             self._controller is not None
             and (level or self._controller.levels[0]) is self._controller.level
@@ -328,3 +328,15 @@ class MotionQuality:
         """Return the level at which a picture was requested."""
         levels = () if self._controller is None else self._controller.levels
         return next((n for n in levels if n.settings is shown.request.settings), None)
+
+
+def _rendering_s(shown: Shown) -> float:
+    """Return the seconds of a picture without those of compilers; 0 if they are not known.
+
+    Passes of a first picture include those that prepare the world. The estimate is then too high,
+    and quality rises again soon. Without it, the first drag would have full quality until several
+    slow frames have been seen.
+    """
+    if not shown.compiled:
+        return shown.seconds
+    return 1e-3 * sum(entry.ms for entry in shown.passes)

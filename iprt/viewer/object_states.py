@@ -64,9 +64,23 @@ class ObjectState:
 
     @property
     def foot(self) -> Float:
-        """(3,) centre of the bottom of that box, on which the object stands."""
+        """(3,) pivot before `to_world`: centre of the bottom of that box; a light's own place."""
+        if self.light is not None:
+            return np.zeros(3)
         x, _, z = self.middle
         return np.array([x, self.corners[0][1], z])
+
+    @property
+    def pivot(self) -> Float:
+        """(3,) point in the world that the object is moved by, turned and scaled about."""
+        return np.asarray(self.to_world[:3, :3] @ self.foot + self.to_world[:3, 3])
+
+    def about_pivot(self, linear: Float, pivot: Float | None = None) -> Float:
+        """Return the transform (4, 4) of this linear part (3, 3) with the same or another pivot."""
+        to_world = np.eye(4)
+        to_world[:3, :3] = linear
+        to_world[:3, 3] = (self.pivot if pivot is None else pivot) - linear @ self.foot
+        return to_world
 
     @property
     def keyframed(self) -> bool:

@@ -50,7 +50,7 @@ class Shown:
     compiled : bool
         True if kernels were compiled or buffers created, so that later pictures are faster.
     plain : bool
-        True for the video without objects, shown while kernels compile. It answers no request:
+        True for the video without objects, shown before the first picture. It answers no request:
         `number` is -1, and `frames` 0.
     """
 

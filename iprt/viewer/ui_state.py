@@ -218,9 +218,11 @@ class UiState(ABC):
         Raises
         ------
         IprtError
-            The file is not a mesh.
+            There is no such file, or it is not a mesh.
         """
         require_mesh(path)
+        if not path.is_file():
+            raise IprtError(f"{printable(str(path), 200)}: no such file")
         self.selected = self.engine.add(path, *self.viewport.aim(x, y))
 
     def save(self) -> None:

@@ -28,6 +28,7 @@ from iprt.viewer.picking import Picking, Readout
 from iprt.viewer.screenshots import free_path
 from iprt.viewer.session import Shown
 from iprt.viewer.state import REST_FRAMES, Request
+from iprt.viewer.surroundings import Surroundings, SurroundingsDeveloper
 from iprt.viewer.truth_reader import truth_problem
 
 MIN_FOV_DEG, MAX_FOV_DEG = 2.0, 150.0
@@ -81,7 +82,7 @@ class Viewport:
         self._objects, self._frames = objects, frames
         self._lens, self.motion = Lens(), MotionQuality(target_fps, engine.tradeoff, clock)
         self._edits = engine.world.edits, engine.world.light
-        self._developer = PictureDeveloper()
+        self._developer, self._surroundings = PictureDeveloper(), SurroundingsDeveloper(engine)
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency_s: float | None = None
@@ -258,6 +259,11 @@ class Viewport:
                 fps=self.motion.fps,
             )
         return self._displayed
+
+    @property
+    def surroundings(self) -> Surroundings | None:
+        """The video around a turned picture, the same object if nothing is new."""
+        return self._surroundings.newest(self._lens)
 
     @property
     def counter(self) -> str | None:

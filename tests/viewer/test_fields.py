@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
-from iprt.errors import FormatError
+from iprt.errors import FormatError, IprtError
 from iprt.scene.material_maps import MAPS
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
@@ -32,8 +32,10 @@ from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 from tests.clips import write_clip
+from tests.scene.files import CUBE
 from tests.viewer.turns import SETTINGS, VIEW
 from tests.viewer.viewports import at_rest, until
+from tests.waiting import DEADLINE_S
 
 
 class Ui(UiState):
@@ -72,6 +74,7 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "split": 0.25,
         "error": True,
         "position": (0.5, -1.0, -2.0),
+        "rotation": (10.0, -20.0, 30.0),
         "size": 0.75,
         "material": "conductor",
         "color": (0.25, 0.5, 0.75),
@@ -99,8 +102,7 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         before = {other: field.read() for other, field in fields.items() if other != key}
         fields[key].write(value)
         assert fields[key].read() == pytest.approx(value, abs=1e-4) or fields[key].read() == value
-        if key != "size":  # which moves the middle of a box that stands
-            assert {other: fields[other].read() for other in before} == before
+        assert {other: fields[other].read() for other in before} == before
         if fields[key].kind == "choice":
             assert value in fields[key].options()
 
@@ -147,7 +149,7 @@ def test_maps_are_given_by_file_taken_away_and_saved(ui: Ui) -> None:
     assert [getattr(material, key) is not None for key in MAPS] == [True, True, False, True, True]
     done: SimpleQueue[str | None] = SimpleQueue()
     ui.engine.save(done.put)
-    assert done.get(timeout=60.0) is None
+    assert done.get(timeout=DEADLINE_S) is None
     saved = {entry.name: entry for entry in Scene.open(folder).objects}["cube"].bound.materials[0]
     assert saved == material
     np.testing.assert_array_equal(saved.surface_texture, material.surface_texture)
@@ -173,6 +175,50 @@ def test_a_resized_object_stands_where_it_stood(ui: Ui) -> None:
     for impossible in (0.0, -1.0, float("nan")):
         size.write(impossible)
         assert foot()[1] == now
+
+
+def test_an_object_is_turned_and_scaled_about_its_shown_position(ui: Ui) -> None:
+    """And is moved by it; all three are read as they were written, and saved without dirt."""
+    fields = by_key(place_fields(ui))
+    position, rotation, size = (fields[key] for key in ("position", "rotation", "size"))
+    at = position.read()
+    for angles in ((0.0, 90.0, 0.0), (-30.0, 120.0, 45.0), (90.0, 20.0, 0.0), (0.0, -90.0, 0.0)):
+        rotation.write(angles)
+        assert rotation.read() == pytest.approx(angles, abs=1e-3)
+        assert position.read() == pytest.approx(at, abs=1e-4)
+    size.write(0.5)
+    assert size.read() == 0.5
+    assert position.read() == pytest.approx(at, abs=1e-4)
+    position.write((0.25, -0.5, -1.0))
+    assert position.read() == (0.25, -0.5, -1.0)
+    assert rotation.read() == pytest.approx((0.0, -90.0, 0.0))
+    for impossible in (np.nan, np.inf):
+        rotation.write((0.0, impossible, 0.0))
+    assert rotation.read() == pytest.approx((0.0, -90.0, 0.0))
+    done: SimpleQueue[str | None] = SimpleQueue()
+    ui.engine.save(done.put)
+    assert done.get(timeout=DEADLINE_S) is None
+    text = (ui.engine.scene.root / "scene.toml").read_text()
+    assert "e-" not in text.partition("to_world")[2]
+
+
+def test_a_mesh_that_cannot_be_read_keeps_no_name(ui: Ui, tmp_path: Path) -> None:
+    path = tmp_path / "thing.obj"
+    path.write_text("v 1 2\nf 1 2 3\n")
+    for _ in range(2):
+        ui.add(path, 0.5, 0.6)
+        assert ui.selected == "thing"
+        until(ui.viewport, lambda _: "thing" not in ui.engine._names)
+        until(ui.viewport, lambda _: bool(ui.engine.status.problems))
+    (problem,) = ui.engine.status.problems
+    assert problem.startswith("thing.obj")
+    assert str(tmp_path) not in problem
+    path.write_text(CUBE)
+    ui.add(path, 0.5, 0.6)
+    until(ui.viewport, lambda _: ui.state is not None)
+    assert ui.selected == "thing"
+    with pytest.raises(IprtError, match="no such file"):
+        ui.add(tmp_path / "lost.obj", 0.5, 0.6)
 
 
 def test_only_what_counts_can_be_used(ui: Ui) -> None:

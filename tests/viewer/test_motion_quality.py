@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from iprt.device.profile import PassTime
 from iprt.footage.properties import Footage
 from iprt.geometry.material import Material
+from iprt.renderer import RenderedFrame
 from iprt.settings.features import Features
 from iprt.settings.ladder import LADDER, entry_settings
 from iprt.settings.model import Settings
@@ -23,9 +25,12 @@ from iprt.viewer.motion_quality import (
     SCALES,
     UP_S,
     Level,
+    MotionQuality,
     QualityController,
     levels_below,
 )
+from iprt.viewer.session import Shown
+from iprt.viewer.state import Request
 from tests.measure.tables import made_table
 from tests.viewer.turns import VIEW
 
@@ -33,6 +38,32 @@ FPS = 30.0
 TABLE = made_table()
 LEAST = changed(Settings(), entry_settings(next(iter(LADDER))))
 """The settings of the quickest entry."""
+
+
+def taken(seconds: float, passes_s: tuple[float, ...], *, compiled: bool) -> Shown:
+    """A first picture at full quality."""
+    passes = tuple(PassTime("pass", 1e3 * pass_s, 0.0, 1) for pass_s in passes_s)
+    request = Request(VIEW)
+    color = RenderedFrame(np.zeros((1, 1, 3), np.float32), {})
+    return Shown(
+        0, 1, request, 0, color, None, None, 1, None, passes, seconds, "device", compiled
+    )  # fmt: skip
+
+
+def test_the_first_picture_tells_how_slow_frames_are() -> None:
+    """Whatever compilers took; so that the first drag has previews from its start."""
+    for picture, quick in (
+        (taken(60.0, (0.004, 0.006), compiled=True), True),
+        (taken(60.0, (0.5, 1.0), compiled=True), False),
+        (taken(60.0, (), compiled=True), True),  # not profiled
+        (taken(0.01, (), compiled=False), True),
+        (taken(1.5, (), compiled=False), False),
+    ):
+        motion = MotionQuality(FPS, TABLE, lambda: 0.0)
+        motion.observe(picture)
+        assert motion.level(Settings(), playing=False) is None
+        motion.stir()
+        assert (motion.level(Settings(), playing=False) is None) == quick
 
 
 def paced(

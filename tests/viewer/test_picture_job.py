@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 import weakref
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,12 +14,14 @@ import pytest
 
 from iprt.device import compute as module
 from iprt.device.compute import ComputeDevice
+from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.renderer import Renderer
+from iprt.scene.light_edits import LightEdit
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
-from iprt.viewer.plain_video import resampled
+from iprt.viewer.plain_video import PlainFrame
 from iprt.viewer.state import Status
 from tests.viewer.turns import FEWEST, SETTINGS, VIEW, Turns, turns
 
@@ -153,12 +156,43 @@ def test_the_first_picture_is_the_video(scene: Scene, device: ComputeDevice) -> 
     assert video.request.view == VIEW  # type: ignore[attr-defined]
 
 
+def test_the_video_is_there_before_its_light_is_found(
+    scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In each view that is asked for while the search goes on."""
+    found, relit = threading.Event(), Scene.relit
+
+    def search(scene: Scene, edit: LightEdit) -> Scene:
+        found.wait()
+        return relit(scene, edit)
+
+    def sees(driver: Turns, client: int, view: View) -> bool:
+        shown = driver.shared.shown(client)
+        return shown is not None and shown.request.view == view
+
+    monkeypatch.setattr(Scene, "relit", search)
+    whole = PlainFrame.of(scene.frame())
+    with turns(scene, device, FEWEST) as driver:
+        try:
+            client = driver.join()
+            for view in (VIEW, replace(VIEW, yaw_deg=50.0)):
+                driver.ask(client, view=view)
+                driver.until(lambda view=view: sees(driver, client, view))
+                shown = driver.shown(client)
+                assert shown.plain
+                np.testing.assert_array_equal(shown.picture.color, whole.seen(view))
+            assert driver.shared.status.text.startswith("looking for")
+        finally:
+            found.set()
+        assert not driver.answer(client).plain
+
+
 def test_the_plain_video_is_what_renderers_resample(scene: Scene, device: ComputeDevice) -> None:
     frame = scene.frame()
     for view in (VIEW, replace(VIEW, yaw_deg=178.0), replace(VIEW, projection="equirect")):
         with Renderer(device, frame, (), view, SETTINGS) as renderer:
             expected = renderer.render().color
-        found = resampled(frame, view)
+        found = PlainFrame.of(frame).seen(view)
         assert found.shape == expected.shape
         # Where colors change from texel to texel, the two filters differ.
         assert np.median(np.abs(found - expected)) < 0.02 * np.median(expected)

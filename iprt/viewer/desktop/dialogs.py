@@ -7,10 +7,11 @@ from pathlib import Path
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
+from iprt.errors import IprtError
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, shortcuts
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
-from iprt.viewer.desktop.ui_state import DesktopState
+from iprt.viewer.desktop.ui_state import MIDDLE, DesktopState
 from iprt.viewer.desktop.widgets import button, quiet
 
 _FIXED = (
@@ -82,12 +83,13 @@ class MeshBrowser:
     def __init__(self, folder: Path) -> None:
         self._folder = folder.resolve()
         self._text = str(self._folder)
+        self._problem = ""
         self._open = False
 
     def draw(self, ui: DesktopState) -> None:
         """Draw the browser while `ui.browsing`."""
         if not ui.browsing:
-            self._open = False
+            self._open, self._problem = False, ""
             return
         em = imgui.get_font_size()
         _centre()
@@ -97,16 +99,27 @@ class MeshBrowser:
         ui.browsing = bool(opened)
         if unfolded:
             chosen = self._path()
+            if self._problem:
+                imgui.push_text_wrap_pos(0.0)
+                imgui.text_colored(imgui.ImVec4(*BAD), self._problem)
+                imgui.pop_text_wrap_pos()
             imgui.begin_child("files", imgui.ImVec2(0, -1.4 * imgui.get_frame_height()))
             chosen = self._list() or chosen
             imgui.end_child()
             quiet("It is set down in the middle of the picture; or drop files on the picture.")
             if chosen is not None:
-                ui.browsing = False
-                ui.cursor = None
-                ui.add_all([chosen])
+                self._add(ui, chosen)
         imgui.end()
         if imgui.is_key_pressed(imgui.Key.escape):  # also during text input
+            ui.browsing = False
+
+    def _add(self, ui: DesktopState, path: Path) -> None:
+        """Add a mesh to the middle of the picture; stay open if it cannot be."""
+        try:
+            ui.add(path, *MIDDLE)
+        except IprtError as error:
+            self._problem = str(error)
+        else:
             ui.browsing = False
 
     def _path(self) -> Path | None:

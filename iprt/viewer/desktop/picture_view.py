@@ -104,7 +104,13 @@ class PictureView:
         left, top, width, height = self.rectangle
         pixels = self._window.pixels_per_unit
         size = round(width * pixels), round(height * pixels)
-        picture = self._window.picture(*size, self._turn)
+        viewport = self._ui.viewport
+        if self._turn is None:
+            picture = self._window.picture(*size)
+        else:
+            picture = self._window.turned_picture(
+                *size, viewport.view, self._turn, viewport.surroundings
+            )
         if picture is not None:
             corner = imgui.ImVec2(left + width, top + height)
             imgui.get_window_draw_list().add_image(picture, imgui.ImVec2(left, top), corner)
@@ -183,8 +189,7 @@ class PictureView:
         self._offset = np.zeros(2)
         if state is None or view is None:
             return
-        foot = state.to_world[:3, :3] @ state.foot + state.to_world[:3, 3]
-        pixel = view.project(foot - self._ui.centre)
+        pixel = view.project(state.pivot - self._ui.centre)
         offset = pixel / (view.width, view.height) - self._place(mouse.x, mouse.y)
         if np.isfinite(offset).all() and np.abs(offset).max() < 0.5:
             self._offset = offset

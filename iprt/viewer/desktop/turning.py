@@ -1,17 +1,20 @@
-"""The last picture, reprojected to the current direction of the view."""
+"""The last picture, reprojected to the current direction of the view, in its surroundings."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
+from iprt.viewer.surroundings import Surroundings
 
 Matrix = NDArray[np.float64]
 
 BESIDE = (0.05, 0.05, 0.06)
-"""Color outside the last picture."""
+"""Color outside the last picture, without surroundings."""
 
 _VERTEX = """
 #version 330
@@ -28,13 +31,20 @@ _FRAGMENT = """
 uniform sampler2D picture;
 uniform mat3 turn;
 uniform vec3 beside;
+uniform bool surrounded;
+uniform sampler2D around;
+uniform mat3 to_panorama;
 in vec2 place;
 out vec4 color;
 void main() {
     vec3 there = turn * vec3(place, 1.0);
     vec2 at = there.xy / max(there.z, 1e-9);
     bool seen = there.z > 0.0 && at == clamp(at, 0.0, 1.0);
-    color = vec4(seen ? textureLod(picture, at, 0.0).rgb : beside, 1.0);
+    vec3 d = normalize(to_panorama * vec3(place, 1.0));
+    // As equirect_pixel() in iprt/geometry/equirect.py.
+    vec2 texel = vec2(atan(d.x, -d.z) / 6.28318531 + 0.5, acos(clamp(d.y, -1.0, 1.0)) / 3.14159265);
+    vec3 other = surrounded ? textureLod(around, texel, 0.0).rgb : beside;
+    color = vec4(seen ? textureLod(picture, at, 0.0).rgb : other, 1.0);
 }
 """
 
@@ -82,25 +92,49 @@ def _rays(view: View) -> Matrix:
     return np.array([[2.0 * wide, 0.0, -wide], [0.0, -2.0 * high, high], [0.0, 0.0, -1.0]])
 
 
+def _write(uniform: Any, matrix: Matrix) -> None:
+    uniform.write(matrix.T.astype(np.float32).tobytes())
+
+
 class Turner:
     """A renderer of reprojected pictures into its own texture."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
-        self._program["beside"] = BESIDE
+        self._program["beside"], self._program["around"] = BESIDE, 1
+        self._surroundings: Surroundings | None = None
+        self._around: moderngl.Texture | None = None
         self._corners = context.vertex_array(self._program, [])
         self._target: moderngl.Framebuffer | None = None
 
+    def surround(self, surroundings: Surroundings) -> None:
+        """Upload what is drawn around pictures, unless it is known."""
+        if surroundings is self._surroundings:
+            return
+        self._surroundings = surroundings
+        height, width = surroundings.pixels.shape[:2]
+        if self._around is None or self._around.size != (width, height):
+            if self._around is not None:
+                self._around.release()
+            self._around = self._context.texture((width, height), 3, alignment=1)
+            self._around.repeat_y = False
+        self._around.write(np.ascontiguousarray(surroundings.pixels), alignment=1)
+
     def draw(
-        self, picture: moderngl.Texture, turn: Matrix, size: tuple[int, int]
+        self, picture: moderngl.Texture, turn: Matrix, view: View, size: tuple[int, int]
     ) -> moderngl.Texture:
-        """Reproject a picture by the matrix of `turned`, at a size in pixels."""
+        """Reproject a picture to a view by the matrix of `turned`, at a size in pixels."""
         target = self._sized(size)
+        self._program["surrounded"] = self._around is not None
+        if self._around is not None and self._surroundings is not None:
+            to_panorama = self._surroundings.axes(view) @ _rays(view)
+            _write(self._program["to_panorama"], to_panorama)
+            self._around.use(1)
         picture.filter = moderngl.LINEAR, moderngl.LINEAR
         picture.repeat_x = picture.repeat_y = False
         picture.use(0)
-        self._program["turn"].write(turn.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
+        _write(self._program["turn"], turn)
         target.use()
         self._corners.render(moderngl.TRIANGLES, 3)
         drawn = target.color_attachments[0]

@@ -15,6 +15,8 @@ from iprt.viewer.screenshots import default_folder
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
+MIDDLE = 0.5, 0.6
+"""Position in the picture of meshes that are not dropped on a place of it."""
 NOTICE_S = 6.0
 """Seconds for which a notice is shown."""
 
@@ -78,11 +80,14 @@ class DesktopState(UiState):
         """Add meshes on the surface at the cursor, or in the middle of the picture."""
         for path in paths:
             try:
-                self.add(path, *(self.cursor or (0.5, 0.6)))
+                self.add(path, *(self.cursor or MIDDLE))
             except IprtError as error:
                 self.say(str(error), bad=True)
-            else:
-                self.say(f"{path.name} is read, to be {self.selected}")
+
+    def add(self, path: Path, x: float, y: float) -> None:
+        """Add a mesh as `UiState.add` does, and name it."""
+        super().add(path, x, y)
+        self.say(f"reading {path.name}, which becomes {self.selected}")
 
     def browse(self) -> None:
         """Open or close the mesh browser."""

@@ -220,13 +220,18 @@ def _drawn(field: Field, now: Any) -> Any:
         hint(field.label().about)
         return now if color is None else color
     if field.kind == "vector":
-        changed, moved = imgui.drag_float3(name, list(now), 0.005, format="%.3f m")
+        changed, moved = imgui.drag_float3(name, list(now), *_pace(field.unit))
         return tuple(moved) if changed else now
     if field.kind == "file":
         entered, path = imgui.input_text(name, now, imgui.InputTextFlags_.enter_returns_true)
         hint(field.label().about)
         return path if entered else now
     return _number(name, now, field)
+
+
+def _pace(unit: str) -> tuple[float, float, float, str]:
+    """Return the step per pixel of a drag, no limits, and the format of a vector in a unit."""
+    return (0.5, 0.0, 0.0, "%.1f°") if unit == "°" else (0.005, 0.0, 0.0, f"%.3f {unit}")
 
 
 def _number(name: str, now: float, field: Field) -> float:

@@ -21,9 +21,11 @@ from imgui_bundle.imgui import backends
 from numpy.typing import NDArray
 
 from iprt.errors import DeviceError
+from iprt.geometry.camera import View
 from iprt.viewer.desktop.style import apply_style
 from iprt.viewer.desktop.turning import BESIDE, Matrix, Turner
 from iprt.viewer.requirements import ELSEWHERE
+from iprt.viewer.surroundings import Surroundings
 
 STIRRED_S, STIRRED_FRAMES = 0.6, 8
 """Least time in seconds, and least number of frames, to redraw after any input: tooltips appear,
@@ -229,20 +231,31 @@ class Window:
             self._texture = self._context.texture((width, height), 3, alignment=1)
         self._texture.write(np.ascontiguousarray(pixels), alignment=1)
 
-    def picture(self, width_px: int, height_px: int, turn: Matrix | None) -> Any:
-        """Return imgui's reference to the uploaded picture at a size in pixels, or None.
-
-        With a matrix of `turned`, the picture is reprojected.
-        """
+    def picture(self, width_px: int, height_px: int) -> Any:
+        """Return imgui's reference to the uploaded picture at a size in pixels, or None."""
         texture = self._texture
         if texture is None:
             return None
-        if turn is not None:
-            self._turner = self._turner or Turner(self._context)
-            return imgui.ImTextureRef(self._turner.draw(texture, turn, (width_px, height_px)).glo)
         kind = moderngl.NEAREST if texture.size == (width_px, height_px) else moderngl.LINEAR
         texture.filter = kind, kind
         return imgui.ImTextureRef(texture.glo)
+
+    def turned_picture(
+        self,
+        width_px: int,
+        height_px: int,
+        view: View,
+        turn: Matrix,
+        surroundings: Surroundings | None,
+    ) -> Any:
+        """Return imgui's reference to the picture reprojected to a view by a matrix of `turned`."""
+        if self._texture is None:
+            return None
+        self._turner = self._turner or Turner(self._context)
+        if surroundings is not None:
+            self._turner.surround(surroundings)
+        drawn = self._turner.draw(self._texture, turn, view, (width_px, height_px))
+        return imgui.ImTextureRef(drawn.glo)
 
 
 def _written(key: int) -> str:

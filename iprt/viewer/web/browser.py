@@ -246,7 +246,9 @@ class Browser(BrowserState):
         if displayed is None or self._closed:
             return False
         viewport = self.viewport
-        sent = self._sender.follow(displayed, viewport.view.height, viewport.lens.split)
+        sent = self._sender.follow(
+            displayed, viewport.surroundings, viewport.view.height, viewport.lens.split
+        )
         self.displayed, self.lossless = displayed, self._sender.lossless
         return sent
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.viewer.gizmo import turn_and_middle, with_turn_and_middle
+from iprt.viewer.gizmo import turn_of, turned_to
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.sun_arrow import COLOR, HEAD, WIDTH
 from iprt.viewer.web.browser_state import BrowserState
@@ -52,14 +52,14 @@ class Gizmo(ABC):
             self._remove()
         if place is None or self._dragged:
             return
-        name, turn, middle = place
+        name, turn, pivot = place
         if self._handle is None:
             self._name, self._handle = name, self._add()
             self._listen()
-        middle = middle - self._ui.centre
-        if self._shown is None or not all(map(np.array_equal, self._shown, (turn, middle))):
-            self._shown = turn, middle
-            self._handle.wxyz, self._handle.position = quaternion(turn), middle
+        pivot = pivot - self._ui.centre
+        if self._shown is None or not all(map(np.array_equal, self._shown, (turn, pivot))):
+            self._shown = turn, pivot
+            self._handle.wxyz, self._handle.position = quaternion(turn), pivot
 
     def _remove(self) -> None:
         if self._handle is not None:
@@ -83,8 +83,8 @@ class Gizmo(ABC):
             return
         if ended:
             self._shown = None  # so that `sync` moves the gizmo to the selection
-        _, before, middle = place
-        moved = np.abs(position + self._ui.centre - middle).max()
+        _, before, pivot = place
+        moved = np.abs(position + self._ui.centre - pivot).max()
         if max(np.abs(turn - before).max(), moved) >= MIN_MOVE:
             self._move(turn, position)
 
@@ -95,7 +95,7 @@ class ObjectGizmo(Gizmo):
     @property
     def _place(self) -> tuple[str, Float, Float] | None:
         state = self._ui.state
-        return None if state is None else (state.name, *turn_and_middle(state))
+        return None if state is None else (state.name, turn_of(state), state.pivot)
 
     def _add(self) -> Any:
         return self._ui.client.scene.add_transform_controls(
@@ -106,7 +106,7 @@ class ObjectGizmo(Gizmo):
         ui, state = self._ui, self._ui.state
         assert isinstance(state, ObjectState)
         if not (ui.snapping and ui.drop_at(position)):
-            ui.place(state, with_turn_and_middle(state, turn, position + ui.centre))
+            ui.place(state, turned_to(state, turn, position + ui.centre))
 
 
 class SunGizmo(Gizmo):

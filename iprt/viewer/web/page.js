@@ -8,6 +8,7 @@
   const MIN_FOV = 2, MAX_FOV = 150, ZOOM_STEP = 0.9; // as in iprt/viewer/viewport.py
   const KEY_STEP = 0.05; // radians
   const PICTURE = "/picture"; // scene node with the pose of the newest picture; see picture.py
+  const AROUND = "/around"; // scene node with the panorama, and its pose in the picture's axes
   const AGAIN_MS = 500; // interval between repeated camera messages
 
   const fragment = `
@@ -18,18 +19,23 @@
     uniform mat3 turn; // rotation from the view to the picture's view
     uniform vec2 extent; // tangents of half the fields of view
     uniform vec2 pictureExtent;
-    uniform float beside; // brightness of the extended edge beside the picture
+    uniform bool surrounded;
+    uniform sampler2D around; // panorama of the video
+    uniform mat3 toPanorama; // rotation from the picture's view to the panorama's axes
     void main() {
       if (!enabled) discard;
-      vec2 at = vUv;
-      float light = 1.0;
+      vec3 color = texture2D(colorMap, vUv).rgb;
       if (moved) {
         vec3 ray = turn * vec3((2.0 * vUv - 1.0) * extent, -1.0);
-        at = 0.5 + 0.5 * ray.xy / (max(-ray.z, 1e-6) * pictureExtent);
-        vec2 off = abs(at - 0.5);
-        if (ray.z >= 0.0 || max(off.x, off.y) > 0.5) light = beside;
+        vec2 at = 0.5 + 0.5 * ray.xy / (max(-ray.z, 1e-6) * pictureExtent);
+        vec3 d = normalize(toPanorama * ray);
+        // As equirect_pixel() in iprt/geometry/equirect.py; the last row is at the bottom.
+        vec2 texel = vec2(atan(d.x, -d.z) / 6.28318531 + 0.5, 1.0 - acos(clamp(d.y, -1.0, 1.0)) / 3.14159265);
+        bool beside = ray.z >= 0.0 || max(abs(at.x - 0.5), abs(at.y - 0.5)) > 0.5;
+        vec3 other = surrounded ? texture2D(around, texel).rgb : vec3(0.0);
+        color = beside ? other : texture2D(colorMap, at).rgb;
       }
-      gl_FragColor = vec4(light * texture2D(colorMap, clamp(at, 0.0, 1.0)).rgb, 1.0);
+      gl_FragColor = vec4(color, 1.0);
       #ifdef USE_REVERSED_DEPTH_BUFFER
         gl_FragDepth = 0.0;
       #else
@@ -66,7 +72,8 @@
     const identity = [1, 0, 0, 0, 1, 0, 0, 0, 1];
     Object.assign(uniforms, {
       moved: { value: false }, turn: { value: identity },
-      extent: { value: [1, 1] }, pictureExtent: { value: [1, 1] }, beside: { value: 0 },
+      extent: { value: [1, 1] }, pictureExtent: { value: [1, 1] },
+      surrounded: { value: false }, around: { value: null }, toPanorama: { value: identity },
     });
     material.fragmentShader = fragment;
     material.needsUpdate = true;
@@ -83,7 +90,9 @@
           // viser's cameras look along +Z, with +Y down; three.js's are rotated about X.
           const half = viser.camera.quaternion.clone().set(1, 0, 0, 0);
           const turned = viser.camera.quaternion.clone().set(x, y, z, w).multiply(half);
-          picture = { quaternion: turned, extent: pose.position.slice(0, 2) };
+          const [aw, ax, ay, az] = viser.nodePoseData[AROUND]?.wxyz ?? [1, 0, 0, 0];
+          const toPanorama = columns({ x: ax, y: ay, z: az, w: aw });
+          picture = { quaternion: turned, extent: pose.position.slice(0, 2), toPanorama };
         }
       },
     });
@@ -99,12 +108,26 @@
       const still = Math.hypot(turn.x, turn.y, turn.z) < 1e-5;
       const [pictureWide, pictureHigh] = picture.extent;
       uniforms.moved.value = !(still && same(high, pictureHigh) && same(wide, pictureWide));
-      uniforms.beside.value = still ? 0 : 0.5; // at rest the picture may be narrower on purpose
+      uniforms.around.value = surroundings(viser);
+      // At rest the picture may be narrower on purpose.
+      uniforms.surrounded.value = !still && uniforms.around.value !== null;
+      uniforms.toPanorama.value = picture.toPanorama;
       uniforms.turn.value = columns(turn);
       uniforms.extent.value = [wide, high];
       uniforms.pictureExtent.value = picture.extent;
       material.uniformsNeedUpdate = true;
     };
+  }
+
+  // Return the texture of the panorama, which an invisible scene node brings; null before that.
+  function surroundings(viser) {
+    let texture = null;
+    viser.nodeRefFromName[AROUND]?.traverse((node) => (texture ??= node.material?.map ?? null));
+    if (texture && texture.colorSpace) {
+      Object.assign(texture, { colorSpace: "", wrapS: 1000, generateMipmaps: false, minFilter: 1006 });
+      texture.needsUpdate = true;
+    }
+    return texture;
   }
 
   function columns({ x, y, z, w }) {

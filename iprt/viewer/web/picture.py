@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from iprt.geometry.camera import View
 from iprt.viewer.displayed_frame import DisplayedFrame
+from iprt.viewer.surroundings import Surroundings
 from iprt.viewer.web.camera import camera_of, quaternion
 from iprt.viewer.web.divider import Divider
 
@@ -19,8 +21,8 @@ REST_S = 1.0
 """Seconds without a new picture after which an unrefined one is sent without loss."""
 ANSWER_S = 20.0
 """Longest wait for a browser to confirm a picture."""
-PICTURE = "/picture"
-"""Scene node with the picture's pose, for `page.js`."""
+PICTURE, AROUND = "/picture", "/around"
+"""Scene nodes with the picture's pose, and with the video around it, for `page.js`."""
 
 
 class PictureSender:
@@ -44,16 +46,26 @@ class PictureSender:
     def __init__(self, client: Any, divider: Divider) -> None:
         self._client, self._divider = client, divider
         self._pose = client.scene.add_frame(PICTURE, show_axes=False)
+        self._around: Any = None
+        self._surroundings: Surroundings | None = None
         self._sent: DisplayedFrame | None = None
         self._sent_s = 0.0
         self.lossless = False
 
-    def follow(self, displayed: DisplayedFrame, height_px: int, split: float) -> bool:
+    def follow(
+        self,
+        displayed: DisplayedFrame,
+        surroundings: Surroundings | None,
+        height_px: int,
+        split: float,
+    ) -> bool:
         """Send a new picture, or a lossless version of the last; return True if sent.
 
         Parameters
         ----------
         displayed : DisplayedFrame
+        surroundings : Surroundings or None
+            Shown where a turned picture ends.
         height_px : int
             Height of the window.
         split : float
@@ -65,8 +77,26 @@ class PictureSender:
             lossless = True
         else:
             return False
+        if surroundings is not None:
+            self._surround(surroundings, displayed.shown.request.view)
         self._send(displayed, height_px, split, lossless=lossless)
         return True
+
+    def _surround(self, surroundings: Surroundings, view: View) -> None:
+        turn = quaternion(surroundings.axes(view))
+        if self._around is not None and surroundings is not self._surroundings:
+            self._around.image = surroundings.pixels
+        elif self._around is None:
+            self._around = self._client.scene.add_image(
+                AROUND,
+                surroundings.pixels,
+                1.0,
+                1.0,
+                format="jpeg",
+                jpeg_quality=QUALITY,
+                visible=False,
+            )
+        self._around.wxyz, self._surroundings = turn, surroundings
 
     def _send(
         self, displayed: DisplayedFrame, height_px: int, split: float, *, lossless: bool

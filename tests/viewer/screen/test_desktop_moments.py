@@ -110,6 +110,33 @@ def test_words_that_come_late_are_whole(user: User) -> None:
     np.testing.assert_array_equal(user.picture(), seen)
 
 
+def test_a_wrong_path_keeps_the_list_of_files_open(user: User) -> None:
+    """It says what is wrong, and the path can be mended."""
+    user.at_rest()
+    objects = len(user.engine.objects)
+    (user.folder / "notes.txt").touch()
+    (user.folder / "found.obj").write_text(CUBE)
+
+    def enter(name: str) -> None:
+        user.ui.browsing = False
+        user.wait()
+        user.app._browser._text = str(user.folder / name)  # as if it was typed
+        user.key("a")
+        user.wait(8)
+        user.key("Return")
+        user.wait(8)
+
+    for wrong, reason in (("lost.obj", "no such file"), ("notes.txt", "not a mesh")):
+        enter(wrong)
+        assert user.ui.browsing
+        assert reason in user.app._browser._problem
+        assert user.reds() > 50, "it is not told"
+    enter("found.obj")
+    assert not user.ui.browsing
+    user.until(lambda: len(user.engine.objects) == objects + 1)
+    assert user.engine.objects[-1].name == "found"
+
+
 def test_escape_closes_the_list_of_files(user: User) -> None:
     """Also while a path is typed."""
     user.at_rest()
@@ -171,8 +198,8 @@ def test_files_that_are_dropped(user: User) -> None:
     user.drop(bad, 60.0, 150.0)
     user.until(lambda: any("broken.obj" in problem for problem in user.problems()))
     user.drop(good, 60.0, 150.0)
-    user.until(lambda: user.reads("box of mine.obj is read"))
-    assert not user.reads(f"{good} is read")
+    user.until(lambda: user.reads("reading box of mine.obj"))
+    assert not user.reads(f"reading {good}")
     user.until(lambda: len(user.engine.objects) == 2)
     state = user.engine.objects[1]
     view = user.at_rest().request.view

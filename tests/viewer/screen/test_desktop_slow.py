@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
-from iprt.viewer.desktop.turning import BESIDE
 from iprt.viewer.gizmo import box_edges
+from iprt.viewer.plain_video import PlainFrame
 from iprt.viewer.session import Session
 from tests.viewer.screen.user import SIZE, User
 
@@ -56,11 +56,14 @@ def reprojected(pixels: NDArray[np.uint8], picture: View, view: View) -> NDArray
 def assert_shows_the_last_picture_turned(user: User, least: float) -> None:
     displayed = user.ui.displayed
     assert displayed is not None
-    expected = reprojected(displayed.pixels, displayed.shown.request.view, user.ui.viewport.view)
+    view, around = user.ui.viewport.view, user.ui.viewport.surroundings
+    assert around is not None
+    expected = reprojected(displayed.pixels, displayed.shown.request.view, view)
+    beside = PlainFrame(around.pixels.astype(np.float32), 0, around.pose).seen(view)
     seen, known = user.picture(), np.isfinite(expected)
     assert known.mean() > least
     assert not known.all()
-    difference = np.abs(seen - np.where(known, expected, 255.0 * np.array(BESIDE)))
+    difference = np.abs(seen - np.where(known, expected, beside))
     assert np.quantile(difference, 0.99) <= 2.0, "filters have 8 bits for places between texels"
     assert difference.mean() < 0.5
     assert np.abs(seen.astype(int) - displayed.pixels).mean() > 3.0, (

@@ -24,10 +24,19 @@ from iprt.output.display import developed
 from iprt.renderer import Renderer
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
+from iprt.viewer.plain_video import PlainFrame
 from iprt.viewer.web.browser import Browser
 from tests.scene.files import CUBE
 from tests.viewer.screen.browsing import Visitor, until
-from tests.viewer.screen.web import FRAMES, Place, at_rest, connected, cube_middle, screen
+from tests.viewer.screen.web import (
+    FRAMES,
+    Place,
+    at_rest,
+    connected,
+    cube_middle,
+    cube_pivot,
+    screen,
+)
 from tests.viewer.turns import SETTINGS
 
 CLICK_S = 5.0
@@ -76,6 +85,13 @@ def test_looking_around(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
 
     until(looks, f"it does not turn to {turned}")
     warped = screen(visitor)
+    around = browser.viewport.surroundings
+    assert around is not None
+    video = PlainFrame(around.pixels.astype(np.float32), 0, around.pose).seen(browser.viewport.view)
+    # Left of the old picture; the panels cover the right.
+    beside = np.s_[down + 10 : -10, 5 : right - 10]
+    assert np.abs(warped[beside] - video[beside]).mean() < 5.0, "not the video beside it"
+    assert video[beside].std() > 10.0
     monkeypatch.undo()
     view = at_rest(visitor, browser)
     inner = np.s_[down + 15 :, right + 15 : view.width - 20]
@@ -128,12 +144,10 @@ def test_an_object_is_moved(place: Place) -> None:
     x, y = visitor.project(cube_middle(place)) * (width, height)
     until(lambda: _selected(visitor, browser, (x, y)), "it is not selected")
     visitor.page.wait_for_function("__viserMutable.nodeRefFromName['/gizmo']")
-    before = place.engine.objects[0].to_world
+    before, pivot = place.engine.objects[0].to_world, cube_pivot(place)
+    x, y = visitor.project(pivot) * (width, height)
     # Along the world's +X, to the right: the gizmo's arrow is drawn there.
-    along = visitor.project(cube_middle(place) + np.array([0.1, 0.0, 0.0])) * (width, height) - (
-        x,
-        y,
-    )
+    along = visitor.project(pivot + np.array([0.1, 0.0, 0.0])) * (width, height) - (x, y)
     ahead = 50.0 * along / np.linalg.norm(along)
     until(lambda: _grabbed(visitor, browser, (x + ahead[0], y + ahead[1])), "nothing to grab")
 

@@ -256,7 +256,7 @@ def test_inputs_belong_to_what_is_selected(place: Place) -> None:
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     maps, power = visitor.page.get_by_text("Maps", exact=True), visitor.input("Power")
-    size = visitor.input("Size")
+    size = visitor.input("Size, m")
 
     def shown(*expected: bool) -> None:
         def seen() -> tuple[bool, ...]:

@@ -211,7 +211,8 @@ def seated(device: ComputeDevice, folder: Path) -> Iterator[User]:
         screen = Screen(display)
         user = User(app, screen, folder)
         _note(patch, user)
-        user.wait()
+        # A picture of another shape would have margins.
+        user.until(lambda: _fits(user))
         sides = (800 - app.picture_view.rectangle[2], 600 - app.picture_view.rectangle[3])
         app.window.size = round(SIZE[0] + sides[0]), round(SIZE[1] + sides[1])
         user.until(lambda: app.picture_view.rectangle[2:] == SIZE)
@@ -222,6 +223,11 @@ def seated(device: ComputeDevice, folder: Path) -> Iterator[User]:
             app.close()
             engine.close()
             screen.close()
+
+
+def _fits(user: User) -> bool:
+    displayed = user.ui.displayed
+    return displayed is not None and displayed.shown.request.view == user.ui.viewport.view
 
 
 def _note(patch: pytest.MonkeyPatch, user: User) -> None:

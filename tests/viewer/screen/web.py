@@ -110,6 +110,10 @@ def cube_middle(place: Place) -> NDArray[np.float64]:
     return state.to_world[:3, :3] @ np.mean(state.corners, axis=0) + state.to_world[:3, 3]
 
 
+def cube_pivot(place: Place) -> NDArray[np.float64]:
+    return place.engine.objects[0].pivot
+
+
 def screen(visitor: Visitor) -> NDArray[np.uint8]:
     """(H, W, 3): the window."""
     return np.asarray(Image.open(BytesIO(visitor.page.screenshot())).convert("RGB"))
