@@ -249,6 +249,15 @@ ROWS = (
         "`normalTexture`",
     ),
     Row(
+        "clearcoat_normal_texture",
+        "The same of the clear coat, which is even without it, whatever lies below.",
+        (
+            replace(MIXED, clearcoat=1.0, normal_texture=ripples()),
+            replace(MIXED, clearcoat=1.0, clearcoat_normal_texture=ripples()),
+        ),
+        "`clearcoatNormalTexture`",
+    ),
+    Row(
         "emission_texture",
         "Map that the emission multiplies.",
         (

@@ -24,7 +24,7 @@ from docs.material_costs import SIZE as COST_SIZE
 from docs.material_rows import PLASTIC, ROWS, Row
 from iprt.files.images import read_color
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material
+from iprt.geometry.material import NORMAL_MAPS, Material
 from iprt.geometry.mesh import Instance, tangent_mesh
 from iprt.measure.combinations import still_settings
 from iprt.measure.metrics import ssim
@@ -119,7 +119,8 @@ def ball_of(material: Material) -> Instance:
     """Return a ball on the table."""
     solid = sphere(RADIUS, segments=128).at(0.0, RADIUS, 0.0)
     mesh = mesh_of(solid.positions, solid.triangles, (material,), solid.normals, solid.uvs)
-    mesh = mesh if material.normal_texture is None else tangent_mesh(mesh)
+    bumpy = any(material.maps[at] is not None for at in NORMAL_MAPS)
+    mesh = tangent_mesh(mesh) if bumpy else mesh
     to_world = np.eye(4)
     to_world[:3, 3] = FOOT
     return Instance("ball", mesh, to_world)

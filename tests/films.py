@@ -300,6 +300,7 @@ def _mapped(instance: Instance) -> Instance:
         texture=CHECKS,
         surface_texture=CHECKS[..., :2],
         normal_texture=2.0 * CHECKS - 1.0,
+        clearcoat_normal_texture=2.0 * CHECKS[::-1] - 1.0,
         opacity_texture=CHECKS[..., 0],
         variants=Variants(
             ("clearcoat",), ((0.0,), (0.8,)), (CHECKS[..., 0] > 0.5).astype(np.uint8)

@@ -41,7 +41,7 @@ ALIKE = Material(
     emission_texture=waves(3),
 )
 """All of its maps lie alike."""
-PLACED = replace(ALIKE, places=PLACES)
+PLACED = replace(ALIKE, places=(*PLACES, None))
 
 
 def placed_square() -> Mesh:

@@ -49,7 +49,7 @@ TRACING_KERNEL void cone_virtual(
     for (int ray = 0; ray < pixels.rays; ray++) {
         const TracedPixel at = traced_pixel(pixels, item, 0x76636f6eu);
         const Material material = load_surface_material(
-            materials, seen_material(surfaces, at), seen_finish(surfaces, at.pixel));
+            materials, seen_material(surfaces, at), seen_finish(surfaces, at.size, at.pixel));
         const float3 color = load_traced(surfaces.albedo, at.size, at.pixel);
         const float3 viewer = -at.p / length(at.p);
         const uint index = READ_AGAIN(samples + at.pixel) + ray;

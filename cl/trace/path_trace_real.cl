@@ -66,7 +66,7 @@ TRACING_KERNEL void path_trace_real(
         start.n = start.viewer = at.n;
         start.albedo = (float3)(0.0f);
         start.material = -1;
-        start.finish = (float2)(0.0f);
+        start.finish = (Finish)(0.0f);
         start.cone.width = start.cone.spread = 0.0f;
         const PathSums sums = {sent, 0, hidden};
         met |= trace_pairs(world, start, at.seed, READ_AGAIN(samples + at.pixel) + path, environment, sums);

@@ -40,7 +40,7 @@ TRACING_KERNEL void path_trace_virtual(
         start.viewer = -at.p / distance;
         start.albedo = load_traced(surfaces.albedo, at.size, at.pixel);
         start.material = seen_material(surfaces, at);
-        start.finish = seen_finish(surfaces, at.pixel);
+        start.finish = seen_finish(surfaces, at.size, at.pixel);
         start.cone.spread = pixels.pixel_angle;
         start.cone.width = start.cone.spread * distance;
 #ifdef REFRACTS

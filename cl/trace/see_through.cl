@@ -2,7 +2,7 @@
 // of the greater Fresnel term, as if the surface were smooth. Rough glass counts as opaque.
 //
 // in   guide   7 planes (lib/gbuffer/guide.h); id: 1 + material
-//      metallic, roughness  1 plane or null (lib/trace/surfaces.h)
+//      surfaces  lib/trace/surfaces.h
 //      world   lib/world/world.h
 // out  seen    10 planes: lib/trace/seen_through.h
 #include "gbuffer/guide.h"
@@ -42,7 +42,7 @@ TRACING_KERNEL void see_through(
     at.beyond = p - lift * at.normal;
     at.albedo = (float3)(1.0f);
     at.material = id - 1;
-    at.finish = seen_finish(surfaces, pixel);
+    at.finish = seen_finish(surfaces, size, pixel);
     at.enters = 1;
     const float3 view = normalize(p);
     float3 o = at.position, d = view - 2.0f * dot(view, at.normal) * at.normal;

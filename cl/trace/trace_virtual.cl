@@ -100,7 +100,7 @@ TRACING_KERNEL void trace_virtual(
     const int own = pixel_of(pixels.list[item], pixels.width);
     const int planes = plane_size(pixels.width, pixels.height);
     const Material seen = load_surface_material(
-        world.materials, (int)pixels.guide[GUIDE_ID * planes + own] - 1, seen_finish(surfaces, own));
+        world.materials, (int)pixels.guide[GUIDE_ID * planes + own] - 1, seen_finish(surfaces, planes, own));
     const float3 base = diffuse_albedo(seen, load_planes(surfaces.albedo, planes, own));
     const float steady = rays_by_noise(pixels.rays, known, seen, luminance(base), planes, own);
     const float deserved = steady * isolation(pixels.guide, planes, own, plane_stride(pixels.width),
@@ -118,7 +118,7 @@ TRACING_KERNEL void trace_virtual(
         const uint seed = at.seed, index = READ_AGAIN(samples + at.pixel) + ray;
         float3 n = at.n, viewer = -normalize(at.p), color = load_traced(surfaces.albedo, at.size, at.pixel);
         float3 o = at.p + object_lift(world.objects, length(at.p)) * n;
-        float2 finish = seen_finish(surfaces, at.pixel);
+        Finish finish = seen_finish(surfaces, at.size, at.pixel);
         int shown = seen_material(surfaces, at); // its variant
         const RayCone pixel_cone = {0.0f, pixels.pixel_angle};
 #ifdef REFRACTS

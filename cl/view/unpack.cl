@@ -4,8 +4,9 @@
 //      materials           material table (lib/world/brdf.h)
 //      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/real_layer.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
-//      diffuse), albedo 3, coverage 1, motion 2 planes; metallic 1, null without principled materials; variant 1,
-//      null without variants: as id, but of the variant; filters see one surface
+//      diffuse), albedo 3, coverage 1, motion 2 planes; metallic 1, null without principled materials; coat_normal 2,
+//      null if no clearcoat has a normal of its own (lib/world/finish.h); variant 1, null without variants: as id, but
+//      of the variant; filters see one surface
 //      sides     [H*W]     shares of the pixel's own real surface, and of the other one, that objects hide,
 //                          where other_pixel is not -1 and objects are in the pixel
 //
@@ -21,6 +22,13 @@
 
 #define ACROSS 4         // samples along a pixel's side
 #define PLANE_RANGE 0.1f // largest relative change of distance: unbounded for planes seen edge-on
+
+// Return a normal turned towards the viewer, from whom v comes.
+static inline float3 turned(float3 normal, float3 v)
+{
+    const float away = fmax(dot(normal, v), 0.0f);
+    return normalize(normal - (away + away) * v);
+}
 
 // Return the plane of a surface that a pixel shows in direction `at`: xyz = g, g . x = 1 on it; w: 1 /
 // distance. All 0: open sky.
@@ -76,6 +84,7 @@ __kernel void unpack_objects(
     __global float *restrict variant,
     __global float *restrict roughness,
     __global float *restrict metallic,
+    __global float *restrict coat_normal,
     __global float *restrict emission,
     __global float *restrict albedo,
     __global float *restrict coverage,
@@ -91,8 +100,7 @@ __kernel void unpack_objects(
     const float4 shown = image[DISPLAY_COVERAGE * width * height];
     const float3 v = view_direction(view, (float2)(x + 0.5f, y + 0.5f));
     const float4 seen = image[DISPLAY_NORMAL * width * height];
-    const float away = fmax(dot(seen.xyz, v), 0.0f);
-    const float3 towards = normalize(seen.xyz - (away + away) * v);
+    const float3 towards = turned(seen.xyz, v);
     float covered = shown.x;
     const int second = other_pixel[texel];
     if (second >= 0 && shown.w > 0.0f) {
@@ -122,6 +130,13 @@ __kernel void unpack_objects(
         const float4 finish = image[DISPLAY_FINISH * width * height];
         metallic[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.x : 0.0f;
         roughness[pixel] = visible && parameters.kind == KIND_PRINCIPLED ? finish.y : roughness[pixel];
+    }
+    if (coat_normal && visible) {
+        const float2 stored = image[DISPLAY_FINISH * width * height].zw;
+        const float3 own = frame_to_world(build_frame(seen.xyz), unpacked_coat_normal(stored));
+        const float2 packed = packed_coat_normal(n, turned(own, v));
+        coat_normal[pixel] = packed.x;
+        coat_normal[size + pixel] = packed.y;
     }
     if (emission)
         store_planes(emission, size, pixel, visible ? image[DISPLAY_EMISSION * width * height].xyz : (float3)(0.0f));

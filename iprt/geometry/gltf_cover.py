@@ -46,9 +46,6 @@ def covered(
     index = partial(index_of_refraction, source)
     mean = values_of(layers.mean, 0, index)
     whole = replace(whole, **_layers(mean, tinted=tinted))
-    coat = source.clearcoat
-    if coat is not None and coat.clearcoat_factor > 0.0 and coat.clearcoat_normal_texture:
-        dropped.append("normal map of clearcoat")
     if material.kind == "dielectric":
         dropped += [name for name, given in _names(whole, layers).items() if given]
         return material

@@ -75,14 +75,19 @@ def from_gltf(
         material = _transmitting(material, source, share, roughness, ior)
         sampler = _sampler(file, next(iter(source.varying().values()), None))
         material = covered(material, source, (roughness, ior), layers, sampler, dropped)
+        lacquer = source.coat_normal_texture
+        if lacquer is not None and material.has_coat:
+            bent = textures.normals(picture(lacquer), lacquer.scale)
+            material = replace(material, clearcoat_normal_texture=bent)
     references = (
         base,
         pbr.metallic_roughness_texture,
         source.normal_texture,
         source.emissive_texture if source.unlit is None else base,
+        source.coat_normal_texture,
     )
-    first, second, third, fourth = (_sampler(file, reference) for reference in references)
-    samplers = (first, second, third, fourth)
+    first, second, third, fourth, fifth = (_sampler(file, reference) for reference in references)
+    samplers = (first, second, third, fourth, fifth)
     material = replace(material, samplers=samplers, places=source.places)
     if max(source.emissive_factor) > 0.0 and source.unlit is None:
         strength = 1.0 if source.strength is None else source.strength.emissive_strength

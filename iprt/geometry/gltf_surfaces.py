@@ -119,13 +119,13 @@ class Volume(Part):
 
 
 class Clearcoat(Part):
-    """A clear coat; its normal map is named, not read."""
+    """A clear coat."""
 
     clearcoat_factor: Number = 0.0
     clearcoat_texture: TextureReference | None = None
     clearcoat_roughness_factor: Number = 0.0
     clearcoat_roughness_texture: TextureReference | None = None
-    clearcoat_normal_texture: Any = None
+    clearcoat_normal_texture: NormalTexture | None = None
 
 
 class Sheen(Part):
@@ -179,7 +179,16 @@ class GltfMaterial(Part):
         if self.unlit is not None:
             return self.color_textures()[:1]
         read = [one for one in others if one is not None]
-        return self.color_textures()[:1] + read + list(self.varying().values())
+        coat = [one for one in (self.coat_normal_texture,) if one is not None]
+        return self.color_textures()[:1] + read + list(self.varying().values()) + coat
+
+    @property
+    def coat_normal_texture(self) -> NormalTexture | None:
+        """The normal map of the clear coat, if there is one."""
+        coat = self.clearcoat
+        if coat is None or self.unlit is not None or not coat.clearcoat_factor > 0.0:
+            return None
+        return coat.clearcoat_normal_texture
 
     def varying(self) -> dict[str, TextureReference]:
         """Return the textures of parameters that kernels read by the index of a material.
@@ -218,11 +227,12 @@ class GltfMaterial(Part):
             return ALL_ALIKE
         surface = self.pbr_metallic_roughness.metallic_roughness_texture
         read = self.textures()
-        first, second, third = (
+        used = surface, self.normal_texture, self.emissive_texture, self.coat_normal_texture
+        first, second, third, fourth = (
             None if one is None or one not in read else _place(self.placement, one.placement)
-            for one in (surface, self.normal_texture, self.emissive_texture)
+            for one in used
         )
-        return first, second, third
+        return first, second, third, fourth
 
     @property
     def misplaced(self) -> bool:

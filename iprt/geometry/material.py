@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, Literal, get_args
@@ -15,7 +15,7 @@ from iprt.device.kernel_source import constant, float_constant
 from iprt.geometry.coat import internal_reflectance, rough_transmittance
 from iprt.geometry.cover import MIN_SHEEN_ALPHA, clearcoat_table, sheen_table
 from iprt.geometry.place import ALL_ALIKE, Place, Places
-from iprt.geometry.sampler import PLAIN, Sampler
+from iprt.geometry.sampler import ALL_PLAIN, Samplers
 from iprt.geometry.variants import Variants
 
 MaterialKind = Literal["diffuse", "conductor", "plastic", "principled", "dielectric"]
@@ -36,6 +36,8 @@ _KINDS = {kind: constant(_TABLE, f"KIND_{kind.upper()}") for kind in get_args(Ma
 
 COAT_LEVELS = constant(_TABLE, "COAT_LEVELS")
 """Number of roughnesses in the table for a material with a map of roughness."""
+NORMAL_MAPS = 2, 4
+"""Places of the maps of normals in `Material.maps`."""
 
 Lobe = Literal["diffuse", "glossy", "mirror"]
 """Kinds of lobes; a mirror has no roughness."""
@@ -90,6 +92,8 @@ class Material:
         Strength of a clear coat above a principled material.
     clearcoat_alpha : float
         GGX roughness of the clear coat; 0 for a smooth one.
+    clearcoat_normal_texture : (H, W, 3) float32 or None
+        As `normal_texture`, of the clear coat. Without it the clear coat follows the mesh alone.
     sheen : (r, g, b)
         Color of the light that fibres of a principled material, below its clear coat, reflect at
         grazing angles.
@@ -97,12 +101,12 @@ class Material:
         Roughness of the sheen, the square of glTF's.
     tint : (r, g, b)
         Factor of the reflection of a principled material's plastic at normal incidence.
-    samplers : tuple of four Sampler
-        Of `texture` and `opacity_texture`, `surface_texture`, `normal_texture`, and
-        `emission_texture`.
-    places : tuple of three (Place or None)
-        Of `surface_texture`, `normal_texture` and `emission_texture`, where they lie elsewhere than
-        the mesh's `uvs` say. The other maps lie there.
+    samplers : tuple of five Sampler
+        Of `texture` and `opacity_texture`, `surface_texture`, `normal_texture`,
+        `emission_texture`, and `clearcoat_normal_texture`.
+    places : tuple of four (Place or None)
+        Of `surface_texture`, `normal_texture`, `emission_texture` and `clearcoat_normal_texture`,
+        where they lie elsewhere than the mesh's `uvs` say. The other maps lie there.
     variants : Variants or None
         A map of other values of a principled material, whose means are its own.
     """
@@ -120,7 +124,7 @@ class Material:
     opacity_texture: NDArray[np.float32] | None = field(default=None, compare=False)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_texture: NDArray[np.float32] | None = field(default=None, compare=False)
-    samplers: tuple[Sampler, Sampler, Sampler, Sampler] = (PLAIN, PLAIN, PLAIN, PLAIN)
+    samplers: Samplers = ALL_PLAIN
     places: Places = ALL_ALIKE
     transmission: float = 0.0
     thin: bool = False
@@ -128,6 +132,7 @@ class Material:
     priority: int = 0
     clearcoat: float = 0.0
     clearcoat_alpha: float = 0.0
+    clearcoat_normal_texture: NDArray[np.float32] | None = field(default=None, compare=False)
     sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sheen_alpha: float = 0.25
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -158,11 +163,28 @@ class Material:
         return self.kind == "principled" and covers
 
     @property
+    def has_coat(self) -> bool:
+        """True with a clear coat, maybe of a variant."""
+        return self.kind == "principled" and any(
+            one.clearcoat > 0.0 for one in (self, *self.palette)
+        )
+
+    @property
+    def has_coat_normal(self) -> bool:
+        """True if the normal of its clear coat may differ from the shading normal."""
+        bumps = self.normal_texture, self.clearcoat_normal_texture
+        return self.has_coat and any(image is not None for image in bumps)
+
+    @property
     def maps(self) -> tuple[NDArray[np.float32] | None, ...]:
-        """The textures of albedo, of a principled surface, of normals, and of emission."""
+        """The textures of albedo, surface, normals, emission, and normals of the clear coat.
+
+        None where the material has no use for one.
+        """
         surface = self.surface_texture if self.kind == "principled" else None
         glow = self.emission_texture if self.emits else None
-        return self.texture, surface, self.normal_texture, glow
+        lacquer = self.clearcoat_normal_texture if self.has_coat else None
+        return self.texture, surface, self.normal_texture, glow, lacquer
 
     @property
     def map_places(self) -> tuple[Place | None, ...]:
@@ -217,78 +239,6 @@ class Material:
         if self.kind == "principled" and self.maps[1] is None:
             only_specular = self.metallic >= 1.0 or self.transmission >= 1.0
         return frozenset({specular} if only_specular else {"diffuse", specular})
-
-
-@dataclass(frozen=True)
-class MaterialNeeds:
-    """Features of materials that only some kernels and shaders have.
-
-    Attributes
-    ----------
-    principled : bool
-        Some material is principled.
-    normal_maps : bool
-        Some material has a normal map.
-    holes : bool
-        Some material lets rays pass.
-    emission : bool
-        Some material emits light.
-    glass : bool
-        Some material transmits light.
-    covered : bool
-        Some material has a clear coat, sheen or a tint.
-    textures : bool
-        Some material has a texture.
-    variants : bool
-        Some material has variants.
-    texture_places : bool
-        Some material has a map that lies elsewhere.
-    """
-
-    principled: bool
-    normal_maps: bool
-    holes: bool
-    emission: bool
-    glass: bool
-    covered: bool
-    textures: bool
-    variants: bool
-    texture_places: bool
-
-    @classmethod
-    def of(cls, materials: Iterable[Material]) -> MaterialNeeds:
-        """Return the needs of the materials of all objects."""
-        every = list(materials)
-        return cls(
-            principled=any(material.kind == "principled" for material in every),
-            normal_maps=any(material.normal_texture is not None for material in every),
-            holes=any(material.has_holes for material in every),
-            emission=any(material.emits for material in every),
-            glass=any(material.transmits for material in every),
-            covered=any(material.is_covered for material in every),
-            textures=any(material.textured for material in every),
-            variants=any(material.palette for material in every),
-            texture_places=any(any(material.map_places) for material in every),
-        )
-
-    @property
-    def display_images(self) -> int:
-        """Number of images of the drawn objects (`cl/lib/gbuffer/display.h`)."""
-        return 5 if self.emission else 4 if self.principled else 3
-
-    def defines(self) -> dict[str, bool]:
-        """Return `-D` defines of kernels that read the materials."""
-        return {
-            "PRINCIPLED": self.principled,
-            "NORMAL_MAPS": self.normal_maps,
-            "HOLES": self.holes,
-            "EMISSION": self.emission,
-            "GLASS": self.glass,
-            "COVERED": self.covered,
-            "TEXTURES": self.textures,
-            "VARIANTS": self.variants,
-            "TEXTURE_PLACES": self.texture_places,
-        }
 
 
 def table_rows(materials: Sequence[Material]) -> list[Material]:

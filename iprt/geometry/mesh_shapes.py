@@ -29,7 +29,7 @@ from iprt.geometry.gltf_document import (
 from iprt.geometry.gltf_skin import read_bones, require_few_vertices, scene_nodes, skin_of
 from iprt.geometry.gltf_surfaces import UV_SETS, GltfMaterial
 from iprt.geometry.mesh_files import MeshFile
-from iprt.geometry.place import ALL_ALIKE, IDENTITY, Places
+from iprt.geometry.place import ALL_ALIKE, IDENTITY, Place, Places
 
 Ints = NDArray[np.int64]
 Float32 = NDArray[np.float32]
@@ -79,7 +79,16 @@ class Shape:
 
     @property
     def bumpy(self) -> bool:
-        """True if its material has a normal map."""
+        """True if its material has a normal map, maybe of its clear coat."""
+        return self._bumps or getattr(self.material, "coat_normal_texture", None) is not None
+
+    @property
+    def tangent_place(self) -> Place | None:
+        """The place of the map that tangents follow, the clear coat's if it is the only one."""
+        return self.places[1] if self._bumps else self.places[3]
+
+    @property
+    def _bumps(self) -> bool:
         return getattr(self.material, "normal_texture", None) is not None
 
     def __post_init__(self) -> None:

@@ -147,14 +147,14 @@ def part_of(shape: Shape, matrices: NDArray[np.float64], dropped: list[str]) -> 
     part.uvs2 = shape.uvs2
     if shape.bumpy:
         tangents = None if shape.tangents is None else moved_tangents(shape.tangents, matrices)
-        part = _bumpy(part, tangents, shape.places[1])
+        part = _bumpy(part, tangents, shape.tangent_place)
     return part if shape.colors is None else _colored(part, shape.colors[kept], dropped)
 
 
 def _bumpy(part: Part, tangents: NDArray[np.float64] | None, place: Place | None) -> Part:
     """Return a part with tangents, and with flat normals where it has no others.
 
-    `place` is its normal map's, which tangents that are not given follow.
+    `place` is of the normal map, which tangents that are not given follow.
     """
     usable = have_normals(part.normals)
     if tangents is not None and usable.all() and np.isfinite(tangents).all():

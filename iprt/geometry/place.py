@@ -43,9 +43,12 @@ class Place:
         return float(np.sqrt(abs(a * d - b * c)))
 
 
-Places = tuple[Place | None, Place | None, Place | None]
-"""Places of the maps of surface, normals and emission; None: as the mesh's `uvs`."""
-ALL_ALIKE: Places = (None, None, None)
+Places = tuple[Place | None, Place | None, Place | None, Place | None]
+"""Places of the maps of surface, normals, emission and the clear coat's normals.
+
+None: as the mesh's `uvs`.
+"""
+ALL_ALIKE: Places = (None, None, None, None)
 
 
 def upright(matrix: Coefficients) -> Coefficients:

@@ -25,3 +25,6 @@ class Sampler:
 
 
 PLAIN = Sampler()
+Samplers = tuple[Sampler, Sampler, Sampler, Sampler, Sampler]
+"""Samplers of a material's maps."""
+ALL_PLAIN: Samplers = (PLAIN, PLAIN, PLAIN, PLAIN, PLAIN)

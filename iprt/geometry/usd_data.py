@@ -111,7 +111,7 @@ class UsdMaterial(_Plain):
     def places(self) -> Places:
         """`Material.places`, of meshes whose coordinates lie where the first texture does."""
         first, second, third = map(self._place, self._placed())
-        return first, second, third
+        return first, second, third, second
 
     @property
     def misplaced(self) -> bool:
@@ -120,7 +120,7 @@ class UsdMaterial(_Plain):
         coat = (self.clearcoat_texture, self.clearcoat_roughness_texture) * (self.clearcoat > 0.0)
         fixed = [one.placement for one in (self.opacity_texture, *coat) if one is not None]
         surface = {one.placement for one in (self.metallic_texture, self.roughness_texture) if one}
-        placed = zip(self._placed(), self.places, strict=True)
+        placed = zip(self._placed(), self.places, strict=False)
         own = [one.placement for one, place in placed if one is not None and place is None]
         return len(surface) > 1 or any(one != base for one in fixed + own)
 

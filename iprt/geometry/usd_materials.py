@@ -47,7 +47,9 @@ def from_usd(
     material = _coated(material, source, file, textures, dropped)
     if source.normal_texture is not None:
         normals = textures.normals(file.usd_picture(source.normal_texture.file), 1.0)
-        material = replace(material, normal_texture=normals)
+        # Renderers of the format, which does not say, bend the clear coat too.
+        lacquer = normals if material.has_coat else None
+        material = replace(material, normal_texture=normals, clearcoat_normal_texture=lacquer)
     emission = triple(source.emission, MAX_EMISSION)
     if max(emission) > 0.0:
         glow = _color(source.emission_texture, file, textures)
@@ -56,7 +58,7 @@ def from_usd(
     color_or_opacity = source.color_texture or source.opacity_texture
     used = (color_or_opacity, rough, source.normal_texture, source.emission_texture)
     first, second, third, fourth = (_sampler(one) for one in used)
-    samplers = (first, second, third, fourth)
+    samplers = (first, second, third, fourth, third)
     return replace(material, samplers=samplers, places=source.places)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.geometry.material import MaterialNeeds, first_variants, table_rows
+from iprt.geometry.material import first_variants, table_rows
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import (
     Instance,
     Mesh,

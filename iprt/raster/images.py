@@ -12,7 +12,7 @@ from iprt.geometry.sampler import Sampler
 from iprt.geometry.variants import Variants
 
 IMAGES = "image", "finish_image", "normal_image", "emission_image"
-"""Textures of `glsl/shade.frag`, in the order of `Material.maps`."""
+"""Textures of `glsl/shade.frag`, in the order of `Material.maps`, of which it lacks the last."""
 
 VARIANTS = "variant_image"
 """Texture of the same of `Material.variants`."""
@@ -23,7 +23,7 @@ def images_of(
 ) -> dict[str, moderngl.Texture]:
     """Upload a material's textures; a missing one is a single texel without effect."""
     flat = (1.0, 1.0, 1.0), (1.0, 1.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
-    named = zip(IMAGES, flat, material.maps, material.samplers, strict=True)
+    named = zip(IMAGES, flat, material.maps, material.samplers, strict=False)
     images = {
         name: _mipmapped(context, np.array([[plain]], np.float32) if one is None else one, sampler)
         for name, plain, one, sampler in named
@@ -46,14 +46,14 @@ def _indices(context: moderngl.Context, variants: Variants) -> moderngl.Texture:
 
 def reading(material: Material) -> dict[str, object]:
     """Return the uniforms by which `glsl/shade.frag` reads textures: mirroring and places."""
-    samplers = dict(zip(IMAGES, material.samplers, strict=True))
+    samplers = dict(zip(IMAGES, material.samplers, strict=False))
     if material.variants is not None:
         samplers[VARIANTS] = material.variants.sampler
     uniforms: dict[str, object] = {
         f"{name}_mirrored": (sampler.wrap[0] == "mirror", sampler.wrap[1] == "mirror")
         for name, sampler in samplers.items()
     }
-    for name, given in zip(IMAGES[1:], material.places, strict=True):
+    for name, given in zip(IMAGES[1:], material.places, strict=False):
         place = given or Place()
         # Columns of the matrix.
         columns = zip(*upright(place.matrix), strict=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import moderngl
 
 from iprt.geometry.camera import Projection
-from iprt.geometry.material import MaterialNeeds
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.raster.context import load_program
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.camera import Projection, View
-from iprt.geometry.material import Material, MaterialNeeds
+from iprt.geometry.material import Material
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.raster.context import bind_textures, create_context, set_uniforms
 from iprt.raster.geometry import Part, WorldGeometry

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.material import MaterialNeeds
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.raster.region import Rect
 
 DEPTH_BYTES = 4

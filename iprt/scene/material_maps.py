@@ -25,11 +25,17 @@ from iprt.geometry.material import Material
 from iprt.geometry.textures import Textures
 
 MapName = Literal[
-    "texture", "surface_texture", "normal_texture", "opacity_texture", "emission_texture"
+    "texture",
+    "surface_texture",
+    "normal_texture",
+    "opacity_texture",
+    "emission_texture",
+    "clearcoat_normal_texture",
 ]
 MAPS: tuple[MapName, ...] = get_args(MapName)
 """Attributes of `Material`, and keys of its table."""
 COLORS = "texture", "emission_texture"
+NORMALS = "normal_texture", "clearcoat_normal_texture"
 PNG_ERROR = 1e-4
 """Largest error of a color in a PNG file; otherwise it is written as EXR."""
 
@@ -52,7 +58,7 @@ def read_map(path: Path, name: MapName) -> NDArray[np.float32]:
     found: NDArray[np.float32] | None
     if name == "surface_texture":
         found = textures.surface(image)
-    elif name == "normal_texture":
+    elif name in NORMALS:
         found = textures.normals(image, 1.0)
     else:
         stored = texture_alpha(image, path) if has_alpha(image) else np.asarray(image.convert("L"))
@@ -102,7 +108,7 @@ def write_map(path: Path, image: NDArray[np.float32], name: MapName) -> None:
     elif name == "surface_texture":
         stored = _rounded(image)
         pixels = np.stack([0 * stored[..., 0], stored[..., 1], stored[..., 0]], axis=-1)
-    elif name == "normal_texture":
+    elif name in NORMALS:
         length = np.linalg.norm(image, axis=-1, keepdims=True)
         pixels = _rounded(0.5 + 0.5 * image / np.maximum(length, 1e-9))
     else:

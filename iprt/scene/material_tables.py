@@ -116,6 +116,7 @@ class PrincipledTable(_TransmittingTable):
     transmission: Unit = 0.0
     clearcoat: Unit = 0.0
     clearcoat_alpha: Unit = 0.0
+    clearcoat_normal_texture: RelativePath | None = None
     sheen: Color = Field(default=[0.0, 0.0, 0.0])
     sheen_alpha: Unit = 0.25
     tint: Color = Field(default=[1.0, 1.0, 1.0])

@@ -329,9 +329,15 @@ def _material_table(edit: ObjectEdit, scene: Scene, new: NewMaps) -> dict[str, A
         written["cutoff"] = material.cutoff
     for key in MAPS:
         image = getattr(material, key)
-        if image is not None and not (key == "surface_texture" and material.kind != "principled"):
+        if image is not None and _has_use_of(material, key):
             written[key] = _map_file(edit.name, key, image, scene, new)
     return written
+
+
+def _has_use_of(material: Material, key: MapName) -> bool:
+    if key == "clearcoat_normal_texture":
+        return material.has_coat
+    return key != "surface_texture" or material.kind == "principled"
 
 
 def _cover(material: Material) -> dict[str, Any]:

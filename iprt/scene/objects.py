@@ -17,7 +17,7 @@ from iprt.files.safe_reading import MAX_PIXELS, MAX_TRIANGLES
 from iprt.geometry.animated_mesh import AnimatedMesh, load_animated_mesh
 from iprt.geometry.ies import Luminaire, read_ies
 from iprt.geometry.keyframes import ObjectMotion
-from iprt.geometry.material import Material
+from iprt.geometry.material import NORMAL_MAPS, Material
 from iprt.geometry.mesh import Instance, Mesh, light_mesh, tangent_mesh
 from iprt.geometry.mesh_materials import DEFAULT_MATERIAL
 from iprt.geometry.meshes import load_mesh
@@ -182,10 +182,11 @@ def painted(mesh: AnyMesh, material: Material) -> AnyMesh:
     plain = _bound(mesh)
     place = material.places[1]
     elsewhere = any(one.places[1] != place for one in plain.materials)
-    if material.normal_texture is not None and (plain.tangents is None or elsewhere):
+    bumpy = any(material.maps[at] is not None for at in NORMAL_MAPS)
+    if bumpy and (plain.tangents is None or elsewhere):
         if isinstance(mesh, AnimatedMesh):
             LOG.warning("%s: an animated mesh takes normal maps only from its own file", mesh.path)
-            material = replace(material, normal_texture=None)
+            material = replace(material, normal_texture=None, clearcoat_normal_texture=None)
         else:
             plain = tangent_mesh(plain, place)
     one = len(plain.materials) == 1

@@ -11,7 +11,8 @@ from iprt.device.kernel_source import float_constant
 from iprt.device.program import Define
 from iprt.footage.properties import Footage
 from iprt.geometry.camera import View
-from iprt.geometry.material import Lobe, Material, MaterialNeeds
+from iprt.geometry.material import Lobe, Material
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.settings.methods import Needs, method
 from iprt.settings.model import Settings
 

@@ -325,6 +325,7 @@ class ReflectingPixels:
             albedo=seen.albedo,
             metallic=seen.metallic,
             roughness=seen.roughness,
+            coat_normal=seen.coat_normal,
             variant=seen.variant,
         )
 

@@ -48,6 +48,8 @@ class SurfacesArgs(Block):
     albedo : 3 planes
     metallic, roughness : 1 plane or None
         Metalness and alpha of GGX, where a material is principled.
+    coat_normal : 2 planes or None
+        Normals of clear coats (`cl/lib/world/finish.h`), where some have their own.
     variant : 1 plane or None
         1 + index of the material, where materials have variants.
     """
@@ -55,6 +57,7 @@ class SurfacesArgs(Block):
     albedo: Floats
     metallic: Floats = when("PRINCIPLED")
     roughness: Floats = when("PRINCIPLED")
+    coat_normal: Floats = when("COAT_NORMALS")
     variant: Floats = when("VARIANTS")
 
 

@@ -27,7 +27,12 @@ SHARES = {"below": 0.5, "cosine": 0.25, "clearcoat": 0.25}
 """Probabilities of the ways to sample a direction."""
 
 
-def covered(material: Material, below: dict[str, Any]) -> Any:
+def covered(
+    material: Material,
+    below: dict[str, Any],
+    bumps: dict[str, Any] | None = None,
+    lacquer: dict[str, Any] | None = None,
+) -> Any:
     """Return the layers of a principled material above a Mitsuba BSDF.
 
     Parameters
@@ -36,6 +41,8 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
         Its clearcoat, sheen and tint are used, and their variants; of a map of metalness, the mean.
     below : dict
         BSDF of the same material without layers, and without smooth lobes.
+    bumps, lacquer : dict or None
+        Textures of the normals of `below`, and of the clear coat's; vectors are 0.5 (1 + v).
 
     Returns
     -------
@@ -44,7 +51,7 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
     """
     mi = mitsuba()
     dr = import_module("drjit")
-    layers = _Layers(material)
+    layers = _Layers(material, bumps, lacquer)
 
     def distribution(alpha: Any) -> Any:
         return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, sample_visible=True)
@@ -61,8 +68,7 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
         return dr.lerp(value, dr.gather(mi.Float, table, first + low + 1), part)
 
     def most(table: Any, first: Any, wi: Any, wo: Any) -> Any:
-        cosines = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
-        return dr.maximum(*(share(table, first, cosine) for cosine in cosines))
+        return dr.maximum(*(share(table, first, direction.z) for direction in (wi, wo)))
 
     def slope(v: Any, alpha: Any) -> Any:
         return dr.sqrt(v.z**2 + alpha**2 * (v.x**2 + v.y**2))
@@ -82,14 +88,26 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[1]
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            wi, h, at = si.wi, dr.normalize(si.wi + wo), layers.at(si)
-            active &= (wi.z > 0.0) & (wo.z > 0.0)
+            half, at = dr.normalize(si.wi + wo), layers.at(si)
+            active &= (si.wi.z > 0.0) & (wo.z > 0.0)
             value, density = self._below.eval_pdf(ctx, si, wo, active)
-            cos_h = dr.dot(wi, h)
+            density *= SHARES["below"]
+            density += SHARES["cosine"] * wo.z / dr.pi
+            cos_h = dr.dot(si.wi, half)
+            wi, wo, h = (at.coat.to_local(direction) for direction in (si.wi, wo, half))
+            coat = at.clearcoat * most(layers.clearcoats, at.first, wi, wo)
+            lacquered = active & (wi.z > 0.0) & (wo.z > 0.0)
+            masked = wo.z * slope(wi, at.clearcoat_alpha) + wi.z * slope(wo, at.clearcoat_alpha)
+            facets = distribution(at.clearcoat_alpha)
+            mirrored = mi.fresnel(cos_h, CLEARCOAT_IOR)[0] * facets.eval(h)
+            mirrored *= at.clearcoat * wo.z / (2.0 * masked)
+            drawn = facets.pdf(wi, h) / (4.0 * dr.maximum(cos_h, 1e-6))
+            density += dr.select(lacquered, SHARES["clearcoat"] * drawn, 0.0)
+
+            wi, wo, h = (at.base.to_local(at.coat.to_world(direction)) for direction in (wi, wo, h))
             fade = (1.0 - at.tint) * (1.0 - (1.0 - cos_h) ** 5)
             plain = (1.0 - metallic) * mi.fresnel(cos_h, material.ior)[0] * self._plastic.eval(h)
             value -= fade * plain * self._plastic.G(wi, wo, h) / (4.0 * wi.z)
-            coat = at.clearcoat * most(layers.clearcoats, at.first, wi, wo)
             white = most(layers.sheens, at.first, wi, wo)
             value *= 1.0 - dr.max(at.sheen) * dr.minimum(white, 1.0)
 
@@ -97,16 +115,8 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
             lobe = (2.0 + 1.0 / at.sheen_alpha) * sine ** (1.0 / at.sheen_alpha) / dr.two_pi
             visible = 0.25 / (wi.z + wo.z - wi.z * wo.z)
             value += at.sheen * lobe * visible * wo.z / dr.maximum(white, 1.0)
-            value *= 1.0 - coat
-
-            masked = wo.z * slope(wi, at.clearcoat_alpha) + wi.z * slope(wo, at.clearcoat_alpha)
-            facets = distribution(at.clearcoat_alpha)
-            mirrored = mi.fresnel(cos_h, CLEARCOAT_IOR)[0] * facets.eval(h)
-            value += at.clearcoat * mirrored * wo.z / (2.0 * masked)
-
-            density *= SHARES["below"]
-            density += SHARES["cosine"] * wo.z / dr.pi
-            density += SHARES["clearcoat"] * facets.pdf(wi, h) / (4.0 * dr.maximum(cos_h, 1e-6))
+            value = dr.select((wi.z > 0.0) & (wo.z > 0.0), (1.0 - coat) * value, 0.0)
+            value += dr.select(lacquered, mirrored, 0.0)
             return dr.select(active, value, 0.0), dr.select(active, density, 0.0)
 
         def sample(
@@ -118,8 +128,10 @@ def covered(material: Material, below: dict[str, Any]) -> Any:
             drawn, _ = self._below.sample(
                 ctx, si, sample1 / SHARES["below"], sample2, active & below
             )
-            normal, _ = distribution(layers.at(si).clearcoat_alpha).sample(si.wi, sample2)
-            drawn.wo = dr.select(below, drawn.wo, mi.reflect(si.wi, normal))
+            at = layers.at(si)
+            wi = at.coat.to_local(si.wi)
+            normal, _ = distribution(at.clearcoat_alpha).sample(wi, sample2)
+            drawn.wo = dr.select(below, drawn.wo, at.coat.to_world(mi.reflect(wi, normal)))
             hemisphere = mi.warp.square_to_cosine_hemisphere(sample2)
             drawn.wo = dr.select(cosine, hemisphere, drawn.wo)
             value, drawn.pdf = self.eval_pdf(ctx, si, drawn.wo, active)
@@ -147,8 +159,13 @@ class _Layers:
         `NODES` values of the tables of reflectance, per variant.
     """
 
-    def __init__(self, material: Material) -> None:
+    def __init__(
+        self, material: Material, bumps: dict[str, Any] | None, lacquer: dict[str, Any] | None
+    ) -> None:
         mi = mitsuba()
+        self._bumps, self._lacquer = (
+            None if one is None else mi.load_dict(one) for one in (bumps, lacquer)
+        )
         variants = material.palette or (material,)
         self._map = material.variants if material.palette else None
         self.clearcoats = mi.Float(
@@ -168,10 +185,12 @@ class _Layers:
             self._index = mi.UInt32(self._map.index.ravel())
 
     def at(self, si: Any) -> Any:
-        """Return the layers at interactions: values, and the place of their tables."""
+        """Return the layers at interactions: frames, values, and the place of their tables."""
         mi, dr = mitsuba(), import_module("drjit")
         index = self._drawn(si)
         return SimpleNamespace(
+            base=_frame(self._bumps, si),
+            coat=_frame(self._lacquer, si),
             first=NODES * index,
             clearcoat=dr.gather(mi.Float, self._clearcoat, index),
             clearcoat_alpha=dr.gather(mi.Float, self._clearcoat_alpha, index),
@@ -200,6 +219,14 @@ class _Layers:
         column = dr.clip(mi.Int32(dr.floor(u * width)), 0, width - 1)
         row = dr.clip(mi.Int32(dr.floor(v * height)), 0, height - 1)
         return dr.gather(mi.UInt32, self._index, mi.UInt32(row * width + column))
+
+
+def _frame(normals: Any, si: Any) -> Any:
+    """Return the frame of a map's normals at interactions, whose own frame it is without."""
+    mi, dr = mitsuba(), import_module("drjit")
+    if normals is None:
+        return mi.Frame3f(mi.Vector3f(0.0, 0.0, 1.0))
+    return mi.Frame3f(dr.normalize(mi.Vector3f(2.0 * normals.eval_3(si) - 1.0)))
 
 
 def _wrapped(part: Any, wrap: Wrap) -> Any:

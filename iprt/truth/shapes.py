@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.material import Material
+from iprt.geometry.material import NORMAL_MAPS, Material
 from iprt.geometry.mesh import Instance, transformed
 from iprt.geometry.place import Place
 from iprt.truth.backend import mitsuba
@@ -83,13 +83,9 @@ def bsdf_of(material: Material) -> Any:
     color: dict[str, Any] = {"type": "rgb", "value": list(material.albedo)}
     if material.texture is not None:
         color = _bitmap(material.texture * np.array(material.albedo, np.float32))
-    if material.normal_texture is not None:
-        # Mitsuba stores vectors as colors, 0.5 (1 + v).
-        place = material.places[1]
-        vectors = _turned(_unit(material.normal_texture), place)
-        bumps = _bitmap(0.5 + 0.5 * vectors, place)
+    if material.normal_texture is not None and not material.has_coat_normal:
         plain = bsdf_of(replace(material, normal_texture=None))
-        return {"type": "normalmap", "normalmap": bumps, "bsdf": plain}
+        return {"type": "normalmap", "normalmap": _normals(material, 0), "bsdf": plain}
     if material.kind == "principled":
         return _principled(material, color)
     smooth = material.is_smooth
@@ -131,10 +127,15 @@ def _principled(material: Material, color: dict[str, Any]) -> Any:
         # Light inside meets the opaque share from behind.
         opaque = {"type": "twosided", "bsdf": bsdf_of(replace(material, transmission=0.0))}
         glass = _dielectric(material, color)
+        if material.has_coat_normal and (bumps := _normals(material, 0)) is not None:
+            glass = {"type": "normalmap", "normalmap": bumps, "bsdf": glass}
         return _mixed(_transmission(material, metallic), opaque, glass, material.places[0])
     if material.is_covered:
         bare = replace(material, clearcoat=0.0, sheen=(0.0, 0.0, 0.0), tint=(1.0, 1.0, 1.0))
-        return covered(material, bsdf_of(replace(bare, alpha=max(material.alpha, LEAST_ALPHA))))
+        below = bsdf_of(replace(bare, alpha=max(material.alpha, LEAST_ALPHA), variants=None))
+        if material.has_coat_normal:
+            return covered(material, below, _normals(material, 0), _normals(material, 1))
+        return covered(material, below)
     roughness: Any = float(np.sqrt(alpha))
     if surface is not None:
         alpha *= float(np.square(surface[..., 1]).mean())
@@ -195,6 +196,19 @@ def _opacity(material: Material) -> Any:
 def _unit(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.maximum(length, 1e-9), np.float32)
+
+
+def _normals(material: Material, number: int) -> dict[str, Any] | None:
+    """Return a texture of a material's normals, 0, or of its clear coat's, 1; None without.
+
+    Mitsuba stores vectors as colors, 0.5 (1 + v). Those of the clear coat lie along the tangents of
+    the other map.
+    """
+    image, place = material.maps[NORMAL_MAPS[number]], material.map_places[NORMAL_MAPS[number]]
+    if image is None:
+        return None
+    along = place if number == 0 or material.normal_texture is None else material.places[1]
+    return _bitmap(0.5 + 0.5 * _turned(_unit(image), along), place)
 
 
 def _turned(vectors: NDArray[np.float32], place: Place | None) -> NDArray[np.float32]:

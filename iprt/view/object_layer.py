@@ -9,7 +9,7 @@ import pyopencl.array as cla
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.geometry.material import MaterialNeeds
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.raster.layers import ObjectLayers
 from iprt.raster.region import Rect
 
@@ -20,6 +20,7 @@ PLANES = (
     "variant",
     "roughness",
     "metallic",
+    "coat_normal",
     "albedo",
     "coverage",
     "motion",
@@ -36,6 +37,8 @@ class VisibleSurfaces:
         See `cl/view/unpack.cl`.
     metallic : 1 plane or None
         None without principled materials.
+    coat_normal : 2 planes or None
+        None if no clear coat has a normal of its own.
     variant : 1 plane or None
         None if no material has variants.
     """
@@ -51,6 +54,9 @@ class VisibleSurfaces:
         self.metallic: cla.Array | None = None
         if needs.principled:
             self.metallic = device.zeros(f"{name} metallic", layout.shape(1))
+        self.coat_normal: cla.Array | None = None
+        if needs.coat_normals:
+            self.coat_normal = device.zeros(f"{name} coat normal", layout.shape(2))
         self.variant: cla.Array | None = None
         if needs.variants:
             self.variant = device.zeros(f"{name} variant", layout.shape(1))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.geometry.camera import View
-from iprt.geometry.material import MaterialNeeds
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance, motion_between, row_owners
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.settings.features import BVH_DEFINES
@@ -68,7 +68,8 @@ class Visibility:
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
         self._finish: cla.Array | None = None
         if needs.principled:
-            self._finish = device.empty(FINISH, (view.height, view.width, 2))
+            numbers = 4 if needs.coat_normals else 2
+            self._finish = device.empty(FINISH, (view.height, view.width, numbers))
         self._emission: cla.Array | None = None
         if needs.emission:
             self._emission = device.empty(EMISSION, (view.height, view.width, 4))

@@ -156,6 +156,9 @@ PARTS: Mapping[str, Label] = {
         "Roughness map", "Roughness in green and metalness in blue, as in glTF files."
     ),
     "normal_texture": Label("Normal map", "Bumps: directions of the surface, y up as in glTF."),
+    "clearcoat_normal_texture": Label(
+        "Clearcoat normal map", "Bumps of the clear coat. Without it the coat is even."
+    ),
     "opacity_texture": Label("Opacity map", "In the picture's alpha channel, or in grey."),
     "emission_texture": Label("Emission map", "Picture that the emission multiplies."),
     "bare": Label("Remove maps", "The material becomes even and without holes."),

@@ -88,6 +88,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         {"enabled": lambda: material().transmits and not material().thin},
         {"enabled": lambda: material().opacity_texture is not None},
     )
+    limits: dict[MapName, Any] = {"surface_texture": mixed, "clearcoat_normal_texture": coat}
     return (
         field("material", "choice", "kind", options=lambda: MATERIALS),
         field("color", "color", "albedo", label=color),
@@ -113,7 +114,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         field("priority", "number", "priority", slider=Slider(-9, 9, True, 0.0), **solid),
         field("opacity", "number", "opacity", slider=alphas),
         field("cutoff", "number", "cutoff", slider=alphas, **holed),
-        *(map_field(key, **(mixed if key == "surface_texture" else {})) for key in MAPS),
+        *(map_field(key, **limits.get(key, {})) for key in MAPS),
         Field(
             "emission",
             "number",

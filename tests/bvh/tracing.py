@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from iprt.bvh.scene import SceneBuilder
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.material import MaterialNeeds
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.settings.features import BVH_DEFINES
 from iprt.world.objects.object_bvh import ObjectBvh

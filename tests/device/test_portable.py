@@ -25,6 +25,8 @@ MORE_BUFFERS = {
     "path_trace_virtual": 33,
 }
 """Kernels with variants that do not run there: lamps, reflections of `iprt2023`, paths of `oil`."""
+NAMED = "half", "STORED", "LIGHT", "Finish"
+"""Halves, and names that programs give to numbers and vectors."""
 ELEMENTS = re.compile(r"(uchar|int|uint|float)[234]?")
 
 SOURCE = """
@@ -71,7 +73,7 @@ def test_pointers_lie_in_no_buffer(taken: Taken) -> None:
     """clspv knows none there: kernels take numbers, vectors, and structs of these."""
     for program, name, _, parameters in taken:
         for parameter in parameters:
-            if parameter.kind in ("half", "STORED", "LIGHT") or ELEMENTS.fullmatch(parameter.kind):
+            if parameter.kind in NAMED or ELEMENTS.fullmatch(parameter.kind):
                 continue
             body = re.search(rf"{{([^}}]*)}} {parameter.kind};", program.text)
             assert body is not None, f"{name} of {program.file}: {parameter}"

@@ -140,6 +140,9 @@ def described(file: GltfFile, material: Material) -> dict[str, Any]:
             "clearcoatFactor": material.clearcoat,
             "clearcoatRoughnessFactor": np.sqrt(material.clearcoat_alpha),
         }
+        if material.clearcoat_normal_texture is not None:
+            pixels = np.rint(127.5 * (1.0 + material.clearcoat_normal_texture)).astype(np.uint8)
+            extensions["clearcoat"]["clearcoatNormalTexture"] = image(file, pixels)
     if max(material.sheen) > 0.0:
         extensions["sheen"] = {
             "sheenColorFactor": material.sheen,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from iprt.errors import FormatError
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Mesh
 from tests.geometry.test_gltf_materials import noise, quad
 
@@ -90,7 +92,7 @@ def test_maps_of_two_layers_share_their_texels(tmp_path: Path) -> None:
     mesh = covered(tmp_path, None, first, second, clearcoat=coat, sheen=sheen)
     (material,) = mesh.materials
     assert mesh.dropped == ()
-    assert material.maps == (None,) * 4
+    assert material.maps == (None,) * 5
     expected = {
         "clearcoat": 0.8 * first[..., 0] / 255,
         "clearcoat_alpha": 0.25 * (first[..., 1] / 255) ** 2,
@@ -138,9 +140,36 @@ def test_maps_without_effect_are_not_read(tmp_path: Path) -> None:
     assert (material.variants, mesh.dropped) == (None, ())
 
 
-def test_a_normal_map_of_clearcoat_is_named(tmp_path: Path) -> None:
-    given = {"clearcoatFactor": 1.0, "clearcoatNormalTexture": {"index": 0}}
-    assert covered(tmp_path, clearcoat=given).dropped == ("normal map of clearcoat",)
+def test_a_normal_map_of_clearcoat(tmp_path: Path) -> None:
+    """It has a scale of its own, and needs tangents, also where nothing else does."""
+    pixels = noise(2, 3)
+    given = {"clearcoatFactor": 1.0, "clearcoatNormalTexture": {"index": 0, "scale": 0.5}}
+    mesh = covered(tmp_path, None, pixels, clearcoat=given)
+    (material,) = mesh.materials
+    assert (mesh.dropped, mesh.warnings) == ((), ())
+    assert mesh.tangents is not None
+    expected = pixels[..., :3] / 127.5 - 1.0
+    expected[..., :2] *= 0.5
+    found = material.clearcoat_normal_texture
+    assert found is not None
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert (material.normal_texture, material.variants) == (None, None)
+    assert MaterialNeeds.of([material]).coat_normals
+    assert material.maps[4] is found
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0])
+def test_a_clearcoat_without_a_normal_map(tmp_path: Path, factor: float) -> None:
+    """Nothing bends it; of one without strength, no map is read."""
+    coat = {"clearcoatFactor": factor}
+    if factor == 0.0:
+        coat["clearcoatNormalTexture"] = {"index": 9}
+    mesh = covered(tmp_path, None, noise(2, 3), clearcoat=coat)
+    (material,) = mesh.materials
+    assert material.clearcoat_normal_texture is None
+    assert not MaterialNeeds.of([material]).coat_normals
+    bumpy = replace(material, normal_texture=np.zeros((1, 1, 3), np.float32))
+    assert MaterialNeeds.of([bumpy]).coat_normals == (factor > 0.0)
 
 
 def test_a_missing_texture_is_an_error(tmp_path: Path) -> None:

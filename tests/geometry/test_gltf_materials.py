@@ -133,7 +133,7 @@ def test_samplers(tmp_path: Path) -> None:
     )
     (material,) = mesh.materials
     clamped = Sampler(("clamp", "mirror"), nearest=True)
-    assert material.samplers == (clamped, Sampler(), Sampler(), clamped)
+    assert material.samplers == (clamped, Sampler(), Sampler(), clamped, Sampler())
 
 
 @pytest.mark.parametrize(

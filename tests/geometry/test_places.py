@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from iprt.geometry.material import Material, MaterialNeeds
+from iprt.geometry.material import Material
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Mesh
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.objects import painted
@@ -130,7 +131,7 @@ def test_maps_that_lie_alike_have_no_places(tmp_path: Path) -> None:
     path = model(tmp_path, pbrMetallicRoughness=pbr, emissiveTexture=reference(2, TILED, 1))
     mesh = load_mesh(path)
     assert (mesh.dropped, mesh.uvs2) == ((), None)
-    assert mesh.materials[0].places == (None, None, None)
+    assert mesh.materials[0].places == (None,) * 4
 
 
 @pytest.mark.parametrize("normals", [False, True])
@@ -171,6 +172,28 @@ def test_tangents_follow_the_normal_map(
     np.testing.assert_allclose(back.tangents, one.tangents, atol=1e-6)
 
 
+@pytest.mark.parametrize(("transform", "coordinates"), [(TURNED, 0), (TILED, 1)])
+@pytest.mark.parametrize("bumps", [False, True])
+def test_the_normal_map_of_a_clearcoat(
+    tmp_path: Path, bumps: bool, transform: Transform, coordinates: int
+) -> None:
+    """It lies elsewhere. Tangents follow the other normal map, if there is one."""
+    pbr = {"baseColorTexture": reference(0)}
+    own = reference(2, transform, coordinates)
+    coat = {"clearcoatFactor": 1.0, "clearcoatNormalTexture": own}
+    more: dict[str, Any] = {"extensions": {"KHR_materials_clearcoat": coat}}
+    if bumps:
+        more["normalTexture"] = reference(1)
+    mesh = load_mesh(model(tmp_path, pbrMetallicRoughness=pbr, **more))
+    assert (mesh.dropped, mesh.warnings) == ((), ())
+    assert_laid(mesh, 4, stored(transform, (UVS, OTHER)[coordinates]))
+    followed = reference(1) if bumps else own
+    other = load_mesh(model(tmp_path, pbrMetallicRoughness=pbr, normalTexture=followed))
+    assert mesh.tangents is not None
+    assert other.tangents is not None
+    np.testing.assert_allclose(mesh.tangents, other.tangents, atol=1e-6)
+
+
 @pytest.mark.parametrize("case", ["a color on a line", "a map of clearcoat"])
 def test_what_is_read_at_the_place_of_another_is_named(tmp_path: Path, case: str) -> None:
     line = {"scale": [1.0, 0.0]} if case == "a color on a line" else {}
@@ -182,4 +205,4 @@ def test_what_is_read_at_the_place_of_another_is_named(tmp_path: Path, case: str
     mesh = load_mesh(model(tmp_path, pbrMetallicRoughness=pbr, **more))
     assert mesh.dropped == (DIFFER,)
     assert_laid(mesh, 1, stored(line, UVS))
-    assert mesh.materials[0].map_places == (None,) * 4
+    assert mesh.materials[0].map_places == (None,) * 5

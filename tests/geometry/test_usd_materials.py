@@ -182,6 +182,19 @@ def test_colors_of_vertices_are_read_where_the_material_reads_them(tmp_path: Pat
     assert mesh.dropped == ()
 
 
+def test_a_normal_map_bends_the_clear_coat_too(tmp_path: Path) -> None:
+    Image.fromarray(np.full((2, 2, 3), 200, np.uint8)).save(tmp_path / "n.png")
+    inputs = "normal3f inputs:normal.connect = </thing/look/n.outputs:rgb>\n"
+    plain, _ = read(tmp_path, inputs, READER + texture("n", "n.png"))
+    assert plain.normal_texture is not None
+    assert plain.clearcoat_normal_texture is None
+    inputs += "float inputs:clearcoat = 0.75\n"
+    coated, _ = read(tmp_path, inputs, READER + texture("n", "n.png"))
+    assert coated.normal_texture is not None
+    assert coated.clearcoat_normal_texture is coated.normal_texture
+    assert coated.map_places[4] == coated.map_places[2]
+
+
 @pytest.mark.parametrize("metallic", [0.0, 0.5])
 def test_a_clear_coat(tmp_path: Path, metallic: float) -> None:
     """It has the means of its maps, of roughness the mean of the square, and their palette."""

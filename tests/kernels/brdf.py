@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.material import Material, MaterialNeeds, material_table
+from iprt.geometry.material import Material, material_table
+from iprt.geometry.material_needs import MaterialNeeds
 from tests.kernels.wrap import evaluate
 
 Array = NDArray[np.float32]
@@ -16,12 +17,18 @@ OUTPUTS = {
     "eval": {"diffuse": "float", "specular": "float3"},
     "pdf": {"density": "float2"},
 }
+LOADED = """
+    Material material = load_material(materials, 0);
+#ifdef COAT_NORMALS
+    material.coat_normal = coat_normal;
+#endif
+"""
 BODY = {
-    "sample": "const BrdfSample s = brdf_sample(load_material(materials, 0), albedo, n, wo, u);"
+    "sample": "const BrdfSample s = brdf_sample(material, albedo, n, wo, u);"
     "wi = s.wi; weight = s.weight; specular = s.specular;",
-    "eval": "const BrdfValue v = brdf_eval(load_material(materials, 0), albedo, n, wo, wi);"
+    "eval": "const BrdfValue v = brdf_eval(material, albedo, n, wo, wi);"
     "diffuse = v.diffuse; specular = v.specular;",
-    "pdf": "density = brdf_pdf(load_material(materials, 0), albedo, n, wo, wi);",
+    "pdf": "density = brdf_pdf(material, albedo, n, wo, wi);",
 }
 
 
@@ -32,8 +39,12 @@ def call(
     wo: NDArray[np.floating],
     last: NDArray[np.floating],
     normal: NDArray[np.floating] = Z,
+    coat: NDArray[np.floating] | None = None,
 ) -> dict[str, NDArray]:
-    """brdf_sample (`last` = u), brdf_eval or brdf_pdf (`last` = wi); (3,) arguments repeat."""
+    """brdf_sample (`last` = u), brdf_eval or brdf_pdf (`last` = wi); (3,) arguments repeat.
+
+    `coat` is the clearcoat's normal in the frame of `normal`, of kernels with such normals.
+    """
     count = len(last)
     inputs = {
         "albedo": np.tile(np.float32(material.albedo), (count, 1)),
@@ -41,14 +52,18 @@ def call(
         "wo": np.broadcast_to(np.float32(wo), (count, 3)),
         "u" if function == "sample" else "wi": np.float32(last),
     }
+    defines = defines_of(material)
+    if coat is not None:
+        inputs["coat_normal"] = np.broadcast_to(np.float32(coat), (count, 3))
+        defines += ("COAT_NORMALS",)
     return evaluate(
         device,
         ["world/brdf.h"],
-        BODY[function],
+        LOADED + BODY[function],
         inputs,
         OUTPUTS[function],
         {"materials": material_table([material])},
-        defines_of(material),
+        defines,
     )
 
 

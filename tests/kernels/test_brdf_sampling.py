@@ -37,7 +37,15 @@ CASES = (
     ]
     + [(Material("diffuse"), 60), (Material("plastic", (0.4, 0.3, 0.2), 0.0, 1.5), 60)]
 )
-SIGNIFICANCE = 1 - (1 - 0.01) ** (1 / len(CASES))
+TILTED = [
+    (replace(COATED, alpha=0.2, clearcoat_alpha=alpha, metallic=metallic), angle)
+    for alpha in (0.125, 0.5)
+    for metallic in (0.3, 1.0)
+    for angle in (30, 60)
+]
+TILT = oracle.direction(35, 60)
+"""Normal of their clearcoats."""
+SIGNIFICANCE = 1 - (1 - 0.01) ** (1 / len(CASES + TILTED))
 """Šidák: all cases together reject a right sampler once in 100 sets of samples."""
 
 
@@ -53,7 +61,7 @@ def equal_bins(values, low, high):
     return np.concatenate([[low], inner, [high]])
 
 
-def expected_share(material, o, theta_edges, phi_edges):
+def expected_share(density, o, theta_edges, phi_edges):
     """(BINS, BINS): the density's integral over each bin, delta lobes left out."""
     x, weight = np.polynomial.legendre.leggauss(NODES)
 
@@ -72,8 +80,7 @@ def expected_share(material, o, theta_edges, phi_edges):
         ),
         axis=-1,
     )
-    density = oracle.density(material, o, i).sum(-1) * np.sin(theta)[:, None]
-    mass = density * theta_weight[:, None] * phi_weight
+    mass = density(i) * np.sin(theta)[:, None] * theta_weight[:, None] * phi_weight
     return mass.reshape(BINS, NODES, BINS, NODES).sum((1, 3))
 
 
@@ -89,11 +96,26 @@ def test_samples_follow_their_density(device, material, angle):
     elif material.alpha == 0:
         i = i[drawn["specular"] == 0]
     above = angles(i[i[:, 2] > 0], o)
+    confirm(above, o, np.pi / 2, lambda i: oracle.density(material, o, i).sum(-1))
+
+
+@pytest.mark.parametrize(("material", "angle"), TILTED)
+def test_samples_of_clearcoats_with_normals_of_their_own(device, material, angle):
+    """Their densities count below the plane of the shading normal too."""
+    rng = np.random.default_rng([int(material.clearcoat_alpha * 1000), angle])
+    o = oracle.direction(angle, 25)
+    drawn = call(device, "sample", material, o, rng.random((SAMPLES, 3), np.float32), coat=TILT)
+    everywhere = angles(drawn["wi"].astype(float), o)
+    confirm(everywhere, o, np.pi, lambda i: oracle.density(material, o, i, TILT).sum(-1))
+
+
+def confirm(drawn, o, most, density):
+    """Compare the angles of drawn directions, up to a polar angle, with their density."""
     # Bins from one half of the samples, counts from the other: the edges are no fit to the counts.
-    pilot, counted = above[::2], above[1::2]
-    theta_edges = equal_bins(pilot[:, 0], 0, np.pi / 2)
+    pilot, counted = drawn[::2], drawn[1::2]
+    theta_edges = equal_bins(pilot[:, 0], 0, most)
     phi_edges = equal_bins(pilot[:, 1], -np.pi, np.pi)
-    share = expected_share(material, o, theta_edges, phi_edges).ravel()
+    share = expected_share(density, o, theta_edges, phi_edges).ravel()
     counts = np.histogram2d(*counted.T, bins=(theta_edges, phi_edges))[0].ravel()
     # Half of all draws, wherever they went; what fell below the surface is one bin more.
     total = SAMPLES // 2

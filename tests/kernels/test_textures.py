@@ -55,7 +55,7 @@ def expected(uv: Float, sampler: Sampler, image: NDArray[np.float32] = IMAGE) ->
 def values(device: ComputeDevice, sampler: Sampler, uv: Float, footprint: Float) -> Float:
     """The texture there by the kernel's function, for footprints in texture coordinates."""
     other = Material(texture=np.zeros((2, 2, 3), np.float32))
-    material = Material(texture=IMAGE, samplers=(sampler, Sampler(), Sampler(), Sampler()))
+    material = Material(texture=IMAGE, samplers=(sampler, *[Sampler()] * 4))
     table, texels = texture_table([other, material])
     arguments: dict[str, Any] = {"texels": device.upload("texels", texels)}
     found = evaluate(

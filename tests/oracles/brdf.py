@@ -17,6 +17,8 @@ from iprt.geometry.material import MIN_ALPHA, MIRROR_ALPHA, Material, material_t
 
 Array = NDArray[np.float64]
 MIN_LOBE = 0.25
+Z = np.array([0.0, 0.0, 1.0])
+"""The shading normal, which is the clearcoat's too where none is given."""
 
 
 @lru_cache
@@ -85,7 +87,15 @@ def microfacets(alpha: float, o: Array, i: Array, separable: bool = False) -> Ar
     return ggx(half(o, i), alpha) * g2 / (4 * o[..., 2] * i[..., 2])
 
 
-def evaluate_specular(material: Material, o: Array, i: Array, separable: bool = False) -> Array:
+def around(normal: Array, v: Array) -> Array:
+    """Directions in a frame whose z is this normal."""
+    x = normalized(np.cross(normal, [0.36, 0.48, 0.8]) if np.any(normal != Z) else [1.0, 0, 0])
+    return v @ np.stack([x, np.cross(normal, x), normal], axis=-1)
+
+
+def evaluate_specular(
+    material: Material, o: Array, i: Array, separable: bool = False, coat: Array = Z
+) -> Array:
     """f of the rough specular lobes and of sheen."""
     alpha, cos_h = roughness(material), np.sum(o * half(o, i), -1)
     value = np.zeros(i.shape)
@@ -93,48 +103,56 @@ def evaluate_specular(material: Material, o: Array, i: Array, separable: bool = 
         value = microfacets(alpha, o, i, separable)[..., None] * reflectance(material, cos_h)
     if not material.is_covered:
         return value
-    value = value * below_cover(material, o, i)[..., None] + sheen(material, o, i)
-    if (alpha := coat_roughness(material)) > 0:
-        coat = material.clearcoat * fresnel(cos_h, 1.5) * microfacets(alpha, o, i)
-        value = value + coat[..., None]
-    return value
+    value = value * below_cover(material, o, i, coat)[..., None] + sheen(material, o, i, coat)
+    return value + clearcoat(material, o, i, coat)[..., None]
+
+
+def clearcoat(material: Material, o: Array, i: Array, coat: Array = Z) -> Array:
+    """f of the rough clearcoat, relative to the cosine's magnitude at the shading normal."""
+    if not (alpha := coat_roughness(material)) > 0:
+        return np.zeros(i.shape[:-1])
+    own_o, own_i = around(coat, o), around(coat, i)
+    above = own_i[..., 2] > 0
+    own_i = np.where(above[..., None], own_i, Z)
+    f = fresnel(np.sum(o * half(o, i), -1), 1.5) * microfacets(alpha, own_o, own_i)
+    return np.where(above, material.clearcoat * f * own_i[..., 2] / np.abs(i[..., 2]), 0.0)
 
 
 def coat_roughness(material: Material) -> float:
     return roughness(replace(material, alpha=material.clearcoat_alpha))
 
 
-def covers(material: Material, v: Array) -> Array:
+def covers(material: Material, v: Array, coat: Array = Z) -> Array:
     """(2, ...) share of light that the clearcoat and white sheen, unlimited, reflect: the table's
     piecewise linear values."""
     rows = table(material)
     found = [
-        np.interp(np.sqrt(v[..., 2]), np.linspace(0, 1, 32), rows[first : first + 8].ravel())
-        for first in (14, 22)
+        np.interp(np.sqrt(cosine), np.linspace(0, 1, 32), rows[first : first + 8].ravel())
+        for first, cosine in ((14, np.maximum(v @ coat, 0.0)), (22, v[..., 2]))
     ]
     return np.stack([material.clearcoat * found[0], found[1]])
 
 
-def most_covers(material: Material, o: Array, i: Array) -> Array:
+def most_covers(material: Material, o: Array, i: Array, coat: Array = Z) -> Array:
     """`covers` of the direction in which more is reflected."""
     o = np.broadcast_to(o, i.shape)
-    return np.maximum(covers(material, o), covers(material, i))
+    return np.maximum(covers(material, o, coat), covers(material, i, coat))
 
 
-def below_cover(material: Material, o: Array, i: Array) -> Array:
+def below_cover(material: Material, o: Array, i: Array, coat: Array = Z) -> Array:
     """Factor of all that is below both layers."""
-    coat, white = most_covers(material, o, i)
-    return (1 - coat) * (1 - max(material.sheen) * np.minimum(white, 1))
+    share, white = most_covers(material, o, i, coat)
+    return (1 - share) * (1 - max(material.sheen) * np.minimum(white, 1))
 
 
-def sheen(material: Material, o: Array, i: Array) -> Array:
+def sheen(material: Material, o: Array, i: Array, coat: Array = Z) -> Array:
     """Estevez and Kulla's distribution with Neubelt and Pettineo's visibility, limited."""
     alpha = max(material.sheen_alpha, 0.01)
-    coat, white = most_covers(material, o, i)
+    share, white = most_covers(material, o, i, coat)
     sine = np.sin(np.arccos(np.clip(half(o, i)[..., 2], -1, 1)))
     distribution = (2 + 1 / alpha) * sine ** (1 / alpha) / (2 * np.pi)
     visibility = 1 / (4 * (o[..., 2] + i[..., 2] - o[..., 2] * i[..., 2]))
-    value = (1 - coat) * distribution * visibility / np.maximum(white, 1)
+    value = (1 - share) * distribution * visibility / np.maximum(white, 1)
     return value[..., None] * np.array(material.sheen)
 
 
@@ -153,7 +171,7 @@ def base(material: Material) -> float:
     return float(table(material)[0, 3])
 
 
-def evaluate_diffuse(material: Material, o: Array, i: Array) -> Array:
+def evaluate_diffuse(material: Material, o: Array, i: Array, coat: Array = Z) -> Array:
     """f of the diffuse lobe, without the albedo."""
     if material.kind == "diffuse":
         return np.full(i.shape[:-1], 1 / np.pi)
@@ -161,7 +179,7 @@ def evaluate_diffuse(material: Material, o: Array, i: Array) -> Array:
         return np.zeros(i.shape[:-1])
     crossed = transmittance(material, o[..., 2]) * transmittance(material, i[..., 2])
     if material.is_covered:
-        crossed = crossed * below_cover(material, o, i)
+        crossed = crossed * below_cover(material, o, i, coat)
     return crossed * base(material) / np.pi
 
 
@@ -182,34 +200,35 @@ def specular_probability(material: Material, o: Array) -> float:
     return float(np.clip(specular / (specular + diffuse), MIN_LOBE, 1 - MIN_LOBE))
 
 
-def lobe_probabilities(material: Material, o: Array) -> tuple[float, float]:
+def lobe_probabilities(material: Material, o: Array, coat: Array = Z) -> tuple[float, float]:
     """Of the specular lobe and of the clearcoat."""
     specular = specular_probability(material, o)
     if not material.is_covered:
         return specular, 0.0
-    coat, white = covers(material, o)
+    lacquer, white = covers(material, o, coat)
     chosen = [
         float(np.clip(share, MIN_LOBE, 1 - MIN_LOBE)) if strength > 0 else 0.0
         for share, strength in (
-            (coat, material.clearcoat),
+            (lacquer, material.clearcoat),
             (max(material.sheen) * white, max(material.sheen)),
         )
     ]
     return specular * (1 - chosen[1]) * (1 - chosen[0]), chosen[0]
 
 
-def density(material: Material, o: Array, i: Array) -> Array:
-    """(..., 2): 1/sr of the diffuse and the specular lobes, probabilities included; i above."""
-    p, p_coat = lobe_probabilities(material, o)
+def density(material: Material, o: Array, i: Array, coat: Array = Z) -> Array:
+    """(..., 2): 1/sr of the diffuse and the specular lobes, probabilities included."""
+    p, p_coat = lobe_probabilities(material, o, coat)
     out = np.zeros((*i.shape[:-1], 2))
-    out[..., 0] = (1 - p - p_coat) * i[..., 2] / np.pi
-    lobes = [(p, roughness(material)), (p_coat, coat_roughness(material))]
-    for probability, alpha in lobes if material.kind != "diffuse" else ():
+    out[..., 0] = (1 - p - p_coat) * np.maximum(i[..., 2], 0.0) / np.pi
+    lobes = [(p, roughness(material), Z), (p_coat, coat_roughness(material), coat)]
+    for probability, alpha, normal in lobes if material.kind != "diffuse" else ():
         if alpha > 0:
-            h = half(o, i)
-            cos_h = np.sum(o * h, -1)
-            visible = ggx(h, alpha) * cos_h / (1 + smith_lambda(o, alpha)) / o[..., 2]
-            out[..., 1] += probability * visible / (4 * cos_h)
+            h, own = around(normal, half(o, i)), around(normal, o)
+            cos_h = np.sum(own * h, -1)
+            visible = ggx(h, alpha) * cos_h / (1 + smith_lambda(own, alpha)) / own[..., 2]
+            found = probability * visible / (4 * np.maximum(cos_h, 1e-12))
+            out[..., 1] += np.where(h[..., 2] > 0, found, 0.0)
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -254,6 +255,20 @@ def test_maps_of_layers_are_lost(tmp_path: Path) -> None:
     surface = UsdShade.Shader(writer.of(material, "coat").GetPrim().GetChild("surface"))
     assert surface.GetInput("clearcoat").Get() == 0.75
     assert [*writer.lost] == ["maps of clearcoat, sheen, tint and transmission; means are used"]
+
+
+@pytest.mark.parametrize("above", [None, 0.25, 0.5])
+def test_normals_of_clear_coats_are_named(tmp_path: Path, above: float | None) -> None:
+    """Unless they are those of the surface below."""
+    below = np.float32([[[0.5, 0.0, 1.0]]])
+    coat = None if above is None else np.float32([[[above, 0.0, 1.0]]])
+    material = Material("principled", RED, clearcoat=0.75, normal_texture=below)
+    material = replace(material, clearcoat_normal_texture=coat)
+    stage = Usd.Stage.CreateInMemory()
+    writer = MaterialWriter(stage, "/materials", Pictures(tmp_path / "pictures"))
+    writer.of(material, "coat")
+    lost = "normals of clear coats, which get those of the surface below"
+    assert [*writer.lost] == ([] if above == 0.5 else [lost])
 
 
 def test_several_materials_are_subsets(tmp_path: Path) -> None:

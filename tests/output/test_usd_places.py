@@ -45,7 +45,7 @@ def laid(mesh: Mesh, number: int) -> np.ndarray:
 
 def test_places_come_back(tmp_path: Path) -> None:
     turned = Place(((0.0, 1.5, 0.1), (-2.0, 0.0, 0.6)))
-    material = replace(PLACED, places=(turned, *PLACES[1:]))
+    material = replace(PLACED, places=(turned, *PLACES[1:], None))
     mesh = replace(placed_square(), materials=(material,))
     back, lost = written(tmp_path, mesh)
     assert (lost, back.dropped) == ([], ())

@@ -75,7 +75,7 @@ def test_minified_textures_are_averaged(view: View) -> None:
 def test_textures_beyond_their_borders(wrap: Wrap) -> None:
     """Coordinates from -1 to 2, of a texture whose value is u, 1 - v."""
     sampler = Sampler((wrap, wrap))
-    material = Material(albedo=(1, 1, 1), texture=ramp(), samplers=(sampler, *[Sampler()] * 3))
+    material = Material(albedo=(1, 1, 1), texture=ramp(), samplers=(sampler, *[Sampler()] * 4))
     shape = quad((material,))
     instance = placed(replace(shape, uvs=3.0 * shape.uvs - 1.0), (0.0, 0.0, -2.5))
     with rasterizer([instance]) as opened:

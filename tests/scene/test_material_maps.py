@@ -13,7 +13,7 @@ from PIL import Image
 from iprt.errors import FormatError, IprtError
 from iprt.geometry.material import Material, MaterialKind
 from iprt.geometry.meshes import load_mesh
-from iprt.scene.material_maps import MAPS, MapName, read_map
+from iprt.scene.material_maps import MAPS, NORMALS, MapName, read_map
 from iprt.scene.object_edits import ObjectEdit, flat, save_edits
 from iprt.scene.scene import Scene
 from tests.geometry.gltf_models import models, write_model
@@ -56,6 +56,7 @@ def test_each_map_is_read_as_gltf_has_it(tmp_path: Path) -> None:
         "emission_texture": color,
         "surface_texture": PIXELS[..., [2, 1]] / 255.0,
         "normal_texture": PIXELS[..., :3] / 127.5 - 1.0,
+        "clearcoat_normal_texture": PIXELS[..., :3] / 127.5 - 1.0,
         "opacity_texture": PIXELS[..., 3] / 255.0,
     }
     for key, wanted in expected.items():
@@ -108,6 +109,7 @@ def test_maps_of_mesh_files_are_written_with_edits(tmp_path: Path, kind: Materia
     folder = with_material(tmp_path, 'kind = "diffuse", albedo = [1, 0, 0]')
     maps = {key: read_map(folder / "map.png", key) for key in MAPS}
     given = replace(Material(kind), emission=(2.0, 1.0, 0.5), opacity=0.75, cutoff=0.25, **maps)
+    given = replace(given, clearcoat=0.5) if kind == "principled" else given
     (folder / "map.png").unlink()
     files = []
     for _ in range(2):
@@ -117,11 +119,11 @@ def test_maps_of_mesh_files_are_written_with_edits(tmp_path: Path, kind: Materia
     found = only(folder)
     assert found == replace(given, alpha=found.alpha, ior=found.ior)
     for key in MAPS:
-        if key == "surface_texture" and kind != "principled":
-            assert found.surface_texture is None
+        if key in ("surface_texture", "clearcoat_normal_texture") and kind != "principled":
+            assert getattr(found, key) is None
             continue
         image, wanted = getattr(found, key), getattr(given, key)
-        if key == "normal_texture":
+        if key in NORMALS:
             image, wanted = (v / np.linalg.norm(v, axis=2, keepdims=True) for v in (image, wanted))
             np.testing.assert_allclose(image, wanted, atol=0.02)
         else:

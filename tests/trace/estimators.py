@@ -168,7 +168,10 @@ class Kernels:
         trace = VirtualTracer(self.device, guide, features, kernel)
         seen = renderer.visible
         surfaces = SurfacesArgs(
-            albedo=seen.albedo, metallic=seen.metallic, roughness=seen.roughness
+            albedo=seen.albedo,
+            metallic=seen.metallic,
+            roughness=seen.roughness,
+            coat_normal=seen.coat_normal,
         )
         known = KnownArgs(
             certainty=nothing, specular=None, diffuse=None, mean_radiance=1.0, fading=0.0

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from iprt.device.compute import ComputeDevice
-from iprt.geometry.material import Material, MaterialNeeds
+from iprt.geometry.material import Material
+from iprt.geometry.material_needs import MaterialNeeds
 from tests.trace.closed_forms import BOX_VIEW as VIEW
 from tests.trace.closed_forms import RUNS, box_truth
 from tests.trace.estimators import Estimator, confirm, furnace, kernels, lamps

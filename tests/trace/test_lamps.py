@@ -135,7 +135,7 @@ def test_a_lamp_shows_its_radiance(device: ComputeDevice, name: str) -> None:
     halves = np.ones((4, 8, 3), np.float32)
     halves[:, :4] = 0.25
     clamped = Sampler(("clamp", "clamp"))
-    lamp = replace(GLOW, emission_texture=halves, samplers=(*PLAINS, clamped))
+    lamp = replace(GLOW, emission_texture=halves, samplers=(*PLAINS, clamped, Sampler()))
     turned = np.array([[1.0, 0, 0], [0, 0.77, 0.64], [0, -0.64, 0.77]])
     thing = Instance("lamp", quad((lamp,)), transform(0.7 * turned, (0.0, -1.0, -1.2)))
     picture = shown(device, thing, frames=1, **WAYS[name])

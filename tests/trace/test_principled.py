@@ -35,7 +35,7 @@ def mapped(left: Material, right: Material) -> Material:
         alpha=1.0,
         metallic=1.0,
         surface_texture=np.ascontiguousarray(np.tile(image, (4, 1, 1))),
-        samplers=(Sampler(), Sampler(("clamp", "clamp")), Sampler(), Sampler()),
+        samplers=(Sampler(), Sampler(("clamp", "clamp")), *[Sampler()] * 3),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ def surface(mi: Any, o: np.ndarray, count: int) -> Any:
     si.sh_frame = mi.Frame3f(mi.Vector3f(0.0, 0.0, 1.0))
     si.wi = mi.Vector3f(*o.tolist())
     si.uv = mi.Point2f(0.5, 0.5)
+    si.dp_du = mi.Vector3f(1.0, 0.0, 0.0)
     return si
 
 
@@ -66,11 +68,56 @@ def test_values_equal_the_twin(mi: Any, material: Material, angle: float) -> Non
     assert (seen < np.maximum(lower, upper) + slack).all()
 
 
+TILTS = oracle.direction(25.0, 100.0), oracle.direction(40.0, -30.0)
+
+
+def bent(material: Material, *, below: bool, above: bool) -> Material:
+    """Return a material with maps of `TILTS` for itself and for its clear coat."""
+    base, lacquer = (np.float32(tilt)[None, None] for tilt in TILTS)
+    base, lacquer = base if below else None, lacquer if above else None
+    return replace(material, normal_texture=base, clearcoat_normal_texture=lacquer)
+
+
+@pytest.mark.parametrize(("below", "above"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("material", [MATERIALS[0], MATERIALS[1], MATERIALS[4]])
+def test_normals_of_clear_coats(mi: Any, material: Material, below: bool, above: bool) -> None:
+    """Values are the twin's in the frame of the map below, and the mean of samples is theirs."""
+    from iprt.truth.shapes import bsdf_of
+
+    rng = np.random.default_rng(3)
+    i = oracle.normalized(np.abs(rng.normal(size=(500, 3))) * [1.0, -1.0, 1.0])
+    o = oracle.direction(30.0, 20.0)
+    base, lacquer = TILTS[0] if below else oracle.Z, TILTS[1] if above else oracle.Z
+    own_o, own_i = (oracle.around(base, v) for v in (o, i))
+    lacquer = oracle.around(base, lacquer)
+    kept = (own_i[:, 2] > 0.02) & (own_i @ lacquer > 0.02)
+    i, own_i = i[kept], own_i[kept]
+    bsdf = bsdf_of(bent(material, below=below, above=above))
+    si = surface(mi, o, len(i))
+    value = bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(i.T.astype(np.float32)))
+    diffuse = (1.0 - material.metallic) * np.array(material.albedo)
+    expected = oracle.evaluate_diffuse(material, own_o, own_i, lacquer)[:, None] * diffuse
+    lower, upper = (
+        (expected + oracle.evaluate_specular(material, own_o, own_i, separable, lacquer))
+        * own_i[:, 2:]
+        for separable in (True, False)
+    )
+    seen, slack = np.array(value).T, 0.02 * upper + 1e-3
+    # Mitsuba darkens bumps a little more.
+    assert (seen > np.minimum(lower, upper) - slack - 0.08 * below * upper).all()
+    assert (seen < np.maximum(lower, upper) + slack).all()
+    confirm_samples(mi, bsdf)
+
+
 @pytest.mark.parametrize("material", MATERIALS)
 def test_samples_have_the_mean_of_the_values(mi: Any, material: Material) -> None:
     from iprt.truth.shapes import bsdf_of
 
-    bsdf = bsdf_of(material)
+    confirm_samples(mi, bsdf_of(material))
+
+
+def confirm_samples(mi: Any, bsdf: Any) -> None:
+    """Compare the mean of a BSDF's samples with that of its values."""
     o = oracle.direction(50.0, 20.0)
     si = surface(mi, o, SAMPLES)
     rng = np.random.default_rng(4)

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.mitsuba
 TURNED = Place(((0.0, -1.5, 0.1), (1.5, 0.0, 0.6)))
 """Keeps angles, as Mitsuba's tangents ask for."""
 VIEW = View(40, 40, fov_y_deg=30.0)
-MAPS = ("surface_texture", "normal_texture", "emission_texture")
+MAPS = ("surface_texture", "normal_texture", "emission_texture", "clearcoat_normal_texture")
 
 
 def picture(mi: Any, shape: Mesh) -> np.ndarray:
@@ -35,14 +35,15 @@ def picture(mi: Any, shape: Mesh) -> np.ndarray:
     return np.array(mi.render(scene, sensor=camera, integrator=path, spp=1, seed=1))[..., :3]
 
 
-@pytest.mark.parametrize("number", range(3), ids=MAPS)
+@pytest.mark.parametrize("number", range(4), ids=MAPS)
 def test_a_map_is_shown_at_its_place(mi: Any, number: int) -> None:
     """With this map and no other."""
-    place = TURNED if number == 1 else PLACES[2 * (number > 0)]
+    place = TURNED if number in (1, 3) else PLACES[2 * (number > 0)]
+    lacquered = {"clearcoat": 1.0, "clearcoat_alpha": 0.1, MAPS[3]: ALIKE.normal_texture}
     others = {name: None for name in ("texture", *MAPS) if name != MAPS[number]}
     emission = (3.0, 2.0, 1.0) if number == 2 else (0.0, 0.0, 0.0)
-    alike = replace(ALIKE, emission=emission, **others)
-    places = tuple(place if index == number else None for index in range(3))
+    alike = replace(replace(ALIKE, **lacquered), emission=emission, **others)
+    places = tuple(place if index == number else None for index in range(4))
     shape = quad((alike,))
     uvs = place.coordinates(shape.uvs, None).astype(np.float32)
     found = picture(mi, replace(shape, materials=(replace(alike, places=places),)))
@@ -55,6 +56,6 @@ def test_a_map_is_shown_at_its_place(mi: Any, number: int) -> None:
 def test_a_second_set_is_a_loss(mi: Any, caplog: pytest.LogCaptureFixture) -> None:
     from iprt.truth.shapes import instance_shapes
 
-    shape = quad((replace(ALIKE, places=(None, None, Place(second=True))),))
+    shape = quad((replace(ALIKE, places=(None, None, Place(second=True), None)),))
     instance_shapes([placed(replace(shape, uvs2=shape.uvs), name="lamp")])
     assert "lamp: the truth shows maps of its second" in caplog.text

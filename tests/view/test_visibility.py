@@ -12,7 +12,8 @@ from iprt.bvh.scene import object_bounds
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.geometry.material import Material, MaterialNeeds, material_table
+from iprt.geometry.material import Material, material_table
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.raster.layers import SAMPLES, ObjectLayers
 from iprt.view.object_layer import VisibleLayer
@@ -241,6 +242,28 @@ def test_emission_with_textures(device: ComputeDevice, view: View) -> None:
         np.testing.assert_array_equal(found[ids == 1.0], 0.0)
 
 
+def drawn_and_traced(
+    device: ComputeDevice, view: View, instance: Instance
+) -> tuple[VisibleLayer, VisibleLayer]:
+    """Return the layers of one object in a room."""
+    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
+    constants = device.upload("view", view.kernel_constants())
+    materials = instance.mesh.materials
+    table = device.upload("materials", material_table(materials))
+    drawn, traced = layer_of(device, view, *materials), layer_of(device, view, *materials)
+    with rasterizer([instance]) as opened:
+        opened.set_surface(device.read(panorama.surface))
+        drawn.load(opened.render(view, shade=True), constants, table)
+    bvh = ObjectBvh(device, [instance])
+    bvh.load([instance])
+    visibility = Visibility(device, view, bvh, [instance], SAMPLES)
+    visibility.follow([instance])
+    bounds = object_bounds([instance], margin=1e-3)
+    boxes = device.upload("boxes", bounds)
+    visibility.run(traced, view, constants, constants, panorama, bounds, boxes, table)
+    return drawn, traced
+
+
 @views
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_normal_maps(device: ComputeDevice, view: View, mirrored: bool) -> None:
@@ -253,24 +276,10 @@ def test_normal_maps(device: ComputeDevice, view: View, mirrored: bool) -> None:
     u, v, n = turn.T
     if mirrored:
         u, turn = -u, turn * [-1.0, 1.0, 1.0]
-    instances = [placed(square, (-0.2, 0.0, -1.5), 0.5, turn)]
-    panorama = panorama_of(device, room_frame(World(), 64, 32, bright_walls))
-    constants = device.upload("view", view.kernel_constants())
-    table = device.upload("materials", material_table([material]))
-    drawn, traced = layer_of(device, view), layer_of(device, view)
-    with rasterizer(instances) as opened:
-        opened.set_surface(device.read(panorama.surface))
-        drawn.load(opened.render(view, shade=True), constants, table)
-    bvh = ObjectBvh(device, instances)
-    bvh.load(instances)
-    visibility = Visibility(device, view, bvh, instances, SAMPLES)
-    visibility.follow(instances)
-    bounds = object_bounds(instances, margin=1e-3)
-    boxes = device.upload("boxes", bounds)
-    visibility.run(traced, view, constants, constants, panorama, bounds, boxes, table)
+    instance = placed(square, (-0.2, 0.0, -1.5), 0.5, turn)
     expected = tilt[0] * u + tilt[1] * v + tilt[2] * n
     expected /= np.linalg.norm(expected)
-    for layer in (drawn, traced):
+    for layer in drawn_and_traced(device, view, instance):
         seen = image(device, layer, "coverage") == 1.0
         assert seen.sum() > 200
         # Where the tilted normal faces away, it is turned to the viewer.

@@ -5,7 +5,8 @@
 //   1   albedo, 1 + material index
 //   2   coverage: fraction of the pixel in which an object is in front of the real surface; image point in the
 //       previous view, pixels ((-1e9, -1e9): nowhere); fraction in which there is any object
-//   3   metalness, alpha of GGX, 0, 0: only where a material is principled
+//   3   metalness, alpha of GGX, and the normal of the clearcoat as in lib/world/finish.h, or 0, 0: only where a material
+//       is principled
 //   4   emitted radiance, 0: only where a material emits light
 #pragma once
 

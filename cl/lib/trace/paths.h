@@ -49,7 +49,7 @@ typedef struct {
     float3 n;
     float3 viewer;
     float3 albedo;
-    float2 finish;       // as in Scatterer
+    Finish finish;       // as in Scatterer
     int material;        // index among all instances' materials; -1: a real surface, diffuse, of albedo 1
     RayCone cone;        // of the ray that has met it, there; before its lobe widens it
 #ifdef REFRACTS
@@ -71,9 +71,8 @@ typedef struct {
 static inline Scatter scatter_along(const World world, const PathSurface at, float3 wi)
 {
     Scatter s = no_scatter(wi);
-    const float cosine = fmax(dot(at.n, wi), 0.0f);
     if (at.material < 0) {
-        s.diffuse = cosine / IPRT_PI;
+        s.diffuse = fmax(dot(at.n, wi), 0.0f) / IPRT_PI;
         s.density = fmax(s.diffuse, 1e-20f);
         return s;
     }
@@ -84,6 +83,7 @@ static inline Scatter scatter_along(const World world, const PathSurface at, flo
     factor = become_opaque(&material);
     s.media = at.media;
 #endif
+    const float cosine = brdf_cosine(at.n, wi);
     const BrdfValue value = brdf_eval(material, at.albedo, at.n, at.viewer, wi);
     const float2 density = brdf_pdf(material, at.albedo, at.n, at.viewer, wi);
     s.diffuse = opaque * factor * value.diffuse * cosine;

@@ -4,13 +4,16 @@
 #include "trace/traced.h"
 #include "world/brdf.h"
 
-// Return metalness and alpha at a pixel of padded planes; 0 if no material needs them.
-static inline float2 seen_finish(const Surfaces surfaces, uint pixel)
+// Return the finish at a pixel of padded planes of `size`; 0 if no material needs it.
+static inline Finish seen_finish(const Surfaces surfaces, uint size, uint pixel)
 {
-#ifdef PRINCIPLED
+#if defined(COAT_NORMALS)
+    return (Finish)(surfaces.metallic[pixel], surfaces.roughness[pixel], surfaces.coat_normal[pixel],
+                    surfaces.coat_normal[size + pixel]);
+#elif defined(PRINCIPLED)
     return (float2)(surfaces.metallic[pixel], surfaces.roughness[pixel]);
 #else
-    return (float2)(0.0f);
+    return (Finish)(0.0f);
 #endif
 }
 

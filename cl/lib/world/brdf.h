@@ -8,7 +8,9 @@
 //
 // -D PRINCIPLED adds the principled material, a mixture of a plastic and a metal whose base color is the albedo
 // (Khronos glTF 2.0, appendix B). Its parameters may vary over a surface: load_surface_material().
-// -D COVERED, with it, adds layers above it: lib/world/cover.h.
+// -D COVERED, with it, adds layers above it: lib/world/cover.h. -D COAT_NORMALS, with that, gives the clearcoat a normal
+// of its own, above whose plane it reflects light, also below the shading normal's. Its f is that of its own frame times
+// the ratio of the cosines at its own and at the shading normal, which is not reciprocal.
 // -D GLASS adds dielectrics, of which these functions have the reflection only. The rest: lib/world/glass.h.
 //
 // Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
@@ -26,10 +28,12 @@
 // Least share of the samples for either lobe of plastic. The reflection of the coat is faint, but a filter
 // can blur it far less than the irradiance below it.
 #define BRDF_MIN_LOBE 0.25f
+// Least cosine by which the reflection of a clearcoat with its own normal is divided.
+#define COAT_MIN_COSINE 1e-5f
 
 // A direction sampled from one lobe. `weight` is f cos / density of that lobe, including the probability of
-// having chosen it; 0 where the direction lies below the surface. Where sheen is sampled with the diffuse lobe, it is
-// not in the weight, only in brdf_eval().
+// having chosen it; 0 where the direction lies below the plane of the lobe. Where sheen is sampled with the diffuse lobe,
+// it is not in the weight, only in brdf_eval().
 typedef struct {
     float3 wi;
     float3 weight;
@@ -52,6 +56,23 @@ static inline int is_mirrored(const Material material, const BrdfSample sample)
 #else
     return sample.specular && !(material.alpha > 0.0f);
 #endif
+}
+
+// Return whether light from below the shading normal's plane may be reflected.
+static inline int reflects_below(void)
+{
+#ifdef COAT_NORMALS
+    return 1;
+#else
+    return 0;
+#endif
+}
+
+// Return the cosine at the shading normal by which f of brdf_eval() is multiplied.
+static inline float brdf_cosine(float3 n, float3 wi)
+{
+    const float cosine = dot(n, wi);
+    return reflects_below() ? fmax(fabs(cosine), COAT_MIN_COSINE) : fmax(cosine, 0.0f);
 }
 
 static inline float3 brdf_local_wo(Frame frame, float3 wo)
@@ -164,10 +185,10 @@ static inline BrdfSample mirrored_lobe(const Material material, float3 albedo, c
 }
 
 // Return the probabilities of sampling the specular lobe (x) and the clearcoat (y); of the rest, directions are sampled
-// by the cosine.
-static inline float2 lobe_probabilities(const Material material, float3 albedo, float cos_o)
+// by the cosine. Cosines as in lib/world/cover.h.
+static inline float2 lobe_probabilities(const Material material, float3 albedo, float2 cos_o)
 {
-    float2 probability = (float2)(specular_probability(material, albedo, cos_o), 0.0f);
+    float2 probability = (float2)(specular_probability(material, albedo, cos_o.y), 0.0f);
 #ifdef COVERED
     const float2 cover = cover_probabilities(material.cover, cos_o, BRDF_MIN_LOBE);
     probability.x *= (1.0f - cover.x) * (1.0f - cover.y);
@@ -187,7 +208,37 @@ static inline Material clearcoat_of(const Material material)
     coat.metallic = 0.0f;
     return coat;
 }
+
+// Return the cosines of a direction in the frame of the shading normal, as in lib/world/cover.h.
+static inline float2 cover_cosines(const Material material, float3 v)
+{
+#ifdef COAT_NORMALS
+    return (float2)(fmax(dot(v, material.coat_normal), 0.0f), v.z);
+#else
+    return (float2)(v.z);
 #endif
+}
+
+// Return the clearcoat's reflection in 1/sr, by directions in its frame; `cos_i`: at the shading normal.
+static inline float clearcoat_reflection(const Material material, float3 i, float3 o, float cos_i)
+{
+    if (!(clearcoat_alpha(material.cover) > 0.0f) || (reflects_below() && !(i.z > 0.0f)))
+        return 0.0f;
+    const float f = clearcoat_strength(material.cover) * fresnel_dielectric(half_cosine(i, o), CLEARCOAT_IOR)
+        * ggx_reflection(i, o, clearcoat_alpha(material.cover));
+    return reflects_below() ? f * i.z / fmax(fabs(cos_i), COAT_MIN_COSINE) : f;
+}
+#endif
+
+// Return the normal of the clearcoat in the space of `frame`, that of the shading normal.
+static inline float3 coat_normal_of(const Material material, const Frame frame)
+{
+#ifdef COAT_NORMALS
+    return frame_to_world(frame, material.coat_normal);
+#else
+    return frame.z;
+#endif
+}
 
 // Sample the BRDF: u.z chooses a lobe and u.xy a direction in it; u in [0, 1)^3.
 static inline BrdfSample brdf_sample(const Material material, float3 albedo, float3 n, float3 wo,
@@ -200,14 +251,20 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     sample.weight = (float3)(0.0f);
 
     const float3 o = brdf_local_wo(frame, wo);
-    const float2 probability = lobe_probabilities(material, albedo, o.z);
+    const float3 coat_normal = coat_normal_of(material, frame);
+    const float3 coat_o = brdf_local_wo(build_frame(coat_normal), wo);
+    const float2 cos_o = (float2)(coat_o.z, o.z);
+    const float2 probability = lobe_probabilities(material, albedo, cos_o);
 #ifdef COVERED
     if (u.z < probability.x + probability.y) {
         const int coat = u.z >= probability.x;
-        sample = sample_specular(coat ? clearcoat_of(material) : material, albedo, frame, o, u.xy);
-        const float cos_i = clamp(dot(sample.wi, n), 0.0f, 1.0f);
+        const Frame own = build_frame(coat ? coat_normal : n);
+        sample = sample_specular(coat ? clearcoat_of(material) : material, albedo, own, coat ? coat_o : o, u.xy);
+        float3 i = frame_to_local(frame, sample.wi);
+        i.z = clamp(i.z, 0.0f, 1.0f);
+        const float2 cos_i = cover_cosines(material, i);
         sample.weight *= coat ? clearcoat_strength(material.cover) / probability.y
-                              : below_cover(material.cover, cos_i, o.z) / probability.x;
+                              : below_cover(material.cover, cos_i, cos_o) / probability.x;
         return sample;
     }
 #else
@@ -222,9 +279,28 @@ static inline BrdfSample brdf_sample(const Material material, float3 albedo, flo
     sample.wi = frame_to_world(frame, i);
     sample.weight = (float3)(diffuse_factor(material, i.z, o.z) / (1.0f - probability.x - probability.y));
 #ifdef COVERED
-    sample.weight *= below_cover(material.cover, i.z, o.z);
+    sample.weight *= below_cover(material.cover, cover_cosines(material, i), cos_o);
 #endif
     return sample;
+}
+
+// Return brdf_eval() without the clearcoat's reflection, for directions in the frame of the normal, above its plane.
+// Cosines as in lib/world/cover.h.
+static inline BrdfValue value_below_coat(
+    const Material material, float3 albedo, float3 i, float3 o, float2 cos_i, float2 cos_o)
+{
+    BrdfValue value = {0.0f, (float3)(0.0f)};
+    if (!is_specular(material))
+        value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
+    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
+        value.specular = specular_reflectance(material, albedo, half_cosine(i, o))
+            * ggx_reflection(i, o, material.alpha);
+#ifdef COVERED
+    const float below = below_cover(material.cover, cos_i, cos_o);
+    value.diffuse *= below;
+    value.specular = below * value.specular + sheen_reflection(material.cover, i, o, cos_i, cos_o);
+#endif
+    return value;
 }
 
 static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3 n, float3 wo,
@@ -233,44 +309,45 @@ static inline BrdfValue brdf_eval(const Material material, float3 albedo, float3
     const Frame frame = build_frame(n);
     const float3 o = brdf_local_wo(frame, wo);
     const float3 i = frame_to_local(frame, wi);
+    const int above = i.z > 0.0f;
     BrdfValue value = {0.0f, (float3)(0.0f)};
-    if (!(i.z > 0.0f))
+    if (!above && !reflects_below())
         return value;
-    if (!is_specular(material))
-        value.diffuse = diffuse_factor(material, i.z, o.z) / IPRT_PI;
-    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
-        value.specular = specular_reflectance(material, albedo, half_cosine(i, o))
-            * ggx_reflection(i, o, material.alpha);
+    const Frame coat = build_frame(coat_normal_of(material, frame));
+    const float3 coat_o = brdf_local_wo(coat, wo), coat_i = frame_to_local(coat, wi);
+    const float2 cos_i = (float2)(reflects_below() ? fmax(coat_i.z, 0.0f) : i.z, i.z), cos_o = (float2)(coat_o.z, o.z);
+    if (above)
+        value = value_below_coat(material, albedo, i, o, cos_i, cos_o);
 #ifdef COVERED
-    const float below = below_cover(material.cover, i.z, o.z);
-    value.diffuse *= below;
-    value.specular = below * value.specular + sheen_reflection(material.cover, i, o);
-    if (clearcoat_alpha(material.cover) > 0.0f)
-        value.specular += clearcoat_strength(material.cover) * fresnel_dielectric(half_cosine(i, o), CLEARCOAT_IOR)
-            * ggx_reflection(i, o, clearcoat_alpha(material.cover));
+    value.specular += clearcoat_reflection(material, coat_i, coat_o, i.z);
 #endif
     return value;
 }
 
 // Return the densities (1/sr) with which brdf_sample() samples wi by the diffuse (x) and the specular lobes
 // (y), including the lobes' probabilities: x + y is the density of the mixture. The specular lobes may
-// sample directions below the surface with weight 0; their density here is 0.
+// sample directions below the surface with weight 0; their density here is 0. With -D COAT_NORMALS it is not: another
+// lobe may reflect light from there.
 static inline float2 brdf_pdf(const Material material, float3 albedo, float3 n, float3 wo,
                               float3 wi)
 {
     const Frame frame = build_frame(n);
     const float3 i = frame_to_local(frame, wi);
+    const int above = i.z > 0.0f;
     float2 density = (float2)(0.0f);
-    if (!(i.z > 0.0f))
+    if (!above && !reflects_below())
         return density;
     const float3 o = brdf_local_wo(frame, wo);
-    const float2 probability = lobe_probabilities(material, albedo, o.z);
-    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f)
+    const Frame coat = build_frame(coat_normal_of(material, frame));
+    const float3 coat_o = brdf_local_wo(coat, wo), coat_i = frame_to_local(coat, wi);
+    const float2 probability = lobe_probabilities(material, albedo, (float2)(coat_o.z, o.z));
+    // Half vectors of samples lie above the plane of their lobe.
+    if (material.kind != KIND_DIFFUSE && material.alpha > 0.0f && (above || i.z + o.z > 0.0f))
         density.y = ggx_density(probability.x, i, o, material.alpha);
 #ifdef COVERED
-    if (clearcoat_alpha(material.cover) > 0.0f)
-        density.y += ggx_density(probability.y, i, o, clearcoat_alpha(material.cover));
+    if (clearcoat_alpha(material.cover) > 0.0f && (!reflects_below() || coat_i.z + coat_o.z > 0.0f))
+        density.y += ggx_density(probability.y, coat_i, coat_o, clearcoat_alpha(material.cover));
 #endif
-    density.x = (1.0f - probability.x - probability.y) * i.z / IPRT_PI;
+    density.x = (1.0f - probability.x - probability.y) * (above ? i.z : 0.0f) / IPRT_PI;
     return density;
 }

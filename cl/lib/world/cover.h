@@ -1,7 +1,8 @@
 // Layers above a principled material, -D COVERED: a clearcoat, and sheen below it (Khronos glTF extensions
 // KHR_materials_clearcoat and KHR_materials_sheen), and the tint of its plastic's coat (KHR_materials_specular).
 //
-// All directions are in the frame of the normal. `cover` points to row COVER_ROW of a material:
+// All directions are in the frame of the normal. Pairs of cosines are at the normals of the clearcoat (x) and of the
+// surface (y), which are the same but with -D COAT_NORMALS. `cover` points to row COVER_ROW of a material:
 //   row 0      clearcoat, its alpha (GGX; 0: smooth); alpha of the sheen; index of the material of which this is a
 //              variant (material.h)
 //   row 1      sheen, rgb; its greatest channel
@@ -41,23 +42,30 @@ static inline float reflected_share(__global const float *table, float cosine)
 }
 
 // Return the share of light that the clearcoat reflects (x), and that white sheen would (y).
-static inline float2 cover_reflectance(__global const float *cover, float cosine)
+static inline float2 cover_reflectance(__global const float *cover, float2 cosines)
 {
-    return (float2)(cover[0] * reflected_share(cover + CLEARCOAT_REFLECTANCE, cosine),
-                    reflected_share(cover + SHEEN_REFLECTANCE, cosine));
+    return (float2)(cover[0] * reflected_share(cover + CLEARCOAT_REFLECTANCE, cosines.x),
+                    reflected_share(cover + SHEEN_REFLECTANCE, cosines.y));
+}
+
+// Return cover_reflectance() of the direction in which more is reflected.
+static inline float2 most_reflected(__global const float *cover, float2 cos_i, float2 cos_o)
+{
+    return fmax(cover_reflectance(cover, cos_i), cover_reflectance(cover, cos_o));
 }
 
 // Return the share of light that reaches the material below both layers and returns.
-static inline float below_cover(__global const float *cover, float cos_i, float cos_o)
+static inline float below_cover(__global const float *cover, float2 cos_i, float2 cos_o)
 {
-    const float2 most = fmax(cover_reflectance(cover, cos_i), cover_reflectance(cover, cos_o));
+    const float2 most = most_reflected(cover, cos_i, cos_o);
     return (1.0f - most.x) * (1.0f - greatest_sheen(cover) * fmin(most.y, 1.0f));
 }
 
 // Return the sheen in 1/sr, seen through the clearcoat.
-static inline float3 sheen_reflection(__global const float *cover, float3 i, float3 o)
+static inline float3 sheen_reflection(
+    __global const float *cover, float3 i, float3 o, float2 cos_i, float2 cos_o)
 {
-    const float2 most = fmax(cover_reflectance(cover, i.z), cover_reflectance(cover, o.z));
+    const float2 most = most_reflected(cover, cos_i, cos_o);
     const float3 h = i + o;
     const float sine2 = (h.x * h.x + h.y * h.y) / dot(h, h), power = 1.0f / cover[2];
     const float distribution = (2.0f + power) * exp2(0.5f * power * log2(fmax(sine2, 1e-20f))) / (2.0f * IPRT_PI);
@@ -67,7 +75,7 @@ static inline float3 sheen_reflection(__global const float *cover, float3 i, flo
 }
 
 // Return the probabilities of sampling sheen (x), if the clearcoat is not chosen, and the clearcoat (y).
-static inline float2 cover_probabilities(__global const float *cover, float cos_o, float least)
+static inline float2 cover_probabilities(__global const float *cover, float2 cos_o, float least)
 {
     const float2 share = cover_reflectance(cover, cos_o);
     const float sheen = greatest_sheen(cover) > 0.0f ? clamp(greatest_sheen(cover) * share.y, least, 1.0f - least) : 0.0f;

@@ -1,11 +1,12 @@
 // Materials of surfaces, iprt/geometry/material.py: the table of them, loading, and their lobes.
 //
 // -D PRINCIPLED adds the principled material, whose parameters may vary over a surface. -D COVERED, with it, adds the
-// layers above it, and -D GLASS dielectrics. -D VARIANTS: other values of some vary over a surface, whose variants are
-// materials of their own, with their own indices.
+// layers above it, -D COAT_NORMALS, with that, a normal of its clearcoat, and -D GLASS dielectrics. -D VARIANTS: other
+// values of some vary over a surface, whose variants are materials of their own, with their own indices.
 #pragma once
 
 #include "world/cover.h"
+#include "world/finish.h"
 
 // Layout of the table made by material_table(): MATERIAL_ROWS float4 per material.
 //   row 0      kind, alpha (GGX; 0: perfectly smooth, else >= MIN_ALPHA), index of refraction,
@@ -48,6 +49,9 @@ typedef struct {
 #ifdef COVERED
     __global const float *cover;             // the rows of lib/world/cover.h
 #endif
+#ifdef COAT_NORMALS
+    float3 coat_normal;                      // of the clearcoat, in the frame of the shading normal
+#endif
 } Material;
 
 // Return the index of the material of which a material is a variant, or its own.
@@ -71,13 +75,15 @@ static inline Material load_material(__global const float4 *restrict materials, 
 #ifdef COVERED
     material.cover = row + 4 * COVER_ROW;
 #endif
+#ifdef COAT_NORMALS
+    material.coat_normal = (float3)(0.0f, 0.0f, 1.0f);
+#endif
     return material;
 }
 
-// Return a material with the finish of a point of a surface: its metalness and alpha. A negative one stands for the
-// means of the material.
+// Return a material with the finish of a point of a surface.
 static inline Material load_surface_material(
-    __global const float4 *restrict materials, int index, float2 finish)
+    __global const float4 *restrict materials, int index, Finish finish)
 {
     Material material = load_material(materials, index);
 #ifdef PRINCIPLED
@@ -108,6 +114,9 @@ static inline Material load_surface_material(
         material.alpha = fmax(finish.y, MIN_ALPHA);
     }
     material.metallic = finish.x;
+#endif
+#ifdef COAT_NORMALS
+    material.coat_normal = unpacked_coat_normal(finish.zw);
 #endif
     return material;
 }

@@ -48,7 +48,7 @@ static inline ALWAYS_INLINE Scatter scatter(
         float weight;
         s = at_virtual_light(world.objects.virtual_lights, x, n, u.xyz, &weight);
         const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
-        weight *= fmax(dot(n, s.wi), 0.0f) / virtual_share;
+        weight *= brdf_cosine(n, s.wi) / virtual_share;
         s.diffuse = weight * value.diffuse;
         s.specular = weight * value.specular;
         return s;
@@ -97,7 +97,7 @@ static inline ALWAYS_INLINE Scatter scatter(
 #endif
     const BrdfValue value = brdf_eval(material, albedo, n, wo, s.wi);
     const float2 density = brdf_pdf(material, albedo, n, wo, s.wi);
-    const float cosine = fmax(dot(n, s.wi), 0.0f);
+    const float cosine = brdf_cosine(n, s.wi);
     s.diffuse = value.diffuse * cosine;
     s.specular = value.specular * cosine;
     // Directions below the surface scatter no light, whatever their density.

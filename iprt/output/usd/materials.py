@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from pxr import Gf, Sdf, UsdShade
 
-from iprt.geometry.material import Material
+from iprt.geometry.material import NORMAL_MAPS, Material
 from iprt.geometry.place import Place
 from iprt.geometry.sampler import PLAIN, Sampler
 from iprt.output.usd.pictures import Pictures
@@ -210,6 +211,8 @@ class MaterialWriter:
         if material.clearcoat > 0.0:
             network.set("clearcoat", material.clearcoat)
             network.set("clearcoatRoughness", math.sqrt(material.clearcoat_alpha))
+        if material.has_coat_normal and not _coat_follows_base(material):
+            self.lost["normals of clear coats, which get those of the surface below"] = None
         if max(material.sheen) > 0.0:
             self.lost["sheen"] = None
         if min(material.tint) < 1.0:
@@ -232,6 +235,14 @@ class MaterialWriter:
                 scale=material.emission,
             )
             network.connect("emissiveColor", node, "rgb")
+
+
+def _coat_follows_base(material: Material) -> bool:
+    """Return True if the clear coat has the same normals as the surface below."""
+    below, above = (material.maps[at] for at in NORMAL_MAPS)
+    places = [material.map_places[at] for at in NORMAL_MAPS]
+    same = below is not None and above is not None and np.array_equal(below, above)
+    return same and places[0] == places[1]
 
 
 def radiant_material(stage: Any, path: str, file: str) -> Any:

@@ -29,7 +29,7 @@ from iprt.device.block import (
 )
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import float4
-from iprt.geometry.material import MaterialNeeds
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance, same_places
 from iprt.world.objects.lamps import Lamps, LampsArgs
 from iprt.world.objects.object_layers import ObjectLayerArgs
@@ -53,9 +53,9 @@ class BvhArgs(Block):
     albedos : (2 M, 4), (4 M, 4), (6 M, 4) or (8 M, 4) float32
         Per material of `table_rows`: rgb, opacity; int bits of its texture's first texel, width (0:
         none) and height, then the cutoff. With principled materials also metalness and alpha; the
-        texture of their factors. With normal maps also 0; the normal map. With emission all these,
-        and emission; the texture of its factors. The fourth number of later textures is 1 + the
-        index of their place, or 0.
+        texture of their factors. With normal maps also the one of the clear coat; the normal map.
+        With emission all these, and emission; the texture of its factors. The fourth number of
+        later textures is 1 + the index of their place, or 0.
     uvs, uvs2 : (V, 2) float32 or None
         As in `Mesh`.
     places : (2 P, 4) float32 or None

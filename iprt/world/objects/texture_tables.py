@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.device.kernel_source import constant
-from iprt.geometry.material import Material, MaterialNeeds, first_variants, table_rows
+from iprt.geometry.material import Material, first_variants, table_rows
+from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.place import Place
 from iprt.geometry.sampler import Sampler
 from iprt.world.objects.mip_levels import color_levels, finish_levels, normal_levels
 
-_HEADER = "lib/world/objects/textures.h"
+_HEADER, _OBJECTS = "lib/world/objects/textures.h", "lib/world/objects/objects_bvh.h"
 _WRAP, _NEAREST = constant(_HEADER, "TEXTURE_WRAP"), constant(_HEADER, "TEXTURE_NEAREST")
 _WRAPS = {
     "repeat": 0,
@@ -28,8 +29,11 @@ _LEVELS: tuple[Callable[[NDArray[np.float32], Material], list[NDArray[np.float32
     lambda image, _: finish_levels(image),
     lambda image, _: normal_levels(image),
     lambda image, _: color_levels(image),
+    lambda image, _: normal_levels(image),
 )
 """Mip levels of the images of `Material.maps`."""
+_ROWS = (1, 3, constant(_OBJECTS, "NORMAL_MAP_ROW"), 7, constant(_OBJECTS, "COAT_MAP_ROW"))
+"""Rows of a material of the same images."""
 
 _KEPT: dict[
     tuple[int, ...], tuple[list[weakref.ref[NDArray[np.float32]]], NDArray[np.float16]]
@@ -53,16 +57,17 @@ def texture_table(
         row[1, 3] = material.cutoff
         row[2:3, :2] = material.metallic, material.alpha
         row[6:7, :3] = material.emission
-        maps = zip(row[1::2], material.maps, material.samplers, material.map_places, strict=False)
-        for number, (entry, image, sampler, place) in enumerate(maps):
-            if image is not None:
-                levels = _levels(image, number, material)
-                if id(levels) not in firsts:
-                    firsts[id(levels)] = sum(map(len, texels))
-                    texels.append(levels)
-                entry.view(np.uint32)[:3] = _packed(firsts[id(levels)], image.shape, sampler)
+        maps = zip(_ROWS, material.maps, material.samplers, material.map_places, strict=True)
+        for number, (at, image, sampler, place) in enumerate(maps):
+            if image is None:
+                continue
+            levels = _levels(image, number, material)
+            if id(levels) not in firsts:
+                firsts[id(levels)] = sum(map(len, texels))
+                texels.append(levels)
+            row[at].view(np.uint32)[:3] = _packed(firsts[id(levels)], image.shape, sampler)
             if place is not None:
-                entry.view(np.uint32)[3] = numbers[place]
+                row[at].view(np.uint32)[3] = numbers[place]
     if not texels:
         texels.append(np.zeros((1, 4), np.float16))
     return table.reshape(-1, 4), np.concatenate(texels)

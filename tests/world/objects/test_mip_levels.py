@@ -79,7 +79,7 @@ def test_normals_count_alike_whatever_their_length() -> None:
 
 def test_levels_follow_their_image_in_the_table() -> None:
     first = Material(texture=image((5, 3), 3))
-    second = Material(texture=image((2, 2), 3), samplers=(Sampler(nearest=True), *[Sampler()] * 3))
+    second = Material(texture=image((2, 2), 3), samplers=(Sampler(nearest=True), *[Sampler()] * 4))
     table, texels = texture_table([first, second])
     places = table.view(np.uint32)[[1, 3], 0]
     assert list(places) == [0, 15 + 2 + 1]

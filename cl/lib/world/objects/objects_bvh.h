@@ -37,11 +37,18 @@ typedef BvhHit ObjectHit;
 #define TEXTURED_ROWS 2
 #endif
 
+// Rows of images of normals.
+#define NORMAL_MAP_ROW 5
+#define COAT_MAP_ROW 4
+
 // The triangle that a ray along d has hit, in world space.
 typedef struct {
     float3 position;
     float3 flat_normal;   // of the plane, towards the viewer
     float3 normal;        // of the map, or interpolated, outward in the mesh; flat_normal without normals
+#ifdef COAT_NORMALS
+    float3 coat_normal;   // of the clearcoat: the same of its own map
+#endif
     float3 bulge;         // from position to the curved surface implied by the normals, if outside
     float reach;          // the largest coordinate in its computation
     int4 vertices;        // w: the material of the mesh
@@ -241,18 +248,24 @@ static inline ALWAYS_INLINE int drawn_variant(
 #endif
 
 #ifdef NORMAL_MAPS
-// Return the normal that a map gives at a surface, on the same side as its interpolated one.
+// Return a normal that does not turn to the other side of a triangle, whose own is `up`.
+static inline float3 risen(float3 n, float3 up)
+{
+    return safe_normalize(n + fmax(MIN_RISE - dot(n, up), 0.0f) * up, up);
+}
+
+// Return the normal that the map in a row of the table gives at a surface, on the same side as its interpolated one.
 static inline ALWAYS_INLINE float3 mapped_normal(
-    const Objects world, __global const float4 *rows, const ObjectSurface surface)
+    const Objects world, __global const float4 *rows, const ObjectSurface surface, int row)
 {
     const float3 n = surface.normal, weights = surface.weights;
     const int4 vertices = surface.vertices;
-    if (as_int4(world.bvh.albedos[TEXTURED_ROWS * surface.material + 5]).y == 0)
+    if (as_int4(world.bvh.albedos[TEXTURED_ROWS * surface.material + row]).y == 0)
         return n;
     // Summed before the texture is read: registers would hold the loaded normals meanwhile.
     const float3 own = weights.x * world.bvh.normals[vertices.x].xyz
         + weights.y * world.bvh.normals[vertices.y].xyz + weights.z * world.bvh.normals[vertices.z].xyz;
-    const float3 at = mapped_value(world, surface, 5).xyz;
+    const float3 at = mapped_value(world, surface, row).xyz;
     const float4 tangent = weights.x * world.bvh.tangents[vertices.x]
         + weights.y * world.bvh.tangents[vertices.y] + weights.z * world.bvh.tangents[vertices.z];
     const float3 bitangent = copysign(1.0f, tangent.w) * cross(own, tangent.xyz);
@@ -304,12 +317,28 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(
         + at.weights.y * above_plane(at.position - b, side * nb)
         + at.weights.z * above_plane(at.position - c, side * nc);
 #ifdef NORMAL_MAPS
-    at.normal = mapped_normal(world, rows, at);
-    // It does not turn to the other side of the triangle.
     const float3 up = side * at.flat_normal;
-    at.normal = safe_normalize(at.normal + fmax(MIN_RISE - dot(at.normal, up), 0.0f) * up, up);
+#ifdef COAT_NORMALS
+    // The clearcoat's map, then the other. A loop, because the reading of a map is inlined.
+    float3 mapped = at.normal;
+    for (int i = 0; i < 2; i++) {
+        at.coat_normal = mapped;
+        mapped = risen(mapped_normal(world, rows, at, i == 0 ? COAT_MAP_ROW : NORMAL_MAP_ROW), up);
+    }
+    at.normal = mapped;
+#else
+    at.normal = risen(mapped_normal(world, rows, at, NORMAL_MAP_ROW), up);
+#endif
 #endif
     return at;
+}
+
+// Return a normal of a surface on the side that a ray along d comes from. Near silhouettes it may still face away: it is
+// mirrored then.
+static inline ALWAYS_INLINE float3 towards_viewer(const ObjectSurface at, float3 normal, float3 d)
+{
+    const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -normal : normal;
+    return n - 2.0f * fmax(dot(n, d), 0.0f) * d;
 }
 
 // Return the scattering point of a hit. Where the interpolated normals imply a bulge, rays start on it (J.
@@ -322,11 +351,14 @@ static inline ALWAYS_INLINE Scatterer object_point(
     const ObjectSurface at = object_surface(world, hit, d, cone);
     Scatterer point;
     point.position = at.position + at.bulge + OBJECT_ULPS * at.reach * at.flat_normal;
-    // On the visible side; near silhouettes it may still face away.
-    const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -at.normal : at.normal;
-    point.normal = n - 2.0f * fmax(dot(n, d), 0.0f) * d;
+    point.normal = towards_viewer(at, at.normal, d);
     point.albedo = object_albedo(world, at);
+#ifdef COAT_NORMALS
+    const float3 coat = towards_viewer(at, at.coat_normal, d);
+    point.finish = (Finish)(object_finish(world, at), packed_coat_normal(point.normal, coat));
+#else
     point.finish = object_finish(world, at);
+#endif
     point.material = at.material;
 #ifdef EMISSION
     point.emission = object_emission(world, at);

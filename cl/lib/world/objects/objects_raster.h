@@ -321,7 +321,7 @@ static inline Scatterer object_point(const Objects world, const ObjectHit hit, f
     point.normal = dot(geometry.xyz, d) > 0.0f ? -geometry.xyz : geometry.xyz;
     point.position = o + hit.t * d + OBJECT_LIFT * OF_LAYER(footprint) * geometry.w * point.normal;
     point.albedo = material.xyz;
-    point.finish = (float2)(-1.0f);
+    point.finish = (Finish)(-1.0f);
 #ifdef EMISSION
     point.emission = (float3)(-1.0f);
     point.facing = 1.0f;

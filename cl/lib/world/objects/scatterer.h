@@ -1,6 +1,8 @@
 // A surface point of a virtual object that scatters, seen along d.
 #pragma once
 
+#include "world/finish.h"
+
 // Rays pass through dielectrics.
 #if defined(GLASS) && defined(OBJECTS_BVH)
 #define REFRACTS
@@ -11,7 +13,7 @@ typedef struct {
     float3 normal;     // towards the viewer
     float3 albedo;
     int material;
-    float2 finish;     // of a principled material: metalness, and alpha of GGX; negative: the material's means
+    Finish finish;
 #ifdef EMISSION
     float3 emission;   // radiance; negative: the material's mean
     float facing;      // cosine between the ray and the plane of the triangle

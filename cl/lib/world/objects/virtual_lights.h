@@ -58,16 +58,24 @@ static inline float light_falloff(const VirtualLights lights, __global const flo
                from_axis - y);
 }
 
+// Least cosine between a normal and a light for choosing it: a clearcoat with a normal of its own reflects light from below
+// the shading normal.
+#ifdef COAT_NORMALS
+#define LEAST_FACING 0.1f
+#else
+#define LEAST_FACING 0.0f
+#endif
+
 // Return a weight for choosing a light at x with normal n: 0 only where none of its light arrives.
 static inline float light_importance(const VirtualLights lights, __global const float4 *row, float3 x, float3 n)
 {
     const int kind = (int)row[1].w;
     if (kind == LIGHT_SUN)
-        return row[5].z * fmax(row[0].w - dot(n, row[2].xyz), 0.0f);
+        return row[5].z * fmax(row[0].w - dot(n, row[2].xyz), LEAST_FACING);
     const float3 away = row[0].xyz - x;
     const float distance2 = fmax(dot(away, away), 1e-12f), inverse = rsqrt(distance2);
     const float reach = kind == LIGHT_RECTANGLE ? length(row[5].xy) : row[0].w;
-    const float facing = clamp((dot(n, away) + reach) * inverse, 0.0f, 1.0f);
+    const float facing = clamp((dot(n, away) + reach) * inverse, LEAST_FACING, 1.0f);
     const float emitted = kind == LIGHT_RECTANGLE
         ? fmin(fmax(-dot(row[2].xyz, away), 0.0f) * inverse, 1.0f)
         : light_falloff(lights, row, -inverse * away);
