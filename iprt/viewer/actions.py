@@ -65,7 +65,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         Action(
             "undo",
             PARTS["undo"],
-            engine.undo,
+            lambda: ui.go_back(engine.undo),
             "Ctrl+Z",
             repeats=True,
             enabled=lambda: engine.can_undo,
@@ -73,7 +73,7 @@ def actions(ui: UiState) -> dict[str, Action]:
         Action(
             "redo",
             PARTS["redo"],
-            engine.redo,
+            lambda: ui.go_back(engine.redo),
             "Ctrl+Y, Ctrl+Shift+Z",
             repeats=True,
             enabled=lambda: engine.can_redo,

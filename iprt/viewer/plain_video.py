@@ -102,7 +102,7 @@ class PlainVideo:
 
             return finish
 
-        # Whoever reads the whole frame reports what is wrong with it.
+        # The reader of the whole frame reports damage.
         jobs.start("reading the video", read, lambda _: None)
 
     def follow(self, frame: Frame) -> None:

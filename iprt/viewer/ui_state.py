@@ -212,6 +212,17 @@ class UiState(ABC):
             self.say(f"{self.selected} removed; Ctrl+Z brings it back")
             self.selected = None
 
+    def go_back(self, step: Callable[[], object]) -> None:
+        """Undo or redo by a function, and select an object that it brings back."""
+        before = self._removed
+        step()
+        if back := before - self._removed:
+            self.selected = min(back)
+
+    @property
+    def _removed(self) -> set[str]:
+        return {edit.name for edit in self.engine.world.edits if edit.removed}
+
     def add(self, path: Path, x: float, y: float) -> None:
         """Add a mesh on the surface at a position in the picture, and select it.
 

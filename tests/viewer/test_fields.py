@@ -12,9 +12,11 @@ from PIL import Image
 
 from iprt.device.compute import ComputeDevice
 from iprt.errors import FormatError, IprtError
+from iprt.geometry.material import Material
 from iprt.scene.material_maps import MAPS
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from iprt.viewer.actions import actions
 from iprt.viewer.controls import with_value
 from iprt.viewer.engine import Engine
 from iprt.viewer.fields import (
@@ -272,6 +274,21 @@ def test_a_removed_object_is_not_selected_any_more(ui: Ui) -> None:
     assert ui.state is None
     ui.remove()
     assert len(ui.said) == 1
+
+
+def test_what_undo_brings_back_is_selected(ui: Ui) -> None:
+    do = actions(ui)
+    ui.remove()
+    assert ui.selected is None
+    do["undo"].act()
+    assert ui.selected == "cube"
+    do["redo"].act()
+    assert ui.state is None
+    do["undo"].act()
+    ui.selected = None
+    ui.engine.paint("cube", Material("diffuse", (0.1, 0.2, 0.3)))
+    do["undo"].act()
+    assert ui.selected is None
 
 
 def test_a_place_where_nothing_can_be_is_refused(ui: Ui) -> None:
