@@ -49,7 +49,7 @@ uniform int first_variant;      // index of the first of them; 0: it has none
 #endif
 #endif
 
-layout(location = 0) out vec4 geometry;   // world normal, radial distance
+layout(location = 0) out vec4 geometry;   // world normal on the side seen, radial distance
 layout(location = 1) out vec4 material;   // albedo, 1 + material index
 #ifdef DEFORMING
 layout(location = 2) out vec4 displaced;  // world space, to the mesh's shape before deformation; 0
@@ -134,8 +134,11 @@ void main()
     vec3 weights = barycentric(edges);
     vec3 normal = weights.x * n0.xyz + weights.y * n1.xyz + weights.z * n2.xyz;
     float size = length(normal);
-    normal = size > 1e-6 ? normal / size : -d;
-    geometry = vec4(normal, dot(weights, vec3(dot(p0.xyz, d), dot(p1.xyz, d), dot(p2.xyz, d))));
+    vec3 up = normalize(cross(p1.xyz - p0.xyz, p2.xyz - p0.xyz));
+    normal = size > 1e-6 ? normal / size : up;
+    up = dot(up, normal) < 0.0 ? -up : up;
+    float side = dot(up, d) > 0.0 ? -1.0 : 1.0;
+    geometry = vec4(side * normal, dot(weights, vec3(dot(p0.xyz, d), dot(p1.xyz, d), dot(p2.xyz, d))));
     vec3 albedo = texelFetch(table, ivec2(0, triangle.w), 0).rgb;
 #ifdef DEFORMING
     displaced = weights.x * displacement(triangle.x) + weights.y * displacement(triangle.y)
@@ -193,9 +196,7 @@ void main()
     vec3 mapped = bump.x * x / max(length(x), 1e-9) + bump.y * y / max(length(y), 1e-9)
         + max(bump.z, 0.0) * normal;
     mapped = length(mapped) > 1e-6 ? normalize(mapped) : normal;
-    vec3 up = normalize(cross(p1.xyz - p0.xyz, p2.xyz - p0.xyz));
-    up = dot(up, normal) < 0.0 ? -up : up;
-    geometry.xyz = normalize(mapped + max(MIN_RISE - dot(mapped, up), 0.0) * up);
+    geometry.xyz = side * normalize(mapped + max(MIN_RISE - dot(mapped, up), 0.0) * up);
 #endif
 #endif
     int index = triangle.w;

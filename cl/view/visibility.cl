@@ -2,7 +2,7 @@
 // rasterizer (iprt/raster/rasterizer.py), for devices without OpenGL and for tests.
 //
 //   kernel        in                                       out, [height * width]
-//   see_objects   objects (objects_bvh.h);                 front: world normal as in the mesh,
+//   see_objects   objects (objects_bvh.h);                 front: world normal, on the side seen,
 //                 displacements: per vertex, to its        radial distance (0: no surface); material:
 //                 previous position, object space, or      albedo, 1 + material index; finish, with -D
 //                 null; surface, as below                  PRINCIPLED, else null: lib/world/finish.h;
@@ -91,11 +91,13 @@ TRACING_KERNEL void see_objects(
     met[pixel] = (int2)(instance, hit.triangle);
     const RayCone cone = {0.0f, pixel_angle(view, d)};
     const ObjectSurface at = object_surface(world, hit, d, cone);
-    front[pixel] = (float4)(at.normal, hit.t);
+    front[pixel] = (float4)(on_seen_side(at, at.normal), hit.t);
     material[pixel] = (float4)(object_albedo(world, at),
                                at.material + 1);
 #ifdef COAT_NORMALS
-    finish[pixel] = (Finish)(object_finish(world, at), packed_coat_normal(at.normal, at.coat_normal));
+    finish[pixel] = (Finish)(
+        object_finish(world, at),
+        packed_coat_normal(on_seen_side(at, at.normal), on_seen_side(at, at.coat_normal)));
 #else
     if (finish)
         finish[pixel] = object_finish(world, at);

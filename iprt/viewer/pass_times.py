@@ -22,14 +22,14 @@ class PassStatistics:
     Attributes
     ----------
     name : str
-    median_ms, p95_ms : float
-        Median and 95th percentile. Medians of passes do not add up to the frame's.
+    mean_ms, p95_ms : float
+        Mean, which adds up over passes to the frame's, and 95th percentile.
     share : float
         Fraction of the time of all passes.
     """
 
     name: str
-    median_ms: float
+    mean_ms: float
     p95_ms: float
     share: float
 
@@ -61,6 +61,12 @@ class PassTimes:
         """(N,) total times of the frames, including compilation."""
         return np.array([wall for _, _, wall in self._frames], np.float64)
 
+    @property
+    def top_ms(self) -> float:
+        """Upper end of a plot of the passes' sums, above which only rare spikes are cut off."""
+        sums = np.sum(list(self.series().values()), axis=0)
+        return max(1.1 * float(min(np.max(sums), 2.0 * np.percentile(sums, 90))), 1e-3)
+
     def series(self) -> dict[str, NDArray[np.float64]]:
         """Return (N,) milliseconds by pass, in the order in which the passes first ran."""
         names = list(dict.fromkeys(name for _, times, _ in self._frames for name in times))
@@ -78,7 +84,7 @@ class PassTimes:
         rows = [
             PassStatistics(
                 name,
-                float(np.median(values)),
+                float(np.mean(values)),
                 float(np.percentile(values, 95)),
                 float(values.sum()) / total,
             )

@@ -34,8 +34,13 @@ def render(instances: Sequence[Instance], view: View, shade: bool = False) -> Ob
         return opened.render(view, shade=shade)
 
 
-def check_layer(layer, soup: Soup, hits: Hits, steady, materials, min_compared: int) -> None:
-    """`layer` shows `hits`, except where a ray passes within the raster grid of an edge."""
+def check_layer(
+    layer, soup: Soup, hits: Hits, steady, materials, min_compared: int, view: View
+) -> None:
+    """`layer` shows `hits`, except where a ray passes within the raster grid of an edge.
+
+    Normals are on the side of the triangle that is seen.
+    """
     seen = layer.geometry[..., 3] > 0.0
     assert ((hits.triangle >= 0) == seen)[steady].all()
     compared = steady & seen
@@ -47,8 +52,15 @@ def check_layer(layer, soup: Soup, hits: Hits, steady, materials, min_compared: 
     assert error[hits.cosine[compared] > 0.1].max() < 1e-5
 
     blended = np.einsum("nk,nkc->nc", weights, soup.normals[triangle])
+    corners = soup.corners[triangle]
+    plane = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    seen_from = np.einsum("nc,nc->n", plane, view.directions()[compared])
+    turned = seen_from * np.einsum("nc,nc->n", plane, blended) > 0.0
+    blended = np.where(turned[:, None], -blended, blended)
     length = np.linalg.norm(blended, axis=-1, keepdims=True)
-    clear = (length[:, 0] > 0.1) & (hits.cosine[compared] > 0.1)
+    # Where the normal lies in the plane, either side may be the seen one.
+    rise = np.abs(np.einsum("nc,nc->n", plane, blended)) / np.linalg.norm(plane, axis=-1)
+    clear = (length[:, 0] > 0.1) & (rise > 1e-3) & (hits.cosine[compared] > 0.1)
     np.testing.assert_allclose(
         layer.geometry[compared][clear, :3], (blended / length)[clear], atol=2e-3
     )
@@ -79,8 +91,8 @@ def check_layers(layers: ObjectLayers, soup: Soup, view: View, materials, min_co
         np.where(open_ended[..., None], first.weights, last.weights),
         np.where(open_ended, first.cosine, last.cosine),
     )
-    check_layer(layers.front, soup, first, steady, materials, min_compared)
-    check_layer(layers.back, soup, back, steady & steady_last, materials, min_compared)
+    check_layer(layers.front, soup, first, steady, materials, min_compared, view)
+    check_layer(layers.back, soup, back, steady & steady_last, materials, min_compared, view)
     for layer in (layers.front, layers.back):
         empty = layer.geometry[..., 3] == 0.0
         assert not layer.geometry[empty].any()

@@ -41,7 +41,8 @@ def test_normals_of_clear_coats(
         assert seen.sum() > 200
         n, d = image(device, layer, "normal")[seen], view.directions()[seen]
         found = unpacked(device, n, image(device, layer, "coat_normal")[seen])
-        turned = coat - 2.0 * np.maximum(d @ coat, 0.0)[:, None] * d
+        facing = side * coat
+        turned = facing - 2.0 * np.maximum(d @ facing, 0.0)[:, None] * d
         np.testing.assert_allclose(found, n if layer is drawn else turned, atol=1e-4)
 
 

@@ -75,7 +75,7 @@ def test_a_video_that_cannot_be_read_is_told(scene: Scene, device: ComputeDevice
         client = driver.join()
         driver.until(lambda: bool(driver.problems))
         assert "color.0000.exr" in driver.problems[0]
-        assert driver.shared.status.doing == "waiting"
+        driver.until(lambda: driver.shared.status.doing == "waiting")
         first.write_bytes(good)
         rewrite(scene, "fps = 24.0", "fps = 25.0")
         driver.clock.now += POLL_S

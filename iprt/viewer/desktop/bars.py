@@ -17,8 +17,9 @@ SHORTEST_EM = 6.0
 """Least width of the video's slider. The frame's number is beside it."""
 NARROW_EM = 28.0
 """Width up to which a window shows only the slider and its buttons."""
-COUNTER = "9999 of 9999, 99.9 of 99.9 fps"
-"""Widest text of the counter: the slider keeps its length while the video plays."""
+COUNTERS = "9999 of 9999, 99.9 of 99.9 fps", "9999 of 9999"
+"""Widest texts of the counter with and without the rate: the slider keeps its length while the
+video plays."""
 STATE_EM = 10.0
 """Least width of the engine's state."""
 
@@ -40,15 +41,17 @@ def playback(ui: DesktopState) -> None:
     imgui.same_line()
     if imgui.get_window_width() > NARROW_EM * em:
         _playback_mode(ui)
-    room = imgui.calc_text_size(COUNTER).x + em
-    counted = imgui.get_content_region_avail().x > room + SHORTEST_EM * em
-    imgui.set_next_item_width(-room if counted else -1.0)
+    rooms = [imgui.calc_text_size(text).x + em for text in COUNTERS]
+    left = imgui.get_content_region_avail().x - SHORTEST_EM * em
+    room = next((room for room in rooms if room < left), 0.0)
+    imgui.set_next_item_width(-room if room else -1.0)
     changed, frame = imgui.slider_int("##frame", ui.frame, frames[0], frames[-1], "")
     seconds = (ui.frame - frames[0]) / engine.scene.source.fps
     hint(f"Frame {ui.frame} of scene.toml, at {seconds:.2f} s")
     if changed:
         engine.seek(frame)
-    if counted and counter is not None:
+    if room and counter is not None:
+        counter = counter if room == rooms[0] else counter.partition(",")[0]
         imgui.same_line()
         imgui.align_text_to_frame_padding()
         imgui.text_colored(imgui.ImVec4(*QUIET), counter)

@@ -32,14 +32,13 @@ def _plot(pass_times: PassTimes) -> None:
     if len(steps) == 1:
         steps, series = np.append(steps, steps + 1.0), {k: v.repeat(2) for k, v in series.items()}
     below = np.zeros(len(steps))
-    most = max(float(sum(series.values(), below).max()), 1e-3)
     flags = implot.Flags_.no_legend | implot.Flags_.no_menus | implot.Flags_.no_box_select
     size = imgui.ImVec2(-1.0, PLOT_EM * imgui.get_font_size())
     if not implot.begin_plot("##passes", size, flags):
         return
     locked = implot.AxisFlags_.lock | implot.AxisFlags_.no_highlight
     implot.setup_axes("", "ms", locked | implot.AxisFlags_.no_tick_labels, locked)
-    implot.setup_axes_limits(steps[0], steps[-1], 0.0, 1.1 * most, imgui.Cond_.always)
+    implot.setup_axes_limits(steps[0], steps[-1], 0.0, pass_times.top_ms, imgui.Cond_.always)
     for number, (name, times) in enumerate(series.items()):
         spec = implot.Spec()
         spec.fill_color = _color(number)
@@ -53,7 +52,7 @@ def _table(pass_times: PassTimes) -> None:
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_stretch_prop
     if not imgui.begin_table("passes", 4, flags):
         return
-    for name, weight in (("pass", 4.0), ("median ms", 2.2), ("95 %", 1.8), ("share", 1.6)):
+    for name, weight in (("pass", 4.0), ("mean ms", 2.2), ("95 %", 1.8), ("share", 1.6)):
         imgui.table_setup_column(name, imgui.TableColumnFlags_.none, weight)
     imgui.table_headers_row()
     places = {name: number for number, name in enumerate(pass_times.series())}
@@ -63,7 +62,7 @@ def _table(pass_times: PassTimes) -> None:
         if row.name != WHOLE:
             _swatch(places[row.name])
         imgui.text_unformatted(row.name)
-        for words in (f"{row.median_ms:.2f}", f"{row.p95_ms:.2f}", f"{100.0 * row.share:.0f} %"):
+        for words in (f"{row.mean_ms:.2f}", f"{row.p95_ms:.2f}", f"{100.0 * row.share:.0f} %"):
             imgui.table_next_column()
             imgui.text_unformatted(words)
     imgui.end_table()

@@ -1,4 +1,4 @@
-"""The profile panel: times of the last view frames as a plot, medians as a table."""
+"""The profile panel: times of the last view frames as a plot, means as a table."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ class ProfilePanel:
         self._browser, self._gui = browser, browser.client.gui
         self._pass_times = PassTimes()
         self._lines: list[str] = []
+        self._top = 0.0
         self._plot = self._gui.add_uplot(
             (np.arange(2.0), np.zeros(2)),
             ({"label": "step"}, _line("with the host", 0)),
@@ -54,6 +55,10 @@ class ProfilePanel:
             names = ["with the host", WHOLE, *self._lines]
             lines = [_line(name, number) for number, name in enumerate(names)]
             self._plot.series = ({"label": "step"}, *lines)
+        top = self._pass_times.top_ms
+        if not 0.5 * self._top <= top <= self._top:
+            self._top = 1.25 * top
+            self._plot.scales = {"x": {"time": False}, "y": {"range": (0.0, self._top)}}
         self._plot.data = (
             self._pass_times.steps.astype(np.float64),
             self._pass_times.wall_ms,
@@ -69,9 +74,9 @@ def _line(label: str, number: int) -> dict[str, object]:
 
 
 def _table(rows: list[PassStatistics]) -> str:
-    names = "".join(f"<td>{name}</td>" for name in ("pass", "median ms", "p95", "share"))
+    names = "".join(f"<td>{name}</td>" for name in ("pass", "mean ms", "p95", "share"))
     lines = "".join(
-        f"<tr><td>{escape(row.name)}</td><td>{row.median_ms:.2f}</td><td>{row.p95_ms:.2f}</td>"
+        f"<tr><td>{escape(row.name)}</td><td>{row.mean_ms:.2f}</td><td>{row.p95_ms:.2f}</td>"
         f"<td>{100 * row.share:.0f} %</td></tr>"
         for row in rows
     )

@@ -81,7 +81,8 @@ def cleared(viewer: Place) -> Iterator[Place]:
     elsewhere = [url for visitor in viewer.visitors for url in visitor.elsewhere]
     viewer.visitors.clear()
     until(lambda: not viewer.host.browsers, "browsers are still there")
-    assert (errors, elsewhere) == ([], [])
+    assert errors == []
+    assert elsewhere == []
 
 
 def at_rest(visitor: Visitor, browser: Browser) -> View:

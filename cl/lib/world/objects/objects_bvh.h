@@ -333,11 +333,17 @@ static inline ALWAYS_INLINE ObjectSurface object_surface(
     return at;
 }
 
+// Return a normal of a surface on the side that is seen.
+static inline ALWAYS_INLINE float3 on_seen_side(const ObjectSurface at, float3 normal)
+{
+    return dot(at.normal, at.flat_normal) < 0.0f ? -normal : normal;
+}
+
 // Return a normal of a surface on the side that a ray along d comes from. Near silhouettes it may still face away: it is
 // mirrored then.
 static inline ALWAYS_INLINE float3 towards_viewer(const ObjectSurface at, float3 normal, float3 d)
 {
-    const float3 n = dot(at.normal, at.flat_normal) < 0.0f ? -normal : normal;
+    const float3 n = on_seen_side(at, normal);
     return n - 2.0f * fmax(dot(n, d), 0.0f) * d;
 }
 
