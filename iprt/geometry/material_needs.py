@@ -1,4 +1,4 @@
-"""What only some kernels and shaders have, because only some materials need it."""
+"""Features of kernels and shaders that only some materials need."""
 
 from __future__ import annotations
 

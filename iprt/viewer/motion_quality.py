@@ -331,11 +331,11 @@ class MotionQuality:
 
 
 def _rendering_s(shown: Shown) -> float:
-    """Return the seconds of a picture without those of compilers; 0 if they are not known.
+    """Return the time of a picture in seconds, without compilation; 0 if it is not known.
 
-    Passes of a first picture include those that prepare the world. The estimate is then too high,
-    and quality rises again soon. Without it, the first drag would have full quality until several
-    slow frames have been seen.
+    The passes of a first picture include the preparation of the world. The estimate is then too
+    high, and quality rises again soon. Without it, the first drag would have full quality until
+    several slow frames have been seen.
     """
     if not shown.compiled:
         return shown.seconds

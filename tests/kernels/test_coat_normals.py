@@ -11,6 +11,7 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from tests.kernels.brdf import call, grid
+from tests.kernels.test_brdf import COVERED
 from tests.kernels.wrap import evaluate
 from tests.oracles import brdf as oracle
 
@@ -20,19 +21,7 @@ MOST = 1.0 + 1e-3
 """Least upper bound of the light that a white material reflects; tables are interpolated."""
 TILTS = [(0.0, 0.0), (20.0, 130.0), (50.0, 30.0)]
 """Polar and azimuth angle of the clearcoat's normal."""
-MATERIALS = [
-    Material("principled", (0.5, 0.1, 0.2), 0.3, clearcoat=0.8, clearcoat_alpha=0.0),
-    Material("principled", (0.9, 0.6, 0.2), 0.4, metallic=0.7, clearcoat=1.0, clearcoat_alpha=0.1),
-    Material(
-        "principled",
-        (0.9, 0.6, 0.2),
-        0.2,
-        metallic=1.0,
-        clearcoat=0.5,
-        clearcoat_alpha=0.3,
-        sheen=(0.2, 0.4, 0.3),
-    ),
-]
+MATERIALS = [material for material in COVERED if material.clearcoat > 0.0]
 rng = np.random.default_rng(3)
 
 

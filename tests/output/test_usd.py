@@ -259,7 +259,7 @@ def test_maps_of_layers_are_lost(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("above", [None, 0.25, 0.5])
 def test_normals_of_clear_coats_are_named(tmp_path: Path, above: float | None) -> None:
-    """Unless they are those of the surface below."""
+    """Unless the surface below has the same."""
     below = np.float32([[[0.5, 0.0, 1.0]]])
     coat = None if above is None else np.float32([[[above, 0.0, 1.0]]])
     material = Material("principled", RED, clearcoat=0.75, normal_texture=below)
@@ -267,7 +267,7 @@ def test_normals_of_clear_coats_are_named(tmp_path: Path, above: float | None) -
     stage = Usd.Stage.CreateInMemory()
     writer = MaterialWriter(stage, "/materials", Pictures(tmp_path / "pictures"))
     writer.of(material, "coat")
-    lost = "normals of clear coats, which get those of the surface below"
+    lost = "normals of clear coats, which become the base normals"
     assert [*writer.lost] == ([] if above == 0.5 else [lost])
 
 

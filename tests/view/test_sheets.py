@@ -39,7 +39,7 @@ def seen(
 @pytest.mark.parametrize("gbuffer", ["cl", "gl"])
 @pytest.mark.parametrize("tilt_deg", [0.0, 40.0, -60.0])
 def test_backs_are_as_fronts(device: ComputeDevice, gbuffer: str, tilt_deg: float) -> None:
-    """Normals face the viewer, and what is reflected is the same."""
+    """Normals face the viewer, and reflections are the same."""
     front, normal = seen(device, gbuffer, tilt_deg, back=False)
     back, _ = seen(device, gbuffer, tilt_deg, back=True)
     bare, _ = seen(device, gbuffer, tilt_deg, back=True, smooth=False)

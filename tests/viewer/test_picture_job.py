@@ -159,7 +159,7 @@ def test_the_first_picture_is_the_video(scene: Scene, device: ComputeDevice) -> 
 def test_the_video_is_there_before_its_light_is_found(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In each view that is asked for while the search goes on."""
+    """Each requested view shows it during the search."""
     found, relit = threading.Event(), Scene.relit
 
     def search(scene: Scene, edit: LightEdit) -> Scene:

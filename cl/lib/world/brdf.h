@@ -8,9 +8,9 @@
 //
 // -D PRINCIPLED adds the principled material, a mixture of a plastic and a metal whose base color is the albedo
 // (Khronos glTF 2.0, appendix B). Its parameters may vary over a surface: load_surface_material().
-// -D COVERED, with it, adds layers above it: lib/world/cover.h. -D COAT_NORMALS, with that, gives the clearcoat a normal
-// of its own, above whose plane it reflects light, also below the shading normal's. Its f is that of its own frame times
-// the ratio of the cosines at its own and at the shading normal, which is not reciprocal.
+// -D COVERED, with it, adds layers above it: lib/world/cover.h. -D COAT_NORMALS, with that, gives the clearcoat a
+// normal of its own, above whose plane it reflects light, also below the shading normal's. Its f is the f in its own
+// frame times the ratio of the cosines at its own and at the shading normal, which is not reciprocal.
 // -D GLASS adds dielectrics, of which these functions have the reflection only. The rest: lib/world/glass.h.
 //
 // Sources. GGX, Smith: Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
@@ -32,8 +32,8 @@
 #define COAT_MIN_COSINE 1e-5f
 
 // A direction sampled from one lobe. `weight` is f cos / density of that lobe, including the probability of
-// having chosen it; 0 where the direction lies below the plane of the lobe. Where sheen is sampled with the diffuse lobe,
-// it is not in the weight, only in brdf_eval().
+// having chosen it; 0 where the direction lies below the plane of the lobe. Where sheen is sampled with the diffuse
+// lobe, it is not in the weight, only in brdf_eval().
 typedef struct {
     float3 wi;
     float3 weight;
@@ -230,7 +230,7 @@ static inline float clearcoat_reflection(const Material material, float3 i, floa
 }
 #endif
 
-// Return the normal of the clearcoat in the space of `frame`, that of the shading normal.
+// Return the normal of the clearcoat in the space of `frame`, which is the shading normal's.
 static inline float3 coat_normal_of(const Material material, const Frame frame)
 {
 #ifdef COAT_NORMALS

@@ -1,8 +1,8 @@
-// What varies over a principled surface besides its albedo, at a point: metalness, and alpha of GGX; negative: the
+// Parameters of a principled surface at a point, besides its albedo: metalness, and alpha of GGX; negative: the
 // material's means.
 //
-// -D COAT_NORMALS adds the normal of the clearcoat, in the frame of the shading normal, by stereographic projection from
-// the opposite pole: (0, 0) is the shading normal itself.
+// -D COAT_NORMALS adds the normal of the clearcoat, in the frame of the shading normal, by stereographic projection
+// from the opposite pole: (0, 0) is the shading normal itself.
 #pragma once
 
 #include "maths/sampling.h"

@@ -212,7 +212,7 @@ class MaterialWriter:
             network.set("clearcoat", material.clearcoat)
             network.set("clearcoatRoughness", math.sqrt(material.clearcoat_alpha))
         if material.has_coat_normal and not _coat_follows_base(material):
-            self.lost["normals of clear coats, which get those of the surface below"] = None
+            self.lost["normals of clear coats, which become the base normals"] = None
         if max(material.sheen) > 0.0:
             self.lost["sheen"] = None
         if min(material.tint) < 1.0:

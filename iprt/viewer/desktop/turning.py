@@ -109,7 +109,7 @@ class Turner:
         self._target: moderngl.Framebuffer | None = None
 
     def surround(self, surroundings: Surroundings) -> None:
-        """Upload what is drawn around pictures, unless it is known."""
+        """Upload the surroundings of pictures, unless they are uploaded already."""
         if surroundings is self._surroundings:
             return
         self._surroundings = surroundings

@@ -111,7 +111,7 @@ def test_words_that_come_late_are_whole(user: User) -> None:
 
 
 def test_a_wrong_path_keeps_the_list_of_files_open(user: User) -> None:
-    """It says what is wrong, and the path can be mended."""
+    """It names the reason, and the path can be mended."""
     user.at_rest()
     objects = len(user.engine.objects)
     (user.folder / "notes.txt").touch()
