@@ -97,7 +97,7 @@ def view(
     from iprt.device.profile import SAMPLED_S
     from iprt.geometry.camera import View
     from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
-    from iprt.scene.object_edits import SAVED_VIEW
+    from iprt.scene.edit_writing import SAVED_VIEW
     from iprt.scene.scene import Scene
     from iprt.viewer.engine import Engine
 

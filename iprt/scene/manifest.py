@@ -102,6 +102,8 @@ class ObjectTable(Table):
     material: MaterialTable | None = None
     animation: Clip = None
     keyframes: ObjectKeyframes = Field(default=[])
+    group: Name | None = None
+    locked: bool = False
 
     @model_validator(mode="after")
     def _is_something(self) -> Self:

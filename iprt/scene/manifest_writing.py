@@ -145,27 +145,28 @@ def inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
     return table
 
 
-def object_text(
-    name: str,
-    mesh: str,
-    to_world: NDArray[np.float64],
-    material: dict[str, Any] | None,
-    animation: str | int | None = None,
-) -> str:
-    """Return an `[[objects]]` table of `scene.toml`."""
-    return table_text(
-        "objects",
-        name=name,
-        mesh=mesh,
-        to_world=matrix_array(to_world),
-        animation=animation,
-        material=None if material is None else inline(material),
-    )
+def object_text(**values: Any) -> str:
+    """Return an `[[objects]]` table of `scene.toml`, of the values that are not None.
 
+    A transform (4, 4) takes a line per row, tables take one line each.
+    """
 
-def light_text(name: str, light: Mapping[str, Any], to_world: NDArray[np.float64]) -> str:
-    """Return an `[[objects]]` table of a light without geometry."""
-    return table_text("objects", name=name, light=inline(light), to_world=matrix_array(to_world))
+    def written(value: Any) -> Any:
+        if isinstance(value, tomlkit.items.Item):
+            return value
+        if isinstance(value, np.ndarray):
+            return matrix_array(value)
+        if isinstance(value, Mapping):
+            return inline(value)
+        if isinstance(value, list):
+            rows = tomlkit.array()
+            for row in value:
+                rows.add_line(written(row), indent="  ")
+            rows.add_line(indent="")
+            return rows
+        return value
+
+    return table_text("objects", **{key: written(value) for key, value in values.items()})
 
 
 def outdate_truths(document: Any, names: Iterable[str]) -> bool:

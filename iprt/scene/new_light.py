@@ -18,7 +18,7 @@ from iprt.scene.manifest import MANIFEST_NAME, manifest_text
 from iprt.scene.manifest_writing import (
     changing,
     extended,
-    light_text,
+    object_text,
     outdate_truths,
     show_object,
     write_manifest,
@@ -107,7 +107,8 @@ def add_light(
         document = tomlkit.parse(manifest_text(scene.root / MANIFEST_NAME))
         outdate_truths(document, [chosen])
         show_object(document, chosen)
-        text = extended(tomlkit.dumps(document), [light_text(chosen, values, to_world)])
+        added = object_text(name=chosen, light=values, to_world=to_world)
+        text = extended(tomlkit.dumps(document), [added])
         write_manifest(scene.root, text, f"{chosen} cannot be added", copies)
     faults = surfaces.placement_faults(Instance(chosen, mesh, to_world))
     return AddedLight(chosen, to_world[:3, 3], tuple(faults))

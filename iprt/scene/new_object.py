@@ -136,7 +136,13 @@ def add_object(
         document = tomlkit.parse(manifest_text(scene.root / MANIFEST_NAME))
         outdate_truths(document, [chosen])
         tables = [
-            object_text(chosen, target, to_world, material, animation),
+            object_text(
+                name=chosen,
+                mesh=target,
+                to_world=to_world,
+                animation=animation,
+                material=material,
+            ),
             _view_text(view_name, chosen, bounds(mesh), to_world),
         ]
         text = extended(tomlkit.dumps(document), tables)

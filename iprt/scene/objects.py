@@ -77,12 +77,18 @@ class SceneObject:
     motion : ObjectMotion
     light : SceneLight or None
         A light without geometry, which `mesh` marks the place of.
+    group : str
+        Name of the group that viewers select and move as one; "" for none.
+    locked : bool
+        True if viewers do not change the object.
     """
 
     name: str
     mesh: AnyMesh
     motion: ObjectMotion
     light: SceneLight | None = None
+    group: str = ""
+    locked: bool = False
 
     @property
     def bound(self) -> Mesh:
@@ -153,11 +159,12 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     for table in manifest.objects:
         to_world = np.array(table.to_world, np.float64).reshape(4, 4)
         motion = ObjectMotion.of(to_world, table.keyframes)
-        if table.light is None:
-            objects.append(SceneObject(table.name, shaped(table), motion))
-        else:
+        light = None
+        if table.light is not None:
             light = SceneLight.read(table.light, root, manifest.nits)
-            objects.append(SceneObject(table.name, light.mesh(), motion, light))
+        made = shaped(table) if light is None else light.mesh()
+        group = table.group or ""
+        objects.append(SceneObject(table.name, made, motion, light, group, table.locked))
         _require_readable(manifest.name, [entry.bound for entry in objects])
     return tuple(_overlapping(objects))
 

@@ -127,6 +127,11 @@ class RealSurfaces:
         depth = float(np.median(around[np.isfinite(around)]))
         return direction * depth, self._smooth[row // self._step, column // self._step]
 
+    def normal_near(self, point: Array) -> Array:
+        """Return the averaged unit normal (3,) of the surface point nearest to a point (3,)."""
+        offset = self.points - point
+        return np.asarray(self.normals[np.argmin(np.einsum("ij,ij->i", offset, offset))])
+
     def height_below(self, x: float, z: float, radius: float, top: float) -> float | None:
         """Return y of the highest upward-facing surface around (x, z), not above `top`.
 
@@ -300,6 +305,48 @@ def set_down(
     foot = base if place is None else place
     matrix[:3, 3] = foot - scale * np.array([center[0], low[1], center[2]])
     return SetDown(matrix, foot, fits=place is not None)
+
+
+def settled(
+    surfaces: RealSurfaces, name: str, mesh: Mesh, to_world: Array, *, align: bool
+) -> Array:
+    """Move an object vertically onto the highest surface that is below its middle.
+
+    Parameters
+    ----------
+    surfaces : RealSurfaces
+    name : str
+        Name of the object, for the error.
+    mesh : Mesh
+    to_world : (4, 4) float64
+        Transform to the axes of the capture centre.
+    align : bool
+        Also align the object's +Y axis with the surface normal.
+
+    Returns
+    -------
+    (4, 4) float64
+        Transform in the same axes.
+
+    Raises
+    ------
+    SceneError
+        No surface is seen below it.
+    """
+    linear, moved = to_world[:3, :3], to_world[:3, 3]
+    low, high = (corner + moved for corner in bounds(mesh, linear))
+    size, centre = high - low, 0.5 * (low + high)
+    radius = 0.25 * float(np.hypot(size[0], size[2]))
+    height = surfaces.height_below(centre[0], centre[2], radius, float(centre[1]))
+    height = surfaces.floor() if height is None else height
+    if height is None:
+        raise SceneError(f"{name}: no surface below it is seen; place it above a floor or table")
+    if align:
+        point = np.array([centre[0], height, centre[2]])
+        return set_on(to_world, bounds(mesh), point, surfaces.normal_near(point))
+    placed = to_world.copy()
+    placed[1, 3] += height - low[1]
+    return placed
 
 
 def set_on(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from iprt.scene.material_maps import MAPS
 from iprt.viewer.labels import PARTS, Label
@@ -48,7 +49,7 @@ class Action:
 
 def actions(ui: UiState) -> dict[str, Action]:
     """Return the actions that both viewers have, by name."""
-    engine = ui.engine
+    engine, selection = ui.engine, ui.selection
 
     def textured() -> bool:
         state = ui.state
@@ -56,10 +57,22 @@ def actions(ui: UiState) -> dict[str, Action]:
         return material is not None and (material.textured or material.has_holes)
 
     def bare() -> None:
-        ui.paint(**dict.fromkeys(MAPS), variants=None, opacity=1.0, cutoff=0.0)
+        selection.paint(**dict.fromkeys(MAPS), variants=None, opacity=1.0, cutoff=0.0)
 
     def selected() -> bool:
         return ui.state is not None
+
+    def grouped() -> bool:
+        return any(state.group for state in selection.states)
+
+    def lock() -> None:
+        selection.lock(not all(state.locked for state in selection.states))
+
+    def on_selected(name: str, keys: str, act: Callable[[], object], **more: Any) -> Action:
+        return Action(name, PARTS[name], act, keys, visible=selected, **more)
+
+    def show_all() -> None:
+        ui.show([state.name for state in engine.objects], True)
 
     found = (
         Action(
@@ -79,7 +92,16 @@ def actions(ui: UiState) -> dict[str, Action]:
             enabled=lambda: engine.can_redo,
         ),
         Action("save", PARTS["save"], ui.save, "Ctrl+S", enabled=lambda: bool(engine.unsaved)),
-        Action("remove", PARTS["remove"], ui.remove, "Delete", visible=selected),
+        Action("select all", PARTS["select all"], selection.select_all, "Ctrl+A"),
+        on_selected("duplicate", "Ctrl+D", ui.duplicate),
+        on_selected("settle", "End", lambda: selection.settle(align=ui.align)),
+        on_selected("lock", "K", lock),
+        on_selected("hide", "H", lambda: ui.show(selection.names, False)),
+        Action("show all", PARTS["show all"], show_all, "Shift+H"),
+        on_selected("group", "Ctrl+G", selection.group, enabled=lambda: len(selection.names) > 1),
+        on_selected("ungroup", "Ctrl+Shift+G", selection.ungroup, enabled=grouped),
+        on_selected("array", "", lambda: selection.array(ui.array_count, ui.array_step)),
+        on_selected("remove", "Delete", selection.remove),
         Action("light", PARTS["add light"], ui.add_light, "L"),
         Action("bare", PARTS["bare"], bare, visible=textured),
         Action("play", PARTS["play"], ui.toggle_playing, "Space"),

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+
+import numpy as np
 
 from iprt.device.bands import Bands
 from iprt.device.compute import ComputeDevice
 from iprt.errors import DeviceHangError, DeviceLostError, IprtError, SceneError
+from iprt.footage.frame import Frame
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.objects import SceneObject
-from iprt.scene.placement import RealSurfaces, set_down
+from iprt.scene.placement import RealSurfaces, set_down, settled
 from iprt.scene.scene import Scene
 from iprt.viewer.accumulating_renderer import Stage
 from iprt.viewer.background_jobs import BackgroundJobs
@@ -98,6 +102,7 @@ class Core:
         self._failed: dict[int, tuple[Stage, NumberedRequest]] = {}
         self._turns: dict[int, int] = {}
         self._turn = 0
+        self._surfaces: tuple[Frame, RealSurfaces] | None = None
 
     def close(self) -> None:
         """Release all resources; the jobs's threads end by themselves."""
@@ -310,7 +315,7 @@ class Core:
             mesh = load_mesh(path)
             if frame is None:
                 raise SceneError(f"{path}: there is no frame yet to set it down in")
-            placed = set_down(RealSurfaces(frame), mesh, *direction, pose)
+            placed = set_down(self._surfaces_of(frame), mesh, *direction, pose)
             to_world = placed.to_world
             if frame.pose is not None:
                 to_world = frame.pose @ to_world
@@ -322,14 +327,51 @@ class Core:
                 if notes := [*placed.warnings(), *mesh.warnings, *unread]:
                     self._notes[path.name] = f"{path.name}: {'; '.join(notes)}"
                     self._noted_s = self._clock()
-                self._shared.edit(added.name, lambda _: added)
+                self._shared.edit(lambda world: world.having(added))
 
             return finish
 
         def report(problem: str) -> None:
             # Files that browsers upload lie in the server's temporary folder.
-            self._problems["mesh"] = problem.replace(str(path), path.name)
-            self._noted_s = self._clock()
+            self._note_problem(problem.replace(str(path), path.name))
             failed()
 
         self.jobs.start(f"loading {path.name}", job, report)
+
+    def settle(self, states: Sequence[ObjectState], align: bool) -> None:
+        """Move objects vertically onto the real surface below each; see `SceneEditor.settle`."""
+        frame = self.video.frame
+
+        def job() -> Callable[[], None]:
+            if frame is None:
+                raise SceneError("there is no frame yet to set objects down in")
+            surfaces, places = self._surfaces_of(frame), {}
+            pose = np.eye(4) if frame.pose is None else frame.pose
+            for state in states:
+                seen = np.linalg.inv(pose) @ state.to_world
+                to_world = settled(surfaces, state.name, state.mesh, seen, align=align)
+                places[state.name] = flat(state.placed(pose @ to_world))
+
+            def finish() -> None:
+                self._shared.edit(
+                    lambda world: reduce(
+                        lambda edited, name: edited.edited(name, to_world=places[name]),
+                        places,
+                        world,
+                    )
+                )
+
+            return finish
+
+        self.jobs.start("looking for the surface below", job, self._note_problem)
+
+    def _surfaces_of(self, frame: Frame) -> RealSurfaces:
+        """Return the real surfaces of a frame; called by jobs."""
+        known = self._surfaces
+        if known is None or known[0] is not frame:
+            self._surfaces = known = frame, RealSurfaces(frame)
+        return known[1]
+
+    def _note_problem(self, problem: str) -> None:
+        self._problems["mesh"] = problem
+        self._noted_s = self._clock()

@@ -6,27 +6,20 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Self
-
-import numpy as np
-from numpy.typing import NDArray
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.sun import Sun
 from iprt.footage.video.video_table import VideoTable
-from iprt.geometry.material import Material
 from iprt.measure.tradeoff import Tradeoff, shipped
+from iprt.scene.edit_writing import Look
 from iprt.scene.light_edits import LightEdit
-from iprt.scene.light_tables import LightTable
-from iprt.scene.manifest_writing import free_name
-from iprt.scene.mesh_pose import MeshPose
-from iprt.scene.object_edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.plain_video import PlainFrame
+from iprt.viewer.scene_editor import SceneEditor
 from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
@@ -84,6 +77,11 @@ class Engine:
         See `Scene.open`.
     tradeoff : Tradeoff or None
         Measured times of the settings for motion; None for the shipped table.
+
+    Attributes
+    ----------
+    editor : SceneEditor
+        Edits of the objects.
     """
 
     def __init__(
@@ -98,10 +96,10 @@ class Engine:
     ) -> None:
         self.tradeoff = tradeoff or shipped()
         self._clock, self._scene = clock, scene
-        self._names: set[str] = set()  # names of added objects, some still loading
         playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)
         self._shared = SharedState(World(settings or Settings(), playback), clock)
         self._core = Core(self._shared, scene, device, clock=clock, allow_outside=allow_outside)
+        self.editor = SceneEditor(self._shared, self._core)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
 
@@ -236,30 +234,6 @@ class Engine:
         """Render with other settings, which may need compilation."""
         return self._shared.change(lambda world: replace(world, settings=settings))
 
-    def place(self, name: str, to_world: NDArray[np.float64]) -> int:
-        """Move an object to a transform (4, 4); keyframes are relative to it.
-
-        Raises
-        ------
-        SceneError
-            The numbers are not finite, too large, or singular.
-        """
-        require_place(name, to_world)
-        placed = flat(to_world)
-        return self._shared.edit(name, lambda edit: replace(edit, to_world=placed))
-
-    def paint(self, name: str, material: Material) -> int:
-        """Give an object a single other material."""
-        return self._shared.edit(name, lambda edit: replace(edit, material=material))
-
-    def shine(self, name: str, light: LightTable) -> int:
-        """Change a light without geometry."""
-        return self._shared.edit(name, lambda edit: replace(edit, light=light))
-
-    def remove(self, name: str) -> int:
-        """Remove an object."""
-        return self._shared.edit(name, lambda edit: replace(edit, removed=True))
-
     # Its light --------------------------------------------------------------------------------
 
     @property
@@ -287,7 +261,7 @@ class Engine:
         """Change the given keys of `[video]`."""
         own = self._own_video
         parts = {k: None if v == getattr(own, k) else v for k, v in edit.parts.items()}
-        return self._shared.relight(lambda light: replace(light, **parts))
+        return self._shared.edit(lambda world: replace(world, light=replace(world.light, **parts)))
 
     # All edits --------------------------------------------------------------------------------
 
@@ -316,55 +290,6 @@ class Engine:
     def unsaved(self) -> tuple[str, ...]:
         """Names of the objects, and keys of `[video]`, that differ from the scene's file."""
         return self.world.unsaved
-
-    def add(
-        self,
-        path: Path,
-        yaw_deg: float,
-        pitch_deg: float,
-        *,
-        pose: MeshPose | None = None,
-        material: Material | None = None,
-    ) -> str:
-        """Load a mesh, and place it on the surface seen in a direction once it is loaded.
-
-        Parameters
-        ----------
-        path : Path
-        yaw_deg, pitch_deg : float
-            Direction in the axes of the capture centre.
-        pose : MeshPose or None
-            Orientation and size; by default as in `iprt scene add` without flags.
-        material : Material or None
-            By default the mesh file's own.
-
-        Returns
-        -------
-        str
-            Name of the future object. `status` reports problems.
-        """
-        name = free_name(path.stem, self._core.object_names() | self._names)
-        self._names.add(name)
-        edit = ObjectEdit(name, material=material, path=path)
-        self._core.add(
-            edit, (yaw_deg, pitch_deg), pose or MeshPose(), lambda: self._names.discard(name)
-        )
-        return name
-
-    def add_light(self, light: LightTable, to_world: NDArray[np.float64]) -> str:
-        """Add a light without geometry with a transform (4, 4), and return its name.
-
-        Raises
-        ------
-        SceneError
-            The numbers are not finite, too large, or singular.
-        """
-        name = free_name(light.kind, self._core.object_names() | self._names)
-        require_place(name, to_world)
-        self._names.add(name)
-        placed = flat(to_world)
-        self._shared.edit(name, lambda edit: replace(edit, light=light, to_world=placed))
-        return name
 
     def save(
         self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None

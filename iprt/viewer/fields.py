@@ -39,7 +39,7 @@ from iprt.viewer.lens import BUFFERS
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.ui_state import UiState
 
-Kind = Literal["switch", "choice", "number", "vector", "color", "file"]
+Kind = Literal["switch", "choice", "number", "vector", "color", "file", "text"]
 OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
 NONE = Label("none", "")
@@ -57,7 +57,7 @@ class Field:
         Key, unique in a window.
     kind : str
         Type of the value: bool; one of `options`; int or float; (x, y, z); linear (red, green,
-        blue) in [0, 1]; a path as it is typed, empty for none.
+        blue) in [0, 1]; a path as it is typed, empty for none; a line of text.
     label : callable
         Returns the current label.
     read, write : callable
@@ -163,7 +163,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
     def move(place: tuple[float, ...]) -> None:
         state = ui.state
         if state is not None:
-            ui.place(state, state.about_pivot(state.to_world[:3, :3], np.array(place)))
+            ui.selection.place(state, state.about_pivot(state.to_world[:3, :3], np.array(place)))
 
     def rotation() -> tuple[float, ...]:
         if ui.state is None:
@@ -177,7 +177,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         state, (x, y, z) = ui.state, angles
         if state is not None and np.isfinite(angles).all():
             turned = Rotation.from_euler("YXZ", [y, x, z], degrees=True).as_matrix()
-            ui.place(state, turned_to(state, turned))
+            ui.selection.place(state, turned_to(state, turned))
 
     def size() -> float:
         return 1.0 if ui.state is None else round(float(ui.state.size.max()), 4)
@@ -187,7 +187,7 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
         if state is None or not size > 0.0:
             return
         factor = size / float(state.size.max())
-        ui.place(state, state.about_pivot(factor * state.to_world[:3, :3]))
+        ui.selection.place(state, state.about_pivot(factor * state.to_world[:3, :3]))
 
     sizes = Slider(0.001, 1000.0, False, 0.01)
     return (
@@ -236,7 +236,7 @@ def visibility_field(ui: UiState, state: ObjectState) -> Field:
         "switch",
         lambda: Label(name, about),
         lambda: ui.visible(name),
-        lambda on: ui.show(name, bool(on)),
+        lambda on: ui.show([name], bool(on)),
     )
 
 

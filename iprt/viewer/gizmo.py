@@ -14,7 +14,6 @@ from iprt.viewer.object_states import ObjectState
 Float = NDArray[np.float64]
 
 NEAR_M, FAR_M = 0.01, 1000.0
-_CORNERS = np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)])
 _EDGES = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b).bit_count() == 1]
 
 
@@ -48,9 +47,7 @@ def box_edges(state: ObjectState, view: View, centre: Float) -> Float:
     (N, 2, 2) float64
         Both ends of each edge in pixels of the view.
     """
-    low, high = state.corners
-    matrix = state.to_world
-    points = (low + _CORNERS * (high - low)) @ matrix[:3, :3].T + matrix[:3, 3] - centre
+    points = state.box - centre
     seen = points @ view.world_from_view[:, 2] < -1e-3
     ends = [(points[a], points[b]) for a, b in _EDGES if seen[a] and seen[b]]
     return view.project(np.reshape(ends, (-1, 2, 3)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.object_edits import ObjectEdit
@@ -12,6 +12,7 @@ Changed = frozenset[tuple[str, str]]
 GESTURE_S = 0.5
 """Longest interval in seconds between changes of one gesture, which are undone together."""
 MOST_STEPS = 256
+PARTS = tuple(part.name for part in fields(ObjectEdit) if part.init and part.compare)
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def _changed(before: Edits, after: Edits) -> Changed:
     objects = [
         (name, part)
         for name in old.keys() | new.keys()
-        for part in ("to_world", "material", "light", "path", "removed")
+        for part in PARTS
         if getattr(old.get(name, ObjectEdit(name)), part)
         != getattr(new.get(name, ObjectEdit(name)), part)
     ]

@@ -69,7 +69,7 @@ def sun_fields(ui: UiState) -> tuple[Field, ...]:
 
     degrees: Mapping[str, Any] = {"unit": "°"}
     return (
-        field("arrow", "switch", lambda: ui.sun_selected, ui.select_sun),
+        field("arrow", "switch", lambda: ui.selection.sun, ui.select_sun),
         field(
             "sun_yaw",
             "number",

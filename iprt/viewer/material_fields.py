@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from iprt.geometry.material import MAX_ABSORPTION, MAX_EMISSION, Material
+from iprt.scene.edit_writing import COLORS
 from iprt.scene.material_maps import MAPS, MapName, read_map, with_maps
-from iprt.scene.object_edits import COLORS
 from iprt.viewer.controls import Slider
 from iprt.viewer.fields import SRGB, Field, Kind
 from iprt.viewer.labels import MATERIALS, PARTS, Label
@@ -38,7 +38,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             key,
             kind,
             read=lambda: getattr(material(), part),
-            write=lambda value: ui.paint(**{part: value}),
+            write=lambda value: ui.selection.paint(**{part: value}),
             **more,
         )
 
@@ -52,11 +52,11 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
         own = material().emission if material().emits else material().albedo
         own = own if max(own) > 0.0 else (1.0, 1.0, 1.0)
         r, g, b = (brightness * part / max(own) for part in own)
-        ui.paint(emission=(r, g, b))
+        ui.selection.paint(emission=(r, g, b))
 
     def absorb(values: tuple[float, ...]) -> None:
         if all(0.0 <= value <= MAX_ABSORPTION for value in values):
-            ui.paint(absorption=tuple(map(float, values)))
+            ui.selection.paint(absorption=tuple(map(float, values)))
 
     def map_field(key: MapName, **more: Any) -> Field:
         def label() -> Label:
@@ -73,7 +73,7 @@ def material_fields(ui: UiState) -> tuple[Field, ...]:
             given = {name: image for name, image in maps.items() if image is not None}
             none: dict[str, Any] = dict.fromkeys(MAPS)
             bare = replace(material(), **none)
-            ui.engine.paint(ui.state.name, with_maps(bare, given))
+            ui.engine.editor.paint({ui.state.name: with_maps(bare, given)})
 
         return Field(key, "file", label, lambda: "", write, **more)
 

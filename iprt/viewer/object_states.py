@@ -17,6 +17,7 @@ from iprt.scene.objects import SceneObject
 from iprt.scene.placement import bounds
 
 Float = NDArray[np.float64]
+CORNERS = np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,10 @@ class ObjectState:
         Mesh in that frame.
     light : LightTable or None
         A light without geometry.
+    group : str
+        Name of its group; "" for none.
+    locked : bool
+        True if it is locked against changes.
     """
 
     name: str
@@ -50,12 +55,21 @@ class ObjectState:
     time_s: float
     mesh: Mesh
     light: LightTable | None
+    group: str = ""
+    locked: bool = False
 
     @property
     def size(self) -> Float:
         """(3,) sides of the object-aligned box in metres."""
         low, high = self.corners
         return np.asarray((high - low) * np.linalg.norm(self.to_world[:3, :3], axis=0))
+
+    @property
+    def box(self) -> Float:
+        """(8, 3) corners of the object-aligned box in the world."""
+        low, high = self.corners
+        corners = low + CORNERS * (high - low)
+        return np.asarray(corners @ self.to_world[:3, :3].T + self.to_world[:3, 3])
 
     @property
     def middle(self) -> Float:
@@ -103,7 +117,9 @@ class ObjectState:
             state = replace(state, materials=(edit.material,))
         if edit.light is not None:
             state = replace(state, light=edit.light)
-        return state
+        if edit.group is not None:
+            state = replace(state, group=edit.group)
+        return state if edit.locked is None else replace(state, locked=edit.locked)
 
 
 def object_states(
@@ -129,6 +145,8 @@ def object_states(
                 time_s,
                 mesh,
                 None if entry.light is None else entry.light.table,
+                entry.group,
+                entry.locked,
             )
         )
     return tuple(states)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from iprt.errors import IprtError
+from iprt.scene.edit_writing import Look, save_edits
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text
-from iprt.scene.object_edits import Look, save_edits
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from iprt.viewer.background_jobs import BackgroundJobs
@@ -84,7 +85,7 @@ class SceneFiles:
         self._polled_s = clock()
         self.loaded: Loaded | None = None
         self._text: str | None = None  # text of scene.toml as last read or written
-        self._meshes: dict[str, Path] = {}  # files of saved objects, in the scene's folder
+        self._meshes: dict[Path, Path] = {}  # copies in the scene's folder, by their source
 
         def first() -> Loaded:
             loaded = load(scene, self._watch.look(), partly=True)
@@ -124,7 +125,7 @@ class SceneFiles:
             ours = manifest_text(loaded.scene.root / MANIFEST_NAME) == self._text
             # A file written by others includes earlier saved edits, perhaps changed.
             edits = tuple(e for e in world.edits if ours or e not in world.saved)
-            known = [replace(e, path=self._meshes.get(e.name, e.path)) for e in edits]
+            known = [e if e.path is None else self._at_home(e, e.path) for e in edits]
             light = world.light if ours else world.light.besides(world.saved_light)
             base = loaded.text if ours else None
             self._meshes |= save_edits(loaded.origin, known, light=light, base=base, look=look)
@@ -141,6 +142,10 @@ class SceneFiles:
             done(None)
 
         self._read(f"saving {loaded.scene.name}", "save", write, saved, done)
+
+    def _at_home(self, edit: ObjectEdit, path: Path) -> ObjectEdit:
+        """Return the edit of a new object with its mesh in the scene's folder, once it is there."""
+        return replace(edit, path=self._meshes.get(path, path))
 
     def _reread(self) -> None:
         """Reload after another program has written files of the scene."""

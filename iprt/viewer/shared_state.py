@@ -10,8 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from iprt.scene.light_edits import UNEDITED, LightEdit
-from iprt.scene.object_edits import ObjectEdit
+from iprt.scene.light_edits import UNEDITED
 from iprt.viewer.history import Edits, History
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, Status, World
@@ -117,15 +116,9 @@ class SharedState:
             lambda world: replace(world, playback=after) if world.playback == before else world
         )
 
-    def edit(self, name: str, edit: Callable[[ObjectEdit], ObjectEdit]) -> int:
-        """Change the edit of an object, with undo; return the number of the change."""
-        return self._edit(lambda world: world.edited(edit(world.edit_of(name))))
+    def edit(self, edited: Callable[[World], World]) -> int:
+        """Change the edits in the world, with undo; return the number of the change."""
 
-    def relight(self, edit: Callable[[LightEdit], LightEdit]) -> int:
-        """Change the edit of the light, with undo; return the number of the change."""
-        return self._edit(lambda world: replace(world, light=edit(world.light)))
-
-    def _edit(self, edited: Callable[[World], World]) -> int:
         def change(world: World) -> World:
             after = edited(world)
             if after != world:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from iprt.geometry.camera import View
 from iprt.scene.light_edits import UNEDITED, LightEdit
@@ -117,13 +117,18 @@ class World:
         """Return the edit of an object; an empty one by default."""
         return next((edit for edit in self.edits if edit.name == name), ObjectEdit(name))
 
-    def edited(self, edit: ObjectEdit) -> World:
+    def edited(self, name: str, **parts: Any) -> World:
+        """Return the world with other values of these parts of an object's edit."""
+        return self.having(replace(self.edit_of(name), **parts))
+
+    def having(self, edit: ObjectEdit) -> World:
         """Return the world with another edit of an object."""
-        if any(known.name == edit.name for known in self.edits):
-            edits = tuple(edit if known.name == edit.name else known for known in self.edits)
-        else:
-            edits = (*self.edits, edit)
-        return replace(self, edits=edits)
+        others = {known.name: known for known in self.edits}
+        return replace(self, edits=tuple((others | {edit.name: edit}).values()))
+
+    def without(self, name: str) -> World:
+        """Return the world without the edit of an object."""
+        return replace(self, edits=tuple(edit for edit in self.edits if edit.name != name))
 
 
 Doing = Literal["loading", "compiling", "rendering", "waiting", "closed"]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.labels import BY_HAND
 from iprt.viewer.object_states import ObjectState
+from iprt.viewer.selection import Selection
 from iprt.viewer.sun_arrow import ArrowPlace, SunArrow
 from iprt.viewer.viewport import Viewport
 
@@ -42,8 +42,15 @@ class UiState(ABC):
     ----------
     engine : Engine
     viewport : Viewport
+    selection : Selection
     align : bool
         Align the +Y axis of placed objects with the surface normal.
+    stepped : bool
+        Gizmos move and turn in steps.
+    step_m, step_deg : float
+        Steps in metres and degrees.
+    array_count, array_step : int and (x, y, z)
+        Number and distance in metres of objects along a line (`Selection.array`).
     displayed : DisplayedFrame or None
         The displayed picture.
     """
@@ -52,10 +59,11 @@ class UiState(ABC):
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self._selected: str | None = None
-        self._sun_selected = False
+        self.selection = Selection(engine, self.say)
         self._arrow_place = ArrowPlace()
-        self.align = False
+        self.align = self.stepped = False
+        self.step_m, self.step_deg = 0.1, 15.0
+        self.array_count, self.array_step = 3, (0.5, 0.0, 0.0)
         self.displayed: DisplayedFrame | None = None
         self._posted: dict[object, Callable[[], object]] = {}
 
@@ -89,21 +97,29 @@ class UiState(ABC):
 
     @property
     def selected(self) -> str | None:
-        """Name of the selected object, which may still be loading; setting it deselects the sun."""
-        return self._selected
+        """Name of the primary selected object; setting it deselects all others and the sun."""
+        return self.selection.primary
 
     @selected.setter
     def selected(self, name: str | None) -> None:
-        self._selected, self._sun_selected = name, False
-
-    @property
-    def sun_selected(self) -> bool:
-        """True if the sun is selected in place of an object."""
-        return self._sun_selected
+        self.selection.select(*([] if name is None else [name]))
 
     def select_sun(self, on: bool) -> None:
         """Select the sun, or deselect all."""
-        self._selected, self._sun_selected = None, on
+        self.selection.select()
+        self.selection.sun = on
+
+    def object_at(self, x: float, y: float) -> str | None:
+        """Return the name of the object at a position in the picture, unless it is locked."""
+        state = self.engine.object_state(self.viewport.picking.object_at(x, y))
+        return None if state is None or state.locked else state.name
+
+    def pick(self, name: str | None, *, more: bool) -> None:
+        """Select an object; `more` adds it to the selection, or takes it out of it."""
+        if not more:
+            self.selected = name
+        elif name is not None:
+            self.selection.toggle(name)
 
     # The sun ----------------------------------------------------------------------------------
 
@@ -150,7 +166,7 @@ class UiState(ABC):
     def arrow(self, view: View) -> SunArrow | None:
         """Return the arrow of the selected sun in a view; None without one."""
         sun = self.engine.sun
-        if sun is None or not self._sun_selected or view.projection != "perspective":
+        if sun is None or not self.selection.sun or view.projection != "perspective":
             return None
         return self._arrow_place.arrow(self.viewport.picking, view, self.centre, sun.direction)
 
@@ -159,7 +175,7 @@ class UiState(ABC):
     @property
     def state(self) -> ObjectState | None:
         """The selected object with all edits."""
-        return self.engine.object_state(self.selected)
+        return self.selection.state
 
     @property
     def centre(self) -> NDArray[np.float64]:
@@ -168,34 +184,26 @@ class UiState(ABC):
         return np.zeros(3) if pose is None else pose[:3, 3]
 
     def drop(self, x: float, y: float) -> bool:
-        """Place the selected object on the surface at a position in the picture, if there is one.
+        """Move the selection to the surface at a position in the picture, if there is one.
 
         Returns
         -------
         bool
             True if it was placed.
         """
-        name = self.selected
-        return name is not None and self.viewport.drop(name, x, y, upright=not self.align)
-
-    def place(self, state: ObjectState, to_world: NDArray[np.float64]) -> None:
-        """Move an object to a transform (4, 4) in the displayed frame."""
-        try:
-            self.engine.place(state.name, state.placed(to_world))
-        except IprtError as error:
-            self.say(str(error), bad=True)
-
-    def paint(self, **part: Any) -> None:
-        """Change attributes of the selected object's material."""
         state = self.state
-        if state is not None:
-            self.engine.paint(state.name, state.materials[0].edited(**part))
+        if state is None:
+            return False
+        placed = self.viewport.dropped(state, x, y, upright=not self.align)
+        if placed is not None:
+            self.selection.place(state, placed)
+        return placed is not None
 
     def shine_as(self, light: LightTable) -> None:
         """Change the selected light without geometry."""
         state = self.state
         if state is not None:
-            self.engine.shine(state.name, light)
+            self.engine.editor.shine(state.name, light)
 
     def add_light(self) -> None:
         """Add a light above the surface in the middle of the picture, and select it."""
@@ -203,21 +211,20 @@ class UiState(ABC):
         if surface is None:
             self.say("no surface in the middle of the picture to put a light above", bad=True)
         else:
-            self.selected = self.engine.add_light(FIRST_LIGHT, hanging(surface.point, ABOVE_M))
+            self.selected = self.engine.editor.add_light(
+                FIRST_LIGHT, hanging(surface.point, ABOVE_M)
+            )
 
-    def remove(self) -> None:
-        """Remove the selected object."""
-        if self.state is not None:
-            self.engine.remove(self.state.name)
-            self.say(f"{self.selected} removed; Ctrl+Z brings it back")
-            self.selected = None
+    def duplicate(self) -> None:
+        """Add a copy of each selected object to its right, and select the copies."""
+        self.selection.duplicate(self.viewport.view.world_from_view[:, 0])
 
     def go_back(self, step: Callable[[], object]) -> None:
         """Undo or redo by a function, and select an object that it brings back."""
         before = self._removed
         step()
         if back := before - self._removed:
-            self.selected = min(back)
+            self.selection.select(*sorted(back))
 
     @property
     def _removed(self) -> set[str]:
@@ -234,7 +241,7 @@ class UiState(ABC):
         require_mesh(path)
         if not path.is_file():
             raise IprtError(f"{printable(str(path), 200)}: no such file")
-        self.selected = self.engine.add(path, *self.viewport.aim(x, y))
+        self.selected = self.engine.editor.add(path, *self.viewport.aim(x, y))
 
     def save(self) -> None:
         """Write the scene's file."""
@@ -253,11 +260,11 @@ class UiState(ABC):
         shown = self.viewport.objects
         return shown is None or name in shown
 
-    def show(self, name: str, on: bool) -> None:
-        """Show or hide an object in this window."""
-        names = [state.name for state in self.engine.objects]
-        shown = [other for other in names if (on if other == name else self.visible(other))]
-        self.viewport.objects = None if shown == names else tuple(shown)
+    def show(self, names: Collection[str], on: bool) -> None:
+        """Show or hide objects in this window."""
+        known = [state.name for state in self.engine.objects]
+        shown = [other for other in known if (on if other in names else self.visible(other))]
+        self.viewport.objects = None if shown == known else tuple(shown)
 
     # The video --------------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
@@ -16,7 +17,7 @@ from iprt.geometry.camera import View
 from iprt.geometry.pose import view_from
 from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture, write_pixels
-from iprt.scene.object_edits import Look
+from iprt.scene.edit_writing import Look
 from iprt.scene.placement import set_on
 from iprt.viewer.controls import with_value
 from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
@@ -24,6 +25,7 @@ from iprt.viewer.engine import Client, Engine
 from iprt.viewer.frame_rate import FrameRate
 from iprt.viewer.lens import Lens
 from iprt.viewer.motion_quality import MotionQuality
+from iprt.viewer.object_states import ObjectState
 from iprt.viewer.picking import Picking, Readout
 from iprt.viewer.screenshots import free_path
 from iprt.viewer.session import Shown
@@ -180,7 +182,7 @@ class Viewport:
     def _show_added(self) -> None:
         """Show objects added by any client, even after they are saved."""
         if self._objects is not None:
-            added = [edit.name for edit in self._engine.world.edits if edit.path is not None]
+            added = self._engine.editor.added
             self._objects += tuple(name for name in added if name not in self._objects)
 
     def _input(self) -> None:
@@ -297,25 +299,24 @@ class Viewport:
             x, y, None if self._displayed is None else self._displayed.buffer
         )
 
-    def drop(self, name: str, x: float, y: float, *, upright: bool) -> bool:
-        """Place an object on the real surface at a position; return True if there is one.
+    def dropped(
+        self, state: ObjectState, x: float, y: float, *, upright: bool
+    ) -> NDArray[np.float64] | None:
+        """Return an object's transform (4, 4) on the real surface at a position, if there is one.
 
         Parameters
         ----------
+        state : ObjectState
+        x, y : float
         upright : bool
             Keep the object's rotation. Otherwise align its +Y axis with the surface normal.
         """
-        state = self._engine.object_state(name)
-        if state is None:
-            return False
         footprint = 0.25 * float(np.hypot(state.size[0], state.size[2]))
         surface = self.picking.ground(x, y, footprint)
         if surface is None:
-            return False
+            return None
         normal = None if upright else surface.normal
-        placed = set_on(state.to_world, state.corners, surface.point, normal)
-        self._engine.place(name, state.placed(placed))
-        return True
+        return set_on(state.to_world, state.corners, surface.point, normal)
 
     def aim(self, x: float, y: float) -> tuple[float, float]:
         """Return yaw and pitch in degrees at a position, in capture-centre axes (`Engine.add`)."""

@@ -8,8 +8,8 @@ import pytest
 
 from iprt.errors import SceneError
 from iprt.footage.video.video_table import SunTable
+from iprt.scene.edit_writing import save_edits
 from iprt.scene.light_edits import LightEdit, angles_of, sun_table, towards
-from iprt.scene.object_edits import save_edits
 from iprt.scene.scene import Scene
 from tests.scene.files import MANIFEST, VIEW, write_scene
 

@@ -13,8 +13,9 @@ from PIL import Image
 from iprt.errors import FormatError, IprtError
 from iprt.geometry.material import Material, MaterialKind
 from iprt.geometry.meshes import load_mesh
+from iprt.scene.edit_writing import save_edits
 from iprt.scene.material_maps import MAPS, NORMALS, MapName, read_map
-from iprt.scene.object_edits import ObjectEdit, flat, save_edits
+from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.scene import Scene
 from tests.geometry.gltf_models import models, write_model
 from tests.scene.files import IDENTITY, MANIFEST, snapshot, write_scene

@@ -13,8 +13,9 @@ from PIL import Image
 from iprt.errors import FormatError, SceneError
 from iprt.geometry.material import Material, MaterialKind
 from iprt.geometry.meshes import load_mesh
+from iprt.scene.edit_writing import save_edits
 from iprt.scene.manifest_writing import free_name
-from iprt.scene.object_edits import ObjectEdit, edited_objects, flat, require_place, save_edits
+from iprt.scene.object_edits import ObjectEdit, edited_objects, flat, require_place
 from iprt.scene.objects import AnyMesh, objects_at
 from iprt.scene.scene import Scene
 from tests.scene.files import CUBE, IDENTITY, MANIFEST, snapshot, write_rgb, write_scene

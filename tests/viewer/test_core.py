@@ -174,7 +174,7 @@ def test_other_buffers_of_a_refined_picture_cost_no_frame(
 
 
 def edited(driver: Turns, edit: ObjectEdit) -> int:
-    return driver.shared.change(lambda world: world.edited(edit))
+    return driver.shared.change(lambda world: world.having(edit))
 
 
 @pytest.mark.thorough
@@ -294,8 +294,8 @@ def test_the_objects_are_listed_as_they_are_shown(tmp_path: Path, device: Comput
         wanted[:3, 3] = 0.2, -0.9, -1.4
         driver.shared.change(
             lambda world: world.edited(
-                ObjectEdit("cube", flat(moving.placed(wanted)), material)
-            ).edited(ObjectEdit("still", removed=True))
+                "cube", to_world=flat(moving.placed(wanted)), material=material
+            ).edited("still", removed=True)
         )
         driver.settle()
         (edited,) = driver.core.objects

@@ -73,7 +73,7 @@ def test_what_was_added_is_shown_in_views_that_list_objects(
         viewport = Viewport(engine, LOOK, objects=("cube",), frames=1)
         at_rest(viewport)
         mesh, pose = judged.root / "cube.obj", MeshPose(height_m=0.1)
-        name = engine.add(mesh, *viewport.aim(0.5, 0.9), pose=pose)
+        name = engine.editor.add(mesh, *viewport.aim(0.5, 0.9), pose=pose)
         until(viewport, lambda s: s.shown.geometry is not None and name in s.shown.geometry.names)
         engine.save()
         until(viewport, lambda s: not engine.unsaved)
@@ -103,7 +103,7 @@ def test_a_truth_of_other_objects_is_stale(device: ComputeDevice, judged: Scene)
         assert until(viewport, lambda s: "SSIM" in s.caption).warning == ""
         matrix = engine.objects[0].to_world.copy()
         matrix[0, 3] += 0.1
-        engine.place("cube", matrix)
+        engine.editor.place({"cube": matrix})
         stale = until(viewport, lambda s: bool(s.warning))
         assert "truth" in stale.warning
         assert "SSIM" not in stale.caption
@@ -127,7 +127,9 @@ def test_a_truth_is_stale_after_edits_are_saved(
         at_rest(viewport)
         viewport.lens = Lens(against="truth")
         until(viewport, lambda s: "SSIM" in s.caption)
-        engine.remove("cube") if removed else engine.place("cube", np.diag([0.2, 0.2, 0.2, 1.0]))
+        engine.editor.remove(["cube"]) if removed else engine.editor.place(
+            {"cube": np.diag([0.2, 0.2, 0.2, 1.0])}
+        )
         engine.save()
         until(viewport, lambda s: not engine.unsaved)
         assert "SSIM" not in until(viewport, lambda s: s.warning == OUTDATED).caption

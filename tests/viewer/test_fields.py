@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from iprt.device.compute import ComputeDevice
 from iprt.errors import FormatError, IprtError
 from iprt.geometry.material import Material
 from iprt.scene.material_maps import MAPS
@@ -18,7 +16,6 @@ from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.actions import actions
 from iprt.viewer.controls import with_value
-from iprt.viewer.engine import Engine
 from iprt.viewer.fields import (
     OWN,
     Field,
@@ -30,37 +27,10 @@ from iprt.viewer.fields import (
 )
 from iprt.viewer.labels import TURNED
 from iprt.viewer.material_fields import material_fields
-from iprt.viewer.ui_state import UiState
-from iprt.viewer.viewport import Viewport
 from iprt.viewer.virtual_light_fields import virtual_light_fields
-from tests.clips import write_clip
 from tests.scene.files import CUBE
-from tests.viewer.turns import SETTINGS, VIEW
-from tests.viewer.viewports import at_rest, until
+from tests.viewer.viewports import Ui, until
 from tests.waiting import DEADLINE_S
-
-
-class Ui(UiState):
-    """A window that only notes what it is to show."""
-
-    def __init__(self, engine: Engine) -> None:
-        super().__init__(engine)
-        self.viewport = Viewport(engine, VIEW, frames=1)
-        self.said: list[tuple[str, bool]] = []
-
-    def say(self, text: str, *, bad: bool = False) -> None:
-        self.said.append((text, bad))
-
-
-@pytest.fixture
-def ui(device: ComputeDevice, tmp_path: Path) -> Iterator[Ui]:
-    scene = Scene.open(write_clip(tmp_path / "clip", 1))
-    with Engine(scene, lambda: device, SETTINGS) as engine:
-        ui = Ui(engine)
-        at_rest(ui.viewport)
-        ui.selected = "cube"
-        yield ui
-        ui.viewport.close()
 
 
 def by_key(fields: tuple[Field, ...]) -> dict[str, Field]:
@@ -114,7 +84,7 @@ def test_a_lamp_has_the_color_of_its_surface(ui: Ui) -> None:
     fields = by_key(material_fields(ui))
     for albedo, expected in (((0.2, 0.4, 0.1), (2.5, 5.0, 1.25)), ((0.0, 0.0, 0.0), (5.0,) * 3)):
         fields["emission"].write(0.0)
-        ui.paint(albedo=albedo)
+        ui.selection.paint(albedo=albedo)
         fields["emission"].write(5.0)
         for impossible in (-1.0, float("nan"), float("inf"), 1e9):
             fields["emission"].write(impossible)
@@ -211,7 +181,7 @@ def test_a_mesh_that_cannot_be_read_keeps_no_name(ui: Ui, tmp_path: Path) -> Non
     for _ in range(2):
         ui.add(path, 0.5, 0.6)
         assert ui.selected == "thing"
-        until(ui.viewport, lambda _: "thing" not in ui.engine._names)
+        until(ui.viewport, lambda _: "thing" not in ui.engine.editor._names)
         until(ui.viewport, lambda _: bool(ui.engine.status.problems))
     (problem,) = ui.engine.status.problems
     assert problem.startswith("thing.obj")
@@ -268,17 +238,17 @@ def test_zero_frames_per_second_hold_none(ui: Ui) -> None:
 
 
 def test_a_removed_object_is_not_selected_any_more(ui: Ui) -> None:
-    ui.remove()
+    ui.selection.remove()
     assert (ui.selected, ui.said) == (None, [("cube removed; Ctrl+Z brings it back", False)])
     ui.engine.undo()
     assert ui.state is None
-    ui.remove()
+    ui.selection.remove()
     assert len(ui.said) == 1
 
 
 def test_what_undo_brings_back_is_selected(ui: Ui) -> None:
     do = actions(ui)
-    ui.remove()
+    ui.selection.remove()
     assert ui.selected is None
     do["undo"].act()
     assert ui.selected == "cube"
@@ -286,7 +256,7 @@ def test_what_undo_brings_back_is_selected(ui: Ui) -> None:
     assert ui.state is None
     do["undo"].act()
     ui.selected = None
-    ui.engine.paint("cube", Material("diffuse", (0.1, 0.2, 0.3)))
+    ui.engine.editor.paint({"cube": Material("diffuse", (0.1, 0.2, 0.3))})
     do["undo"].act()
     assert ui.selected is None
 
@@ -343,7 +313,7 @@ def test_a_light_is_added_changed_and_saved(ui: Ui) -> None:
     assert written.light == shown.light
     assert written.to_world[3::4][:3] == [0.1, 0.2, -1.5]
     until(ui.viewport, lambda _: ui.state is not None and not ui.engine.unsaved)
-    ui.remove()
+    ui.selection.remove()
     until(ui.viewport, lambda _: [state.name for state in ui.engine.objects] == ["cube"])
 
 

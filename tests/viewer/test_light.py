@@ -83,7 +83,7 @@ def yard(tmp_path: Path, searches: Searches) -> Scene:
 
 def relit(driver: Turns, **parts: object) -> int:
     edit = LightEdit(**parts)  # type: ignore[arg-type]
-    return driver.shared.relight(lambda _: edit)
+    return driver.shared.edit(lambda world: replace(world, light=edit))
 
 
 def staged(driver: Turns) -> Frame:
@@ -301,7 +301,7 @@ def test_the_sun_and_an_object_are_not_selected_together(ui: Ui) -> None:
     np.testing.assert_allclose(arrow.towards, FOUND.direction)
     assert arrow.point[1] == pytest.approx(-1.3, abs=0.05), "the floor in the middle"
     ui.selected = "cube"
-    assert not ui.sun_selected
+    assert not ui.selection.sun
 
 
 def test_words_are_those_of_the_scene_report(ui: Ui, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,8 +13,9 @@ from PIL import Image
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
+from iprt.scene.edit_writing import SAVED_VIEW, Look
 from iprt.scene.mesh_pose import MeshPose
-from iprt.scene.object_edits import SAVED_VIEW, Look, ObjectEdit, flat
+from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.file_watch import MOST_FRAMES, Watch
@@ -137,7 +138,7 @@ def test_a_saved_scene_is_what_was_shown(
             ObjectEdit("wedge", material=PLASTIC, path=path), (20.0, -40.0), MeshPose(height_m=0.3)
         )
         driver.settle()
-        shared.edit("cube", lambda edit: replace(edit, removed=True))
+        shared.edit(lambda world: world.edited("cube", removed=True))
         driver.settle()
         (shown,) = core.objects
         core.files.save()
@@ -162,7 +163,7 @@ def test_who_saves_is_told_what_came_of_it(scene: Scene, device: ComputeDevice) 
     text = path.read_text()
     with turns(scene, device) as driver:
         driver.answer(driver.join())
-        driver.shared.edit("cube", lambda edit: replace(edit, removed=True))
+        driver.shared.edit(lambda world: world.edited("cube", removed=True))
         path.write_text(text.replace("format = 1", "format = "))
         driver.core.files.save(told.append)
         driver.settle()
@@ -185,15 +186,15 @@ def test_edits_are_undone_and_made_again() -> None:
 
     def place(name: str, x: float) -> None:
         clock.now += 0.1
-        shared.edit(name, lambda edit: replace(edit, to_world=(x,) * 16))
+        shared.edit(lambda world: world.edited(name, to_world=(x,) * 16))
 
     states = [shared.world.edits]
     for steps in (
         lambda: [place("a", float(x)) for x in range(20)],  # a drag
-        lambda: shared.edit("a", lambda edit: replace(edit, material=Material())),
+        lambda: shared.edit(lambda world: world.edited("a", material=Material())),
         lambda: place("b", 1.0),
         lambda: setattr(clock, "now", clock.now + 2 * GESTURE_S) or place("b", 2.0),
-        lambda: shared.edit("a", lambda edit: replace(edit, removed=True)),
+        lambda: shared.edit(lambda world: world.edited("a", removed=True)),
     ):
         steps()
         states.append(shared.world.edits)
@@ -234,12 +235,12 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
         driver.answer(driver.join())
         shared = driver.shared
         moved = flat(np.diag([0.2, 0.2, 0.2, 1.0]))
-        shared.edit("cube", lambda edit: replace(edit, to_world=moved))
+        shared.edit(lambda world: world.edited("cube", to_world=moved))
         save(driver)
-        shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        shared.edit(lambda world: world.edited("cube", material=PLASTIC))
         save(driver)
         assert 'kind = "plastic"' in path.read_text()
-        shared.edit("cube", lambda edit: replace(edit, removed=True))
+        shared.edit(lambda world: world.edited("cube", removed=True))
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), MeshPose(height_m=0.3))
         driver.settle()
         save(driver)
@@ -266,13 +267,13 @@ def test_what_others_write_is_kept(scene: Scene, device: ComputeDevice) -> None:
     with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
         shared = driver.shared
-        shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        shared.edit(lambda world: world.edited("cube", material=PLASTIC))
         save(driver)
         path.write_text(path.read_text().replace("yaw_deg = 0.0", "yaw_deg = 7.0") + "# mine\n")
         driver.look_again()
         assert not shared.history.can_undo
         assert driver.core.objects[0].materials == (PLASTIC,)
-        shared.edit("cube", lambda edit: replace(edit, removed=True))
+        shared.edit(lambda world: world.edited("cube", removed=True))
         path.write_text(path.read_text() + "# too\n")  # not seen before it is saved
         save(driver)
         assert path.read_text().endswith("# mine\n# too\n")
@@ -300,7 +301,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
         driver.core.add(ObjectEdit("other", path=mesh), (20.0, -40.0), MeshPose(height_m=0.3))
         driver.settle()
         save(driver, look)
-        driver.shared.edit("other", lambda edit: replace(edit, material=PLASTIC))
+        driver.shared.edit(lambda world: world.edited("other", material=PLASTIC))
         save(driver, replace(look, view=replace(look.view, yaw_deg=15.0)))
     reopened = Scene.open(judged.root)
     assert list(reopened.views) == [*judged.views, SAVED_VIEW]
@@ -312,7 +313,7 @@ def test_what_was_added_is_seen_when_the_scene_is_opened_again(
         assert shown.geometry is not None
         assert shown.geometry.names == ("cube", "other")
         # Later saves keep it up to date, with what is shown then.
-        driver.shared.edit("cube", lambda edit: replace(edit, material=PLASTIC))
+        driver.shared.edit(lambda world: world.edited("cube", material=PLASTIC))
         save(driver, Look(look.view, ("other",)))
     assert Scene.open(judged.root).views[SAVED_VIEW].objects == ("other",)
 

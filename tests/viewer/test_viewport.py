@@ -170,7 +170,10 @@ def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: E
     at_rest(viewport)
     x, y = 0.5, 0.95
     surface = viewport._client.shown.geometry.real(24, 30)
-    assert viewport.drop("cube", x, y, upright=True)
+    (state,) = engine.objects
+    placed = viewport.dropped(state, x, y, upright=True)
+    assert placed is not None
+    engine.editor.place({"cube": placed})
     number = viewport._client.ask(viewport._request())
     until(viewport, lambda s: s.shown.number >= number and s.shown.refined)
     (state,) = engine.objects
@@ -178,7 +181,6 @@ def test_dropped_objects_stand_where_the_cursor_is(viewport: Viewport, engine: E
     foot = state.to_world @ [0.5 * (low[0] + high[0]), low[1], 0.5 * (low[2] + high[2]), 1.0]
     np.testing.assert_allclose(foot[:3], surface.point, atol=1e-4)
     assert viewport.picking.object_at(x, y - 0.02) == "cube"
-    assert not viewport.drop("nobody", x, y, upright=True)
 
 
 def test_all_buffers_can_be_seen(viewport: Viewport) -> None:

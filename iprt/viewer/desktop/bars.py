@@ -12,7 +12,7 @@ from iprt.viewer.labels import PARTS, PLAYBACK
 
 MODES = list(PLAYBACK)
 
-HELP = "H: keys"
+HELP = "?: keys"
 SHORTEST_EM = 6.0
 """Least width of the video's slider. The frame's number is beside it."""
 NARROW_EM = 28.0

@@ -30,7 +30,12 @@ _SPACES = {
 
 
 def manipulate(
-    rectangle: Rectangle, view: View, centre: Matrix, to_world: Matrix, mode: Mode
+    rectangle: Rectangle,
+    view: View,
+    centre: Matrix,
+    to_world: Matrix,
+    mode: Mode,
+    step: float | None = None,
 ) -> Matrix | None:
     """Draw the gizmo of an object in the current window; return the object's new transform.
 
@@ -43,6 +48,8 @@ def manipulate(
         World position of the capture centre.
     to_world : (4, 4) float64
     mode : {"move", "turn", "scale"}
+    step : float or None
+        Steps of the motion, in metres, degrees or factors by the mode; None for free motion.
 
     Returns
     -------
@@ -60,6 +67,7 @@ def manipulate(
         _OPERATIONS[mode],
         _SPACES[mode],
         matrix,
+        snap=None if step is None else GIZMO.Matrix3([step] * 3),
     )
     if not GIZMO.is_using():
         return None

@@ -67,11 +67,15 @@ def toolbar(ui: DesktopState, rectangle: Rectangle) -> None:
         about = f"{PARTS['align'].name} (N). {PARTS['align'].about}"
         if toggle(icons.ICON_FA_MAGNET, ui.align, about):
             ui.align = not ui.align
+        imgui.same_line()
+        about = f"{PARTS['stepped'].name} (X). {PARTS['stepped'].about}"
+        if toggle(icons.ICON_FA_TABLE_CELLS, ui.stepped, about):
+            ui.stepped = not ui.stepped
 
 
 def toolbar_width() -> float:
     """Return the largest width of the toolbar."""
-    return 4.0 * (2.0 * imgui.get_frame_height() + imgui.get_style().item_spacing.x) + 2.0 * MARGIN
+    return 5.0 * (2.0 * imgui.get_frame_height() + imgui.get_style().item_spacing.x) + 2.0 * MARGIN
 
 
 def split_bar(ui: DesktopState, rectangle: Rectangle, *, lit: bool) -> None:

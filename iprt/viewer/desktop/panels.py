@@ -10,8 +10,9 @@ from imgui_bundle import imgui
 
 from iprt.settings.model import Settings
 from iprt.viewer.actions import Action, actions
+from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
 from iprt.viewer.controls import preset_of
-from iprt.viewer.desktop.style import ACCENT, TEXT
+from iprt.viewer.desktop.style import ACCENT, QUIET, TEXT
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import (
     action_button,
@@ -36,6 +37,17 @@ from iprt.viewer.material_fields import material_fields
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 
+ARRANGING = (
+    ("duplicate", icons.ICON_FA_CLONE),
+    ("settle", icons.ICON_FA_ARROWS_DOWN_TO_LINE),
+    ("group", icons.ICON_FA_OBJECT_GROUP),
+    ("ungroup", icons.ICON_FA_OBJECT_UNGROUP),
+    ("lock", icons.ICON_FA_LOCK),
+    ("remove", icons.ICON_FA_TRASH),
+)
+"""Actions on the selected objects, with their icons."""
+LOCK_EM = 2.6
+"""Room for the lock at the end of a row."""
 RESET_SHARE = 0.6
 """Position of the button that resets all settings, as a fraction of the panel's width."""
 _CLAMPED = imgui.SliderFlags_.always_clamp
@@ -49,7 +61,8 @@ def scene(ui: DesktopState) -> None:
     heading(PARTS["objects"].name)
     _objects(ui)
     if ui.state is not None:
-        heading(ui.state.name)
+        others = len(ui.selection.names) - 1
+        heading(f"{ui.state.name}{f' and {others} more' if others else ''}")
         _selected(ui)
 
 
@@ -138,31 +151,58 @@ def _objects(ui: DesktopState) -> None:
     if not states and ui.displayed is not None:  # before the first picture they are still loading
         quiet("None yet: drop a .glb, .gltf, .obj, .ply, .stl or .usd file on the picture.")
     for state in states:
-        visible = ui.visible(state.name)
         imgui.push_id(state.name)
-        icon = icons.ICON_FA_EYE if visible else icons.ICON_FA_EYE_SLASH
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(0, 0, 0, 0))
-        if button(icon, "Show or hide it here", width=2.0 * imgui.get_font_size()):
-            ui.show(state.name, not visible)
+        visible = ui.visible(state.name)
+        if _bare_button(icons.ICON_FA_EYE if visible else icons.ICON_FA_EYE_SLASH, "Show or hide"):
+            ui.show([state.name], not visible)
+        imgui.same_line()
+        now = state.edited(ui.engine.world.edit_of(state.name)) or state
+        notes = [*([now.group] if now.group else []), *(["moves"] if now.keyframed else [])]
+        words = f"{state.name}  ({', '.join(notes)})" if notes else state.name
+        imgui.align_text_to_frame_padding()
+        selected = state.name in ui.selection.names
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(ACCENT if selected else TEXT)))
+        room = imgui.get_content_region_avail().x - LOCK_EM * imgui.get_font_size()
+        if imgui.selectable(words, selected, 0, imgui.ImVec2(room, 0.0))[0]:
+            ui.pick(state.name, more=imgui.get_io().key_ctrl)
         imgui.pop_style_color()
         imgui.same_line()
-        words = state.name + ("  (keyframes move it)" if state.keyframed else "")
-        imgui.align_text_to_frame_padding()
-        selected = state.name == ui.selected
-        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(ACCENT if selected else TEXT)))
-        if imgui.selectable(words, selected)[0]:
-            ui.selected = state.name
-        imgui.pop_style_color()
+        icon = icons.ICON_FA_LOCK if now.locked else icons.ICON_FA_LOCK_OPEN
+        if _bare_button(icon, PARTS["lock"].about, dim=not now.locked):
+            ui.engine.editor.lock([state.name], not now.locked)
         imgui.pop_id()
+
+
+def _bare_button(icon: str, about: str, *, dim: bool = False) -> bool:
+    """Draw an icon that is a button; return True if it was pressed."""
+    imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(0, 0, 0, 0))
+    imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*(QUIET if dim else TEXT)))
+    pressed = button(icon, about, width=2.0 * imgui.get_font_size())
+    imgui.pop_style_color(2)
+    return pressed
 
 
 def _selected(ui: DesktopState) -> None:
     shared, state = actions(ui), ui.state
     assert state is not None
+    gap = imgui.get_style().item_spacing.x
+    width = (imgui.get_content_region_avail().x - gap * (len(ARRANGING) - 1)) / len(ARRANGING)
+    for name, icon in ARRANGING:
+        action_button(shared[name], icon, width=width, short=True)
+        imgui.same_line()
+    imgui.new_line()
+    if ui.renaming:
+        imgui.set_keyboard_focus_here(1)  # past the label
+        ui.renaming = False
+    draw_field(ui, name_field(ui))
     for field in place_fields(ui):
         draw_field(ui, field)
-    label("")
-    action_button(shared["remove"], icons.ICON_FA_TRASH, width=-1.0)
+    if imgui.tree_node(f"{PARTS['stepped'].name}, {PARTS['array'].name.lower()}"):
+        for field in (*step_fields(ui), *array_fields(ui), group_field(ui)):
+            draw_field(ui, field)
+        label("")
+        action_button(shared["array"], icons.ICON_FA_CLONE, width=-1.0)
+        imgui.tree_pop()
     if len(state.materials) > 1:
         quiet(f"It has {len(state.materials)} materials; a change here makes them one.")
     for field in material_fields(ui) if state.light is None else virtual_light_fields(ui):

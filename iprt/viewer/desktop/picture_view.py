@@ -20,6 +20,8 @@ CLICK_PX = 4.0
 """Movement of a press in pixels up to which it counts as a click."""
 SPLIT_PX = 6.0
 """Distance in pixels within which the dividing bar can be grabbed."""
+STEP_SCALE = 0.1
+"""Step of a factor of size."""
 MISFIT = 0.02
 """Relative difference in aspect ratio above which a picture is shown with margins."""
 _BARE = (
@@ -131,14 +133,14 @@ class PictureView:
         if hovered and self.gesture is None:
             self._begin()
         if self.gesture == "press" and imgui.is_mouse_dragging(0, CLICK_PX):
-            sliding = self._object is not None and self._object == ui.selected
+            sliding = self._object is not None and self._object in ui.selection.names
             self.gesture = "slide" if sliding else "look"
             self._drag(*imgui.get_mouse_drag_delta(0, 0.0))
         elif self.gesture is not None:
             self._drag(io.mouse_delta.x, io.mouse_delta.y)
         if self.gesture is not None and not any(imgui.is_mouse_down(b) for b in (0, 1, 2)):
             if self.gesture == "press":
-                ui.selected = self._object
+                ui.pick(self._object, more=io.key_ctrl)
             self.gesture = None
 
     def _begin(self) -> None:
@@ -152,8 +154,10 @@ class PictureView:
             self._take_hold()
         elif imgui.is_mouse_clicked(0):
             self.gesture = "press"
+            self._object = None if ui.cursor is None else ui.object_at(*ui.cursor)
+            if self._object in ui.selection.names:
+                ui.selection.select(*ui.selection.names, self._object)  # as the primary one
             self._take_hold()
-            self._object = None if ui.cursor is None else ui.viewport.picking.object_at(*ui.cursor)
 
     def _drag(self, dx: float, dy: float) -> None:
         ui = self._ui
@@ -202,7 +206,7 @@ class PictureView:
             self._ui.drop(*place)
 
     def _gizmo_drawn(self) -> bool:
-        return self._ui.selected is not None or self._ui.sun_selected
+        return self._ui.selected is not None or self._ui.selection.sun
 
     def _gizmo(self) -> overlay.Box | None:
         """Let the gizmo move the selected object; return the box of its outline."""
@@ -210,20 +214,29 @@ class PictureView:
         if state is None or view is None:
             return None
         lit = self.gesture in ("slide", "gizmo")
+        for other in ui.selection.states[:-1]:
+            overlay.outline(other, view, ui.centre, self.rectangle, lit=False)
         box = overlay.outline(state, view, ui.centre, self.rectangle, lit=lit)
-        if self.gesture in ("look", "slide"):
+        if self.gesture in ("look", "slide") or state.locked:
             return box
         pivot = np.eye(4)
         pivot[:3, 3] = state.foot
         pivoted = state.to_world @ pivot
-        moved = gizmo.manipulate(self.rectangle, view, ui.centre, pivoted, ui.mode)
+        moved = gizmo.manipulate(self.rectangle, view, ui.centre, pivoted, ui.mode, self._step())
         if moved is not None and self.gesture == "gizmo":
             if gizmo.slides():
                 self._slide()
             else:
                 pivot[:3, 3] *= -1.0
-                ui.place(state, moved @ pivot)
+                ui.selection.place(state, moved @ pivot)
         return box
+
+    def _step(self) -> float | None:
+        """Return the step of the gizmo's motion; None for free motion."""
+        ui = self._ui
+        if ui.stepped == imgui.get_io().key_ctrl:
+            return None
+        return {"move": ui.step_m, "turn": ui.step_deg, "scale": STEP_SCALE}[ui.mode]
 
     def _sun_gizmo(self) -> None:
         """Draw the arrow of the selected sun, and let the gizmo turn it."""

@@ -37,6 +37,8 @@ class DesktopState(UiState):
         Mode of the gizmo.
     readout : bool
         Show the values at the cursor.
+    renaming : bool
+        Put the keyboard into the name of the selected object.
     panels, help, browsing, leaving : bool
         Open parts: the panels; the list of shortcuts; the mesh browser; the question about unsaved
         edits.
@@ -55,7 +57,7 @@ class DesktopState(UiState):
         self.viewport, self.folder = viewport, default_folder()
         self.mode: Mode = "move"
         self.readout = self.panels = True
-        self.help = self.browsing = self.leaving = self.closing = False
+        self.help = self.browsing = self.leaving = self.closing = self.renaming = False
         self.cursor: tuple[float, float] | None = None
         self.pass_times, self.setting_groups = PassTimes(), setting_groups(self)
         self._notice: tuple[str, bool, float] | None = None

@@ -38,6 +38,9 @@ _NAMED_KEYS = {
     glfw.KEY_RIGHT: "→",
     glfw.KEY_DELETE: "Delete",
     glfw.KEY_ESCAPE: "Esc",
+    glfw.KEY_END: "End",
+    glfw.KEY_F1: "F1",
+    glfw.KEY_F2: "F2",
     glfw.KEY_F11: "F11",
     glfw.KEY_F12: "F12",
 }
@@ -97,9 +100,10 @@ class Window:
             glfw.set_cursor_pos_callback,
             glfw.set_mouse_button_callback,
             glfw.set_scroll_callback,
-            glfw.set_char_callback,
         ):
             listen(handle, stir)
+        typed: Any = self._type
+        glfw.set_char_callback(handle, typed)
         press: Any = self._press
         glfw.set_key_callback(handle, press)
         self._presses: list[KeyPress] = []
@@ -198,6 +202,11 @@ class Window:
             return
         held = [name for name, bit in _MODIFIERS.items() if modifiers & bit]
         self._presses.append(KeyPress("+".join([*held, _written(key)]), action == glfw.REPEAT))
+
+    def _type(self, _: Any, character: int) -> None:
+        self._stir()
+        if chr(character) == "?":  # on keys that differ by layout
+            self._presses.append(KeyPress("?", repeated=False))
 
     def _drop(self, _: Any, files: Any) -> None:
         self._stir()

@@ -149,10 +149,10 @@ class Browser(BrowserState):
             camera.position = position_of(view)
             camera.look_at = np.zeros(3)
 
-    def _clicked(self, x: float, y: float) -> None:
+    def _clicked(self, x: float, y: float, *, more: bool) -> None:
         """Select the object at a window position, and read the pixel's values."""
         x, y = self.in_picture(x, y)
-        self.selected = self.viewport.picking.object_at(x, y)
+        self.pick(self.object_at(x, y), more=more)
         self.read = self.viewport.readout(x, y)
 
     def _dropped(self, x: float, y: float) -> None:
@@ -210,7 +210,11 @@ class Browser(BrowserState):
 
         async def clicked(event: Any) -> None:
             x, y = event.screen_pos
-            self.post("click", lambda: self._clicked(x, y))
+            self.post("click", lambda: self._clicked(x, y, more=False))
+
+        async def added(event: Any) -> None:
+            x, y = event.screen_pos
+            self.post("click", lambda: self._clicked(x, y, more=True))
 
         async def dropped(event: Any) -> None:
             x, y = event.screen_pos
@@ -218,6 +222,7 @@ class Browser(BrowserState):
 
         client.camera.on_update(moved)
         client.scene.on_click()(clicked)
+        client.scene.on_click(modifier="cmd/ctrl")(added)
         client.scene.on_click(modifier="shift")(dropped)
 
     def _work(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from iprt.viewer.gizmo import turn_of, turned_to
 from iprt.viewer.object_states import ObjectState
@@ -81,12 +82,12 @@ class Gizmo(ABC):
         place = self._place
         if place is None or place[0] != self._name:
             return
-        if ended:
-            self._shown = None  # so that `sync` moves the gizmo to the selection
         _, before, pivot = place
         moved = np.abs(position + self._ui.centre - pivot).max()
         if max(np.abs(turn - before).max(), moved) >= MIN_MOVE:
             self._move(turn, position)
+        if ended:
+            self._shown = None  # so that `sync` moves the gizmo to the selection
 
 
 class ObjectGizmo(Gizmo):
@@ -95,7 +96,9 @@ class ObjectGizmo(Gizmo):
     @property
     def _place(self) -> tuple[str, Float, Float] | None:
         state = self._ui.state
-        return None if state is None else (state.name, turn_of(state), state.pivot)
+        if state is None or state.locked:
+            return None
+        return state.name, turn_of(state), state.pivot
 
     def _add(self) -> Any:
         return self._ui.client.scene.add_transform_controls(
@@ -105,8 +108,20 @@ class ObjectGizmo(Gizmo):
     def _move(self, turn: Float, position: Float) -> None:
         ui, state = self._ui, self._ui.state
         assert isinstance(state, ObjectState)
+        if ui.stepped:
+            turn, position = self._stepped(turn, position)
         if not (ui.snapping and ui.drop_at(position)):
-            ui.place(state, turned_to(state, turn, position + ui.centre))
+            ui.selection.place(state, turned_to(state, turn, position + ui.centre))
+
+    def _stepped(self, turn: Float, position: Float) -> tuple[Float, Float]:
+        """Return the rotation and place that are whole steps from where the drag began."""
+        ui = self._ui
+        assert self._shown is not None
+        before, start = self._shown
+        moved = ui.step_m * np.rint((position - start) / ui.step_m)
+        turned = Rotation.from_matrix(turn @ before.T).as_rotvec(degrees=True)
+        turned = ui.step_deg * np.rint(turned / ui.step_deg)
+        return Rotation.from_rotvec(turned, degrees=True).as_matrix() @ before, start + moved
 
 
 class SunGizmo(Gizmo):

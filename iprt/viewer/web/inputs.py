@@ -53,7 +53,7 @@ class Inputs:
         sparse: bool = False,
     ) -> None:
         self._ui, self._visible, self._sparse = ui, visible, sparse
-        self._bound: list[Binding | Upload] = []
+        self._bound: list[Binding | Upload | Line] = []
         self._buttons: list[tuple[Action, Any]] = []
         self._maps: Any = None
         for row in rows:
@@ -61,6 +61,8 @@ class Inputs:
                 self._add_button(row)
             elif row.kind == "file":
                 self._add_upload(row)
+            elif row.kind == "text":
+                self._bound.append(Line(ui, row))
             else:
                 self._bound.append(Binding(ui, row))
 
@@ -193,6 +195,36 @@ class Upload:
         show(self.handle, "disabled", not self.field.enabled())
         show(self.handle, "label", _name(self.field))
         show(self.handle, "hint", self.field.label().about)
+
+
+class Line:
+    """A line of text that is written to a field when Enter is pressed.
+
+    Parameters
+    ----------
+    ui : BrowserState
+    field : Field
+    """
+
+    touched = False
+
+    def __init__(self, ui: BrowserState, field: Field) -> None:
+        self.field, self._seen = field, field.read()
+        self.handle = form = ui.client.gui.add_form(None)
+        with form:
+            self._text = ui.client.gui.add_text(_name(field), self._seen, hint=field.label().about)
+
+        async def entered(_event: Any) -> None:
+            ui.post(self, lambda: field.write(self._text.value))
+
+        form.on_submit(entered)
+
+    def sync(self) -> None:
+        """Show the field's value once it changes."""
+        now = self.field.read()
+        if now != self._seen:
+            self._seen = now
+            show(self._text, "value", now)
 
 
 def _input(ui: BrowserState, field: Field) -> tuple[Any, Convert, Convert]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.actions import Action, actions
+from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
 from iprt.viewer.controls import preset_of
 from iprt.viewer.fields import (
     Field,
@@ -36,6 +37,10 @@ from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.status import status_html
 
 WIDTH_PX = 340
+ARRANGING = ("duplicate", "settle", "group", "ungroup", "lock", "hide", "show all")
+"""Actions that arrange the selected objects."""
+TAKEN = ("save",)
+"""Actions whose keys browsers keep for themselves."""
 
 
 class Panels:
@@ -94,7 +99,6 @@ class Panels:
             with gui.add_folder("Video"):
                 self._add(*playback_fields(ui))
                 self._add_html(lambda: _counted(ui.viewport.counter or ""))
-            self._bind_key(shared["play"])
         self._add(shared["undo"], shared["redo"], shared["save"])
         self._add_screenshots()
         self._add_visibility()
@@ -105,9 +109,19 @@ class Panels:
                 attribute_switch(ui, "snap", "snapping"),
                 attribute_switch(ui, "align", "align"),
             )
-            self._add(
-                *place_fields(ui), *dragging, visible=lambda: ui.state is not None, sparse=True
-            )
+            selected = shared["remove"].visible
+            self._add(name_field(ui), *place_fields(ui), *dragging, visible=selected, sparse=True)
+            arranging = gui.add_folder("Arrange", expand_by_default=False)
+            with arranging:
+                self._add(
+                    *(shared[name] for name in ARRANGING),
+                    *step_fields(ui),
+                    group_field(ui),
+                    *array_fields(ui),
+                    shared["array"],
+                    visible=selected,
+                )
+            self._syncs.append(lambda: show(arranging, "visible", selected()))
             for fields, has in ((material_fields, "materials"), (virtual_light_fields, "light")):
 
                 def visible(has: str = has) -> bool:
@@ -115,8 +129,9 @@ class Panels:
 
                 self._add(*fields(ui), visible=visible, sparse=True)
             self._add(shared["bare"], shared["remove"], shared["light"])
-        for name in ("undo", "redo", "remove", "light"):
-            self._bind_key(shared[name])
+        for action in shared.values():
+            if action.keys and action.name not in TAKEN:
+                self._bind_key(action)
 
     def _bind_key(self, action: Action) -> None:
         """Bind the last of an action's keys."""

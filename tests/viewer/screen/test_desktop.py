@@ -210,7 +210,7 @@ def test_quick_chords(user: User, order: str, drawn_after: int) -> None:
     user.at_rest()
     path = user.folder / "clip" / "scene.toml"
     text = path.read_text()
-    user.engine.remove("cube")
+    user.engine.editor.remove(["cube"])
     for name, edits in (("z", 0), ("y", 1)):
         type_chord(user, name, order, drawn_after)
         assert len(user.engine.world.edits) == edits, name

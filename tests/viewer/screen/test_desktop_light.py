@@ -70,7 +70,7 @@ def test_the_sun_is_an_arrow_that_is_dragged(sunny: User) -> None:
     after = sunny.engine.sun
     assert after is not None
     assert np.abs(after.direction - arrow.towards).max() > 0.05
-    assert sunny.ui.sun_selected
+    assert sunny.ui.selection.sun
     assert sunny.at_rest().request.view == view, "the view has not turned"
     np.testing.assert_array_equal(arrow_of(sunny).point, arrow.point)
     sunny.key("z", control=True)
@@ -78,7 +78,7 @@ def test_the_sun_is_an_arrow_that_is_dragged(sunny: User) -> None:
     assert undone is not None
     np.testing.assert_allclose(undone.direction, arrow.towards, atol=1e-3)
     sunny.click(20.0, 150.0)
-    assert not sunny.ui.sun_selected, "a click beside deselects it"
+    assert not sunny.ui.selection.sun, "a click beside deselects it"
 
 
 def over_ring(user: User, x: float, y: float) -> bool:

@@ -50,7 +50,7 @@ def test_closing_asks_about_edits(user: User) -> None:
     user.at_rest()
     user.app.window.closing = True
     assert user.app.closed, "there is nothing to save"
-    user.engine.remove("cube")
+    user.engine.editor.remove(["cube"])
     assert not user.app.closed
     assert user.ui.leaving
     user.press("Stay")
@@ -66,7 +66,7 @@ def test_saving_and_closing_after_bad_news(user: User, monkeypatch: pytest.Monke
     bad.write_text("v 1 2\nf 1 2 3\n")
     user.ui.add_all([bad])
     user.until(lambda: user.problems() != ())
-    user.engine.remove("cube")
+    user.engine.editor.remove(["cube"])
     user.at_rest()
     quiet_frames(user)
     user.places.pop("Save and close", None)

@@ -93,7 +93,7 @@ def test_undo_and_redo_are_grey_when_there_is_nothing_to_do(user: User) -> None:
     while user.engine.can_undo:
         user.engine.undo()
     assert lit()[::2] == (False, False)
-    user.engine.remove("cube")
+    user.engine.editor.remove(["cube"])
     assert lit() == (True, False, True)
     user.press(undo)
     assert lit() == (False, True, False)

@@ -152,7 +152,7 @@ def test_objects_are_missed_only_where_there_are_none(
     """Before the scene is read nobody is asked to add some."""
     user.press("Scene")
     user.at_rest()
-    user.engine.remove("cube")
+    user.engine.editor.remove(["cube"])
     user.until(lambda: not user.engine.objects)
     user.until(lambda: user.reads("None yet"))
     monkeypatch.setattr(user.ui.viewport, "poll", lambda: None)

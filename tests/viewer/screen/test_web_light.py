@@ -36,7 +36,7 @@ def test_the_sun_is_an_arrow_that_is_dragged(place: Place) -> None:
     """By a ring around its point, without turning the view."""
     visitor, browser = visit(place)
     box(visitor, "Show arrow").click()
-    until(lambda: browser.sun_selected, "it is not selected")
+    until(lambda: browser.selection.sun, "it is not selected")
     visitor.page.wait_for_function("__viserMutable.nodeRefFromName['/sun/arrow']")
     view, before = at_rest(visitor, browser), sun_of(place)
     arrow = browser.arrow(view)
@@ -58,7 +58,7 @@ def test_the_sun_is_an_arrow_that_is_dragged(place: Place) -> None:
     until(grabbed, "nothing to grab")
     after = at_rest(visitor, browser)
     assert (after.yaw_deg, after.pitch_deg) == pytest.approx((view.yaw_deg, view.pitch_deg))
-    assert browser.sun_selected
+    assert browser.selection.sun
     choose_object(visitor, browser)
     visitor.page.wait_for_function("!__viserMutable.nodeRefFromName['/sun/arrow']")
     undo(place)

@@ -198,7 +198,7 @@ def test_undo_and_redo(place: Place) -> None:
         until(lambda: [each.is_enabled() for each in buttons] == [*expected], str(expected))
 
     lit(False, False, False)
-    engine.remove("cube")
+    engine.editor.remove(["cube"])
     lit(True, False, True)
     undo.click()
     lit(False, True, False)
