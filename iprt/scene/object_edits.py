@@ -66,6 +66,17 @@ class ObjectEdit:
         maps = tuple(id(getattr(self.material, key)) for key in keys)
         object.__setattr__(self, "maps", maps)
 
+    def besides(self, saved: ObjectEdit | None) -> ObjectEdit | None:
+        """Return what the edit changes besides a saved one of the object; None if nothing."""
+        if saved is None:
+            return self
+        same = [part for part in VALUES if getattr(self, part) == getattr(saved, part)]
+        return None if self == saved else replace(self, **dict.fromkeys(same))
+
+
+VALUES = ("to_world", "material", "light", "group", "locked")
+"""Attributes of an edit that replace a value of the object; None leaves it."""
+
 
 def flat(to_world: NDArray[np.float64]) -> Matrix:
     """Return a (4, 4) transform as a row-major tuple."""

@@ -199,9 +199,10 @@ class Selection:
                 to_world = state.to_world.copy()
                 to_world[:3, 3] += step
                 copies.append((state.name, state.placed(to_world), groups[state.group]))
+        names: list[str] = []
         with self._saying():
-            return editor.duplicate(copies)
-        return []
+            names = editor.duplicate(copies)
+        return names
 
     @contextmanager
     def _saying(self) -> Iterator[None]:

@@ -158,7 +158,9 @@ class SharedState:
             if not world.saved and not world.saved_light.parts:
                 return world
             self.history.clear()
-            edits = tuple(edit for edit in world.edits if edit not in world.saved)
+            saved = {edit.name: edit for edit in world.saved}
+            rest = (edit.besides(saved.get(edit.name)) for edit in world.edits)
+            edits = tuple(edit for edit in rest if edit is not None)
             light = world.light.besides(world.saved_light)
             return replace(world, edits=edits, light=light, saved=(), saved_light=UNEDITED)
 
