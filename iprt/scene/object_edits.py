@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,10 @@ class ObjectEdit:
         """Return what the edit changes besides a saved one of the object; None if nothing."""
         if saved is None:
             return self
-        same = [part for part in VALUES if getattr(self, part) == getattr(saved, part)]
-        return None if self == saved else replace(self, **dict.fromkeys(same))
+        same: dict[str, Any] = {
+            part: None for part in VALUES if getattr(self, part) == getattr(saved, part)
+        }
+        return None if self == saved else replace(self, **same)
 
 
 VALUES = ("to_world", "material", "light", "group", "locked")

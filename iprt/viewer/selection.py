@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -100,7 +99,7 @@ class Selection:
 
     def place(self, state: ObjectState, to_world: Array) -> None:
         """Move an object to a transform (4, 4) in the displayed frame, and the others with it."""
-        with self._saying():
+        try:
             require_place(state.name, to_world)
             moved = to_world @ np.linalg.inv(state.to_world)
             places = {
@@ -110,6 +109,8 @@ class Selection:
                 for other in self._unlocked()
             }
             self._engine.editor.place(places)
+        except IprtError as error:
+            self._say(str(error), bad=True)
 
     def paint(self, **part: Any) -> None:
         """Change attributes of the objects' materials."""
@@ -199,18 +200,11 @@ class Selection:
                 to_world = state.to_world.copy()
                 to_world[:3, 3] += step
                 copies.append((state.name, state.placed(to_world), groups[state.group]))
-        names: list[str] = []
-        with self._saying():
-            names = editor.duplicate(copies)
-        return names
-
-    @contextmanager
-    def _saying(self) -> Iterator[None]:
-        """Say what is wrong in the block, and end it."""
         try:
-            yield
+            return editor.duplicate(copies)
         except IprtError as error:
             self._say(str(error), bad=True)
+            return []
 
 
 def listed(names: Sequence[str]) -> str:

@@ -312,7 +312,7 @@ class Viewport:
             Keep the object's rotation. Otherwise align its +Y axis with the surface normal.
         """
         footprint = 0.25 * float(np.hypot(state.size[0], state.size[2]))
-        surface = self.picking.ground(x, y, footprint)
+        surface = self.picking.ground(x, y, footprint, upright=upright)
         if surface is None:
             return None
         normal = None if upright else surface.normal
