@@ -269,13 +269,13 @@ class Viewport:
 
     @property
     def counter(self) -> str | None:
-        """The position in the video and its rate, in words; None for a single frame."""
+        """The frame's number and the last one's, with the rate; None for a single frame."""
         scene, playback = self._engine.scene, self._engine.playback
         frames, shown = scene.frame_indices, self._client.shown
         if len(frames) == 1:
             return None
         frame = shown.frame if shown is not None and playback.playing else playback.frame
-        text = f"{frame - frames[0] + 1} of {len(frames)}"
+        text = f"{frame} of {frames[-1]}"
         fps = self._frame_rate.value if playback.playing else None
         return text if fps is None else f"{text}, {fps:.2g} of {scene.source.fps:g} fps"
 

@@ -136,6 +136,11 @@ class Browser(BrowserState):
         super().go_to(name)
         self._direct(self.viewport.view)
 
+    def look(self, view: View) -> None:
+        """Change the direction or field of view."""
+        super().look(view)
+        self._direct(self.viewport.view)
+
     def _direct(self, view: View) -> None:
         """Turn the browser's camera to a view."""
         self._directed, self._directed_s = view, time.monotonic()
