@@ -27,6 +27,8 @@ from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.plain_video import PlainFrame
+from iprt.viewer.render_queue import RenderQueue
+from iprt.viewer.scene_snapshot import EditedScene
 from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
@@ -84,6 +86,13 @@ class Engine:
         See `Scene.open`.
     tradeoff : Tradeoff or None
         Measured times of the settings for motion; None for the shipped table.
+    render_device : str or None
+        Device of `renders`, as `choose_device` takes it.
+
+    Attributes
+    ----------
+    renders : RenderQueue
+        Pictures and videos that are rendered to files.
     """
 
     def __init__(
@@ -95,7 +104,9 @@ class Engine:
         clock: Callable[[], float] = time.monotonic,
         allow_outside: bool = False,
         tradeoff: Tradeoff | None = None,
+        render_device: str | None = None,
     ) -> None:
+        self.renders = RenderQueue(render_device)
         self.tradeoff = tradeoff or shipped()
         self._clock, self._scene = clock, scene
         self._names: set[str] = set()  # names of added objects, some still loading
@@ -112,8 +123,9 @@ class Engine:
         self.close()
 
     def close(self) -> None:
-        """End the thread after its current view frame, or abandon it after `LEAVING_S`."""
+        """Cancel all renders, and end the thread; it is abandoned after `LEAVING_S`."""
         until_s = time.monotonic() + LEAVING_S
+        self.renders.close()
         self._shared.close()
         self._thread.join(LEAVING_S)
         self._core.jobs.close(until_s)
@@ -316,6 +328,11 @@ class Engine:
     def unsaved(self) -> tuple[str, ...]:
         """Names of the objects, and keys of `[video]`, that differ from the scene's file."""
         return self.world.unsaved
+
+    @property
+    def edited(self) -> EditedScene | None:
+        """The scene with all edits, for a render; None before it is read."""
+        return self._core.files.edited()
 
     def add(
         self,

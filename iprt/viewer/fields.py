@@ -39,7 +39,7 @@ from iprt.viewer.lens import BUFFERS
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.ui_state import UiState
 
-Kind = Literal["switch", "choice", "number", "vector", "color", "file"]
+Kind = Literal["switch", "choice", "number", "vector", "color", "file", "text"]
 OWN = "own"
 """Name in place of a preset if settings differ from all presets."""
 NONE = Label("none", "")
@@ -57,7 +57,7 @@ class Field:
         Key, unique in a window.
     kind : str
         Type of the value: bool; one of `options`; int or float; (x, y, z); linear (red, green,
-        blue) in [0, 1]; a path as it is typed, empty for none.
+        blue) in [0, 1]; a path as it is typed, empty for none; str.
     label : callable
         Returns the current label.
     read, write : callable

@@ -13,6 +13,7 @@ from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.file_watch import Stamp, Watch
+from iprt.viewer.scene_snapshot import EditedScene
 from iprt.viewer.shared_state import SharedState
 
 POLL_S = 0.5
@@ -141,6 +142,14 @@ class SceneFiles:
             done(None)
 
         self._read(f"saving {loaded.scene.name}", "save", write, saved, done)
+
+    def edited(self) -> EditedScene | None:
+        """Return the scene with all present edits; None before the first load."""
+        world, loaded = self._shared.world, self.loaded
+        if loaded is None:
+            return None
+        edits = [replace(e, path=self._meshes.get(e.name, e.path)) for e in world.edits]
+        return EditedScene(loaded.origin, loaded.text, tuple(edits), world.light)
 
     def _reread(self) -> None:
         """Reload after another program has written files of the scene."""

@@ -226,6 +226,8 @@ def _drawn(field: Field, now: Any) -> Any:
         entered, path = imgui.input_text(name, now, imgui.InputTextFlags_.enter_returns_true)
         hint(field.label().about)
         return path if entered else now
+    if field.kind == "text":
+        return imgui.input_text(name, now)[1]
     return _number(name, now, field)
 
 
