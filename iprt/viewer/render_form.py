@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
@@ -136,7 +137,7 @@ class RenderForm:
 
     @property
     def file(self) -> str:
-        """The file as typed; by default a new one in the folder of screenshots."""
+        """The file as typed; by default a new name in the folder of screenshots."""
         return self._proposal() if self._typed is None else self._typed
 
     @file.setter
@@ -160,7 +161,7 @@ class RenderForm:
         self._ending = ending
 
     def _proposal(self) -> str:
-        """Return a file that does not exist and that no render writes."""
+        """Return the name of a file that does not exist and that no render writes."""
         ui, ending = self._ui, self._ending
         name = "equirect" if self.around else ui.viewport.name
         outputs = [str(render.order.output) for render in ui.engine.renders.renders]
@@ -172,8 +173,17 @@ class RenderForm:
                 return str(path) in outputs or any(path.parent.glob(f"{stem}.*"))
 
             path = free_path(ui.engine.scene.name, name, ending, None, taken)
-            self._proposed = key, str(path)
+            self._proposed = key, path.name
         return self._proposed[1]
+
+    @property
+    def place(self) -> str:
+        """The folder of the file, in words."""
+        return f"to {self._path().parent}"
+
+    def _path(self) -> Path:
+        # Unlike `Path.expanduser`, it leaves unknown users' folders as they are.
+        return default_folder() / os.path.expanduser(self.file.strip())
 
     # The order --------------------------------------------------------------------------------
 
@@ -239,7 +249,7 @@ class RenderForm:
             self._name(),
             ui.viewport.objects,
             frames,
-            default_folder() / Path(self.file.strip()).expanduser(),
+            self._path(),
             quality or "balanced",
             settings if quality is None else with_preset(settings, quality),
             self.accumulate,

@@ -20,6 +20,7 @@ from iprt.settings.overrides import plain_values
 from iprt.viewer.controls import with_preset
 from iprt.viewer.engine import Engine
 from iprt.viewer.render_form import RenderForm
+from iprt.viewer.screenshots import default_folder
 from tests.clips import write_clip
 from tests.scene.files import CUBE
 from tests.viewer.orders import ended, temporary
@@ -56,7 +57,7 @@ def move(engine: Engine, x: float) -> None:
 
 def submit(ui: Ui, form: RenderForm, name: str) -> Path:
     """Order a render to a file among the user's pictures."""
-    path = Path(form.file).parent / name
+    path = default_folder() / name
     form.file = name
     form.submit()
     assert form.problem == ""
@@ -108,7 +109,7 @@ def test_a_named_view_with_unsaved_edits(ui: Ui) -> None:
     move(ui.engine, 0.4)
     saved(ui)
     moved = by_command(ui, "moved.exr", "--frames", "2", "--accumulate", "3")
-    assert same(moved.parents[1] / "Pictures" / "iprt" / "moved.exr", moved)
+    assert same(default_folder() / "moved.exr", moved)
     assert not np.array_equal(read_color(moved), read_color(elsewhere))
 
 

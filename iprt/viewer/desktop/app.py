@@ -19,6 +19,8 @@ from iprt.viewer.viewport import Viewport
 
 PANEL_WIDTH = 360.0
 """Width of the panel on the right, in units of 1/96 inch like all drawing."""
+TAB_PADDING = 0.6
+"""Space beside the name of a tab, as a fraction of that of buttons."""
 SETTLING = 2
 """Frames until windows have adapted to the size of new texts."""
 BUSY_S, IDLE_S = 0.01, 0.1
@@ -145,16 +147,23 @@ class App:
         imgui.set_next_window_pos(imgui.ImVec2(left, 0.0))
         imgui.set_next_window_size(imgui.ImVec2(width, height))
         imgui.begin("panels", None, _PANEL)
+        padding, across = imgui.StyleVar_.frame_padding, imgui.get_style().frame_padding.x
+        down = imgui.get_style().frame_padding.y
+        # So that all tabs fit beside each other.
+        imgui.push_style_var(padding, imgui.ImVec2(TAB_PADDING * across, down))
         if imgui.begin_tab_bar("tabs"):
             for name, draw in _TABS:
                 flags = imgui.TabItemFlags_.set_selected if name == self.ui.tab else 0
                 if imgui.begin_tab_item(name, None, flags)[0]:
+                    imgui.push_style_var(padding, imgui.ImVec2(across, down))
                     imgui.begin_child("content", imgui.ImVec2(0.0, 0.0))
                     draw(self.ui)
                     imgui.end_child()
+                    imgui.pop_style_var()
                     imgui.end_tab_item()
             imgui.end_tab_bar()
             self.ui.tab = None
+        imgui.pop_style_var()
         imgui.end()
 
     def _draw_bars(self, top: float, width: float, height: float) -> None:

@@ -30,6 +30,8 @@ def draw(ui: DesktopState) -> None:
     action_button(submit_action(form), icons.ICON_FA_FILM, width=-1.0)
     if form.problem:
         _bad(form.problem)
+    else:
+        quiet(form.place)
     heading(QUEUE.name)
     renders = ui.engine.renders.renders
     if not renders:

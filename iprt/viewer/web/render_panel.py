@@ -36,14 +36,16 @@ class RenderPanel:
         self._gui.add_markdown(TAB.about)
         fields, submit = render_fields(ui, self._form), submit_action(self._form)
         self._inputs = Inputs(ui, [*fields, submit], sparse=True)
-        self._problem = self._gui.add_html("")
+        self._below = self._gui.add_html("")
         self._queue = self._gui.add_folder(QUEUE.name, visible=False)
         self._rows: dict[int, Row] = {}
 
     def sync(self) -> None:
         """Show changed values, and the state of the queue."""
         self._inputs.sync()
-        show(self._problem, "content", _bad("render-problem", self._form.problem))
+        problem = self._form.problem
+        place = _plain("render-place", self._form.place)
+        show(self._below, "content", _bad("render-problem", problem) if problem else place)
         renders = {render.number: render for render in self._ui.engine.renders.renders}
         show(self._queue, "visible", bool(renders))
         for number in self._rows.keys() - renders.keys():
@@ -80,8 +82,8 @@ class Row:
     def sync(self, render: Render) -> None:
         """Show the state of the render."""
         words = render_words(render)
-        kind = _bad("render-state", words) if render.state == "failed" else _plain(words)
-        show(self._words, "content", kind)
+        told = _bad if render.state == "failed" else _plain
+        show(self._words, "content", told("render-state", words))
         show(self._bar, "value", round(100.0 * render.share, 1))
         self._buttons.sync()
 
@@ -90,8 +92,8 @@ class Row:
         self._folder.remove()
 
 
-def _plain(text: str) -> str:
-    return f"<div class='render-state' style='{STYLE}'>{escape(text)}</div>"
+def _plain(kind: str, text: str) -> str:
+    return f"<div class='{kind}' style='{STYLE}'>{escape(text)}</div>"
 
 
 def _bad(kind: str, text: str) -> str:
