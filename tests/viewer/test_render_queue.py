@@ -15,8 +15,9 @@ from iprt.scene.scene import Scene
 from iprt.viewer import render_queue
 from iprt.viewer.render_fields import render_words
 from iprt.viewer.render_queue import Pace, RenderQueue
+from tests.commands.test_faults import child_of
 from tests.viewer.orders import begun, ended, order, render, temporary
-from tests.waiting import until
+from tests.waiting import DEADLINE_S, until
 
 CLIP_FRAMES = 3
 PRETENDER = """
@@ -120,6 +121,31 @@ def test_closing_leaves_no_process_and_no_folder(
     assert not runs(started(tmp_path)["slow.png"])
     assert not list(scratch.iterdir())
     assert not (tmp_path / "b.png").exists()
+
+
+def test_a_signal_ends_the_process_too(scene: Scene, tmp_path: Path) -> None:
+    """And removes the folder, and names the file."""
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    code = (
+        "import signal, sys, time; from pathlib import Path\n"
+        "from iprt.files.termination import end_on_signals; end_on_signals()\n"
+        "from iprt.scene.scene import Scene; from iprt.viewer import render_queue\n"
+        "from tests.viewer.orders import begun, order, temporary\n"
+        f"render_queue.COMMAND = (sys.executable, '-c', {PRETENDER!r})\n"
+        f"queue, out = render_queue.RenderQueue('a device'), Path({str(tmp_path)!r})\n"
+        f"number = queue.add(order(Scene.open(Path({str(scene.root)!r})), out / 'slow.png'))\n"
+        "begun(queue, number); print('begun', flush=True); time.sleep(600)\n"
+    )
+    with child_of(f"import tempfile; tempfile.tempdir = {str(scratch)!r}\n{code}") as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "begun\n"
+        assert list(scratch.iterdir())
+        child.terminate()
+        _, told = child.communicate(timeout=DEADLINE_S)
+    assert told == "iprt: terminated by SIGTERM; not rendered to the end: slow.png\n"
+    assert not runs(started(tmp_path)["slow.png"])
+    assert not list(scratch.iterdir())
 
 
 def test_orders_that_cannot_be_are_refused_at_once(
