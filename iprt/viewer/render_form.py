@@ -193,7 +193,7 @@ class RenderForm:
         key = self.file, self.frames, self.size, self.around, self.accumulate, self.quality
         if key != self._checked[0]:
             try:
-                self._order().check()
+                self.order().check()
                 problem = ""
             except IprtError as error:
                 problem = str(error)
@@ -205,7 +205,7 @@ class RenderForm:
         self._checked = None, ""
         if self.problem:
             return
-        order = self._order()
+        order = self.order()
         try:
             self._ui.engine.renders.add(order)
         except IprtError as error:
@@ -214,7 +214,7 @@ class RenderForm:
             self._typed = None
             self._ui.say(f"in the queue: {order.output}")
 
-    def _order(self) -> RenderOrder:
+    def order(self) -> RenderOrder:
         """Return the order.
 
         Raises

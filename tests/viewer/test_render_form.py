@@ -19,7 +19,7 @@ from iprt.viewer.render_form import RenderForm
 from tests.clips import write_clip
 from tests.viewer.test_fields import Ui, by_key
 from tests.viewer.turns import FEWEST
-from tests.viewer.viewports import at_rest
+from tests.viewer.viewports import at_rest, until
 
 
 @pytest.fixture
@@ -61,6 +61,22 @@ def test_it_proposes_what_is_seen(ui: Ui, form: RenderForm) -> None:
     assert form.size == (100, 50)
     form.resize(height=24)
     assert form.size == (48, 24)
+
+
+def test_a_view_that_moves_is_rendered_as_it_is_seen(form: RenderForm, ui: Ui) -> None:
+    """Where the window does not follow it, a picture is of the window's direction."""
+    path = ui.engine.scene.root / "scene.toml"
+    keys = "".join(f"\n[[views.keyframes]]\ntime = {t}\nyaw_deg = {90 * t}\n" for t in (0, 1))
+    path.write_text(path.read_text() + keys)
+    until(ui.viewport, lambda _: ui.engine.scene.views["ahead"].motion is not None)
+    ui.viewport.go_to("ahead")
+    seen = form.order()
+    assert (seen.name, seen.frames) == ("ahead", range(2, 3))
+    ui.engine.seek(4)
+    later = form.order()
+    assert (later.name, later.view.yaw_deg, later.frames) == (None, 0.0, range(4, 5))
+    form.what = "clip"
+    assert form.order().name == "ahead"
 
 
 def test_names_are_free(form: RenderForm, ui: Ui, tmp_path: Path) -> None:
