@@ -1,14 +1,18 @@
-"""Progress bar on stderr, if this is a terminal."""
+"""Progress on stderr: a bar, if this is a terminal, or lines for other programs."""
 
 from __future__ import annotations
 
 import logging
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Literal, Protocol
 
+from iprt.files.progress_line import ProgressLine
 from iprt.files.termination import at_termination
+
+ProgressKind = Literal["bar", "lines"]
 
 CLEAR = b"\r\x1b[K\x1b[?25h"
 """Escape sequence that removes an unfinished bar: it clears the line and shows the cursor."""
@@ -23,7 +27,13 @@ class Update(Protocol):
 
 @contextmanager
 def progress_bar(
-    label: str, frames: int, unit: str = "frames", *, done: int = 0, remaining: bool = False
+    label: str,
+    frames: int,
+    unit: str = "frames",
+    *,
+    done: int = 0,
+    remaining: bool = False,
+    kind: ProgressKind = "bar",
 ) -> Iterator[Update]:
     """Show a bar while the block runs; it yields the callback that advances the bar.
 
@@ -36,7 +46,17 @@ def progress_bar(
         Frames that were finished before.
     remaining : bool
         Show the remaining time and the seconds per frame, too.
+    kind : {"bar", "lines"}
+        `lines` writes a `ProgressLine` to stderr for each advance instead, in any case.
     """
+    if kind == "lines":
+
+        def write(done: int, note: str = "") -> None:
+            print(ProgressLine(done, frames, note), file=sys.stderr, flush=True)
+
+        write(done)
+        yield write
+        return
     from rich.console import Console
     from rich.progress import (
         BarColumn,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from iprt.commands.flag_types import Size, listed
+from iprt.commands.progress import ProgressKind, progress_bar
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.commands.tradeoff_flags import TradeoffGoal
 from iprt.errors import IprtError
@@ -24,13 +25,8 @@ if TYPE_CHECKING:
     from iprt.film import Film
     from iprt.renderer import RenderedFrame
 
-MAX_FRAMES = 2**20
 FRAME_LIMIT_S = 600.0
 """Longer than any frame that a processor's two cores can be expected to be given."""
-STILL_FRAMES, VIDEO_FRAMES = 64, 4
-"""View frames per picture, if nothing is said: of a still, and of each frame of a video."""
-MOST_STILL_FRAMES = 2048
-"""The same of a still that is rendered until it has converged: at most."""
 
 LOG = logging.getLogger("iprt.render")
 
@@ -60,6 +56,7 @@ def render(
     profile: Path | None = None,
     allow_outside: bool = False,
     frame_limit: float = FRAME_LIMIT_S,
+    progress: ProgressKind = "bar",
 ) -> int:
     """Render one view of a scene to a picture or a video.
 
@@ -128,12 +125,17 @@ def render(
         Seconds without a finished frame after which the device counts as hung.
     allow_outside
         Follow symbolic links that lead out of the scene folder.
+    progress
+        How to tell the progress: by a bar, if stderr is a terminal; or by lines on stderr, one for
+        each finished frame, for programs that run iprt.
 
     Returns
     -------
     int
         Exit status 0.
     """
+    from iprt.render_check import MAX_FRAMES, check_format, check_frames, default_frames
+
     if accumulate is not None and not 1 <= accumulate <= MAX_FRAMES:
         raise IprtError(f"--accumulate {accumulate}: expected 1 to {MAX_FRAMES}")
     if not 0.0 < frame_limit < float("inf"):
@@ -148,13 +150,8 @@ def render(
     if film_flag is not None and output.suffix.lower() not in FORMATS:
         kinds = ", ".join(FORMATS)
         raise IprtError(f"{film_flag}: has no effect on {output}; it is for {kinds}")
-    converged = CONVERGED.get(setting_flags.quality)
-    if video and converged is not None:
-        raise IprtError(
-            f"--quality {setting_flags.quality}: is for a picture, which is rendered until it "
-            "has converged; for a video take --quality accurate and --accumulate"
-        )
-    _check_files(output, profile, aov, video=video)
+    check_format(output, setting_flags.quality, aov)
+    _check_files(output, profile, aov)
 
     from iprt.commands.frame_range import frame_range
     from iprt.commands.render_job import RenderJob
@@ -169,12 +166,12 @@ def render(
     if tradeoff_goal is not None:
         tradeoff_goal.require_method(settings.method)
     indices = frame_range(frames, opened.frame_indices)
-    for path in (output, profile):
-        if path is not None:
-            opened.require_not_ours(path)
+    if profile is not None:
+        opened.require_not_ours(profile)
     chosen, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov, size=size)
-    still_frames = STILL_FRAMES if converged is None else MOST_STILL_FRAMES
-    accumulate = accumulate or (VIDEO_FRAMES if video else still_frames)
+    indices = indices if video or frames is not None else indices[:1]
+    check_frames(opened, chosen, output, indices, codec=codec or "h264", aovs=aov)
+    accumulate = accumulate or default_frames(setting_flags.quality, video=video)
     if tradeoff_goal is not None:
         shown = chosen if isinstance(chosen, View) else chosen.view
         entry = tradeoff_goal.assignments(
@@ -187,38 +184,29 @@ def render(
         objects=objects,
         settings=settings,
         accumulate=accumulate,
-        converged=converged,
+        converged=CONVERGED.get(setting_flags.quality),
         aovs=tuple(aov),
         strict=strict,
         device=device,
         frame_limit=frame_limit,
         profiled=profile is not None,
+        progress=progress,
     )
     if video:
-        from iprt.commands.render_video import check_video, render_video
+        from iprt.commands.render_video import render_video
 
-        codec = codec or "h264"
-        check_video(job, output, indices, codec)
-        rendered = render_video(job, output, indices, codec, audio=not no_audio)
+        rendered = render_video(job, output, indices, codec or "h264", audio=not no_audio)
     else:
-        if frames is not None and len(indices) > 1:
-            raise IprtError(
-                f"{output}: is one picture, but --frames {frames} asks for {len(indices)}; write "
-                f"{output.stem}.%04d{output.suffix}, or one of .mp4, .mov, .mkv"
-            )
         rendered = _render_still(job, output, indices[0])
     _report(job, indices[0], output, rendered, profile)
     return 0
 
 
-def _check_files(output: Path, profile: Path | None, aovs: Sequence[str], *, video: bool) -> None:
-    """Check the outputs, before the scene is read."""
+def _check_files(output: Path, profile: Path | None, aovs: Sequence[str]) -> None:
+    """Check the other outputs, before the scene is read."""
     from iprt.aovs import AOVS
     from iprt.files.atomic import require_writable
-    from iprt.output.picture import check_output
 
-    if not video:
-        check_output(output, aovs=aovs)
     if profile is not None:
         require_writable(profile)
         if profile.resolve() == output.resolve():
@@ -233,7 +221,6 @@ def _render_still(job: RenderJob, output: Path, index: int) -> tuple[ComputeDevi
 
     If the driver loses the device, the render is repeated once with a new one.
     """
-    from iprt.commands.progress import progress_bar
     from iprt.device.choose import choose_device
     from iprt.device.compute import ComputeDevice
     from iprt.device.recovery import with_second_try
@@ -244,7 +231,7 @@ def _render_still(job: RenderJob, output: Path, index: int) -> tuple[ComputeDevi
 
     def attempt() -> tuple[RenderedFrame, ComputeDevice, Film, Goal | None]:
         goal = job.goal()
-        with progress_bar("rendering", job.accumulate) as progress:
+        with progress_bar("rendering", job.accumulate, kind=job.progress) as progress:
             done = 0
 
             def forward(frames: int) -> None:

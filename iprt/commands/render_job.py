@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iprt.commands.progress import ProgressKind
 from iprt.convergence import Goal
 from iprt.device.compute import ComputeDevice
 from iprt.device.profile import SAMPLED_S
@@ -38,6 +39,8 @@ class RenderJob:
         Longest time of a frame, seconds.
     profiled : bool
         Record all frames in the device's profile; otherwise only a few, at no noticeable cost.
+    progress : {"bar", "lines"}
+        See `progress_bar`.
     """
 
     scene: Scene
@@ -51,6 +54,7 @@ class RenderJob:
     device: str | None
     frame_limit: float
     profiled: bool
+    progress: ProgressKind
 
     def film(self, compute: ComputeDevice) -> Film:
         """Return the film that renders the job."""

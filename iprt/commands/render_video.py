@@ -10,16 +10,13 @@ from pathlib import Path
 from iprt.commands.progress import progress_bar
 from iprt.commands.render_job import RenderJob
 from iprt.device.compute import ComputeDevice
-from iprt.errors import FormatError
-from iprt.files.atomic import require_regular, require_writable
 from iprt.files.lock import locked
 from iprt.files.message_text import counted
 from iprt.files.termination import at_termination
 from iprt.film import Film, view_at
-from iprt.output.encode import CodecName, frame_rate, require_codec, require_even
-from iprt.output.frames import FrameOutput, PictureSequence, is_pattern, numbered
-from iprt.output.movie import DESCRIPTION, Movie, parts_of
-from iprt.output.picture import check_output
+from iprt.output.encode import CodecName, frame_rate
+from iprt.output.frames import FrameOutput, PictureSequence, is_pattern
+from iprt.output.movie import Movie
 from iprt.output.sound import Sound
 from iprt.output.spatial_media import equirect_boxes, is_spherical
 from iprt.scene.scene_files import fingerprint
@@ -30,31 +27,6 @@ WARM_UP, WARM_UP_STEPS = 8, 16
 """Least numbers of video frames and of view frames rendered before the first frame of a run, as its
 history. After these, the frame differs from one of an uninterrupted run by noise alone."""
 GOES_ON = "the same command continues from there"
-
-
-def check_video(job: RenderJob, output: Path, frames: range, codec: CodecName) -> None:
-    """Refuse outputs that cannot be written, before anything is rendered.
-
-    Raises
-    ------
-    IprtError
-    """
-    if is_pattern(output):
-        pictures = [numbered(output, index) for index in frames]
-        check_output(pictures[0], aovs=job.aovs)
-        for picture in pictures:
-            require_regular(picture)
-        job.scene.require_not_ours(*pictures)
-        return
-    if job.aovs:
-        raise FormatError(f"{output}: video holds no layers; write numbered .exr files for --aov")
-    require_writable(output)
-    require_writable(parts_of(output) / DESCRIPTION)
-    job.scene.require_not_ours(output)
-    view = view_at(job.scene, job.view, frames[0])
-    require_even(view.width, view.height)
-    require_codec(codec)
-    frame_rate(job.scene.source.fps, frames.step)
 
 
 def render_video(
@@ -114,7 +86,9 @@ def warm_up(accumulate: int) -> int:
 
 
 def _render(film: Film, target: FrameOutput, frames: range, job: RenderJob) -> None:
-    with progress_bar("rendering", len(frames), done=target.done, remaining=True) as progress:
+    with progress_bar(
+        "rendering", len(frames), done=target.done, remaining=True, kind=job.progress
+    ) as progress:
         for run in runs(target.missing(), frames):
             for index, picture in film.frames(
                 run,

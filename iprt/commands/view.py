@@ -121,6 +121,7 @@ def view(
         settings,
         allow_outside=allow_outside,
         tradeoff=tradeoff_for(TimedDevice.of(handle)),
+        render_device=device,
     ) as engine:
         if not web:
             from iprt.viewer.desktop import run

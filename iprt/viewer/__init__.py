@@ -7,6 +7,8 @@
 - `fields` and `actions` describe the inputs and buttons of panels, `gizmo` the geometry that is
   drawn over the picture, and `ui_state` the selection. `desktop` and `web` only draw them, the one
   by imgui, the other by viser. Each runs without the other.
+- `render_queue` renders to files, by a process `iprt render` for each `render_order`. `render_form`
+  and `render_fields` describe its panel.
 
 No caller waits for the device::
 

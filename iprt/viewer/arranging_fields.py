@@ -15,7 +15,7 @@ MOST_COPIES = 100
 def name_field(ui: UiState) -> Field:
     """Build the name of the primary object."""
     return Field(
-        "name", "text", lambda: PARTS["name"], lambda: ui.selected or "", ui.selection.rename
+        "name", "line", lambda: PARTS["name"], lambda: ui.selected or "", ui.selection.rename
     )
 
 

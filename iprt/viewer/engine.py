@@ -19,7 +19,9 @@ from iprt.settings.model import Settings
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.plain_video import PlainFrame
+from iprt.viewer.render_queue import RenderQueue
 from iprt.viewer.scene_editor import SceneEditor
+from iprt.viewer.scene_snapshot import EditedScene
 from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
@@ -77,11 +79,15 @@ class Engine:
         See `Scene.open`.
     tradeoff : Tradeoff or None
         Measured times of the settings for motion; None for the shipped table.
+    render_device : str or None
+        Device of `renders`, as `choose_device` takes it.
 
     Attributes
     ----------
     editor : SceneEditor
         Edits of the objects.
+    renders : RenderQueue
+        Pictures and videos that are rendered to files.
     """
 
     def __init__(
@@ -93,7 +99,9 @@ class Engine:
         clock: Callable[[], float] = time.monotonic,
         allow_outside: bool = False,
         tradeoff: Tradeoff | None = None,
+        render_device: str | None = None,
     ) -> None:
+        self.renders = RenderQueue(render_device)
         self.tradeoff = tradeoff or shipped()
         self._clock, self._scene = clock, scene
         playback = Playback(scene.frame_indices[0], loop=scene.manifest.video.loop)
@@ -110,8 +118,9 @@ class Engine:
         self.close()
 
     def close(self) -> None:
-        """End the thread after its current view frame, or abandon it after `LEAVING_S`."""
+        """Cancel all renders, and end the thread; it is abandoned after `LEAVING_S`."""
         until_s = time.monotonic() + LEAVING_S
+        self.renders.close()
         self._shared.close()
         self._thread.join(LEAVING_S)
         self._core.jobs.close(until_s)
@@ -290,6 +299,11 @@ class Engine:
     def unsaved(self) -> tuple[str, ...]:
         """Names of the objects, and keys of `[video]`, that differ from the scene's file."""
         return self.world.unsaved
+
+    @property
+    def edited(self) -> EditedScene | None:
+        """The scene with all edits, for a render; None before it is read."""
+        return self._core.files.edited()
 
     def save(
         self, done: Callable[[str | None], object] = lambda _: None, look: Look | None = None

@@ -31,7 +31,7 @@ from iprt.viewer.object_states import ObjectState
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
-Kind = Literal["switch", "choice", "number", "vector", "color", "file", "text"]
+Kind = Literal["switch", "choice", "number", "vector", "color", "file", "text", "line"]
 NONE = Label("none", "")
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
@@ -46,7 +46,8 @@ class Field:
         Key, unique in a window.
     kind : str
         Type of the value: bool; one of `options`; int or float; (x, y, z); linear (red, green,
-        blue) in [0, 1]; a path as it is typed, empty for none; a line of text.
+        blue) in [0, 1]; a path as it is typed, empty for none; a text; a line of text, which is
+        written when it is complete.
     label : callable
         Returns the current label.
     read, write : callable

@@ -15,6 +15,7 @@ from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
 from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.file_watch import Stamp, Watch
+from iprt.viewer.scene_snapshot import EditedScene
 from iprt.viewer.shared_state import SharedState
 
 POLL_S = 0.5
@@ -148,6 +149,14 @@ class SceneFiles:
     def _at_home(self, edit: ObjectEdit, path: Path) -> ObjectEdit:
         """Return the edit of a new object with its mesh in the scene's folder, once it is there."""
         return replace(edit, path=self._meshes.get(path, path))
+
+    def edited(self) -> EditedScene | None:
+        """Return the scene with all present edits; None before the first load."""
+        world, loaded = self._shared.world, self.loaded
+        if loaded is None:
+            return None
+        edits = [e if e.path is None else self._at_home(e, e.path) for e in world.edits]
+        return EditedScene(loaded.origin, loaded.text, tuple(edits), world.light)
 
     def _reread(self) -> None:
         """Reload after another program has written files of the scene."""

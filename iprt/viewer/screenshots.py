@@ -1,8 +1,9 @@
-"""Folder and names of screenshots."""
+"""Folder and names of screenshots and renders."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from platformdirs import user_pictures_path
@@ -15,7 +16,13 @@ def default_folder() -> Path:
     return user_pictures_path() / FOLDER
 
 
-def free_path(scene: str, view: str | None, suffix: str, folder: Path | None = None) -> Path:
+def free_path(
+    scene: str,
+    view: str | None,
+    suffix: str,
+    folder: Path | None = None,
+    taken: Callable[[Path], bool] = Path.exists,
+) -> Path:
     """Return an unused absolute path such as `room-table-0001.png`.
 
     Parameters
@@ -24,13 +31,15 @@ def free_path(scene: str, view: str | None, suffix: str, folder: Path | None = N
     view : str or None
         Name of the scene's view; None for the user's own.
     suffix : str
-        `.png` or `.exr`.
+        End of the name, such as `.png`.
     folder : Path or None
         None for `default_folder()`.
+    taken : callable
+        Returns True for a path that is in use.
     """
     folder = (default_folder() if folder is None else folder).resolve()
     stem = re.sub(r"[^\w. -]", "_", f"{scene}-{view or 'view'}")
     number = 1
-    while (path := folder / f"{stem}-{number:04d}{suffix}").exists():
+    while taken(path := folder / f"{stem}-{number:04d}{suffix}"):
         number += 1
     return path

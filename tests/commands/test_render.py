@@ -14,6 +14,7 @@ import pytest
 from iprt.commands.setting_flags import SettingFlags
 from iprt.commands.views import choose_view, moving_view
 from iprt.errors import FormatError, IprtError
+from iprt.files.progress_line import ProgressLine
 from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
@@ -174,3 +175,21 @@ def test_final_is_for_pictures(command: Callable[..., int], tmp_path: Path) -> N
     with pytest.raises(IprtError, match="--quality final: is for a picture"):
         command(output=tmp_path / "a.mp4", setting_flags=SettingFlags(quality="final"))
     assert FakeFilm.calls == []
+
+
+@pytest.mark.parametrize(("name", "total"), [("a.png", 3), ("a%d.png", 6)])
+def test_progress_is_told_by_lines(
+    name: str,
+    total: int,
+    command: Callable[..., int],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """View frames of a still, frames of a video."""
+    assert command(output=tmp_path / name, accumulate=3, progress="lines") == 0
+    lines = [ProgressLine.of(line) for line in capsys.readouterr().err.splitlines()]
+    told = [line for line in lines if line is not None]
+    assert told[0] == ProgressLine(0, total)
+    assert told[-1] == ProgressLine(total, total)
+    done = [line.done for line in told]
+    assert done == sorted(done)

@@ -7,17 +7,20 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from iprt.viewer.desktop import bars, panels, profile_panel, settings_panel
+from iprt.viewer.desktop import bars, panels, profile_panel, render_panel, settings_panel
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
+from iprt.viewer.render_fields import TAB
 from iprt.viewer.viewport import Viewport
 
 PANEL_WIDTH = 360.0
 """Width of the panel on the right, in units of 1/96 inch like all drawing."""
+TAB_PADDING = 0.6
+"""Space beside the name of a tab, as a fraction of that of buttons."""
 SETTLING = 2
 """Frames until windows have adapted to the size of new texts."""
 BUSY_S, IDLE_S = 0.01, 0.1
@@ -36,6 +39,7 @@ _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
     ("Picture", panels.picture),
     ("Settings", settings_panel.draw),
     ("Profile", profile_panel.draw),
+    (TAB.name, render_panel.draw),
 )
 
 
@@ -72,8 +76,10 @@ class App:
 
     @property
     def closed(self) -> bool:
-        """True if the user closed the window and has no unsaved edits, or discards them."""
-        if self.window.closing and self.ui.engine.unsaved and not self._discarding:
+        """True if the user closed the window and loses nothing, or has agreed to that."""
+        engine = self.ui.engine
+        lossy = engine.unsaved or engine.renders.open
+        if self.window.closing and lossy and not self._discarding:
             self.window.closing = False
             self.ui.leaving = True
         return self.window.closing
@@ -95,9 +101,11 @@ class App:
         ui.displayed = displayed
         ui.run_posted()
         if ui.closing and not ui.engine.unsaved:
+            ui.engine.renders.cancel_all()
             self.window.closing, ui.closing = True, False
         # The view counts too: drags change it during drawing, too late for the parts above.
-        new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view)
+        renders = ui.engine.renders.renders
+        new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view, renders)
         if new != self._drawn:
             self._drawn, self._unsettled = new, SETTLING
         typing = imgui.get_io().want_text_input  # its cursor blinks
@@ -139,14 +147,23 @@ class App:
         imgui.set_next_window_pos(imgui.ImVec2(left, 0.0))
         imgui.set_next_window_size(imgui.ImVec2(width, height))
         imgui.begin("panels", None, _PANEL)
+        padding, across = imgui.StyleVar_.frame_padding, imgui.get_style().frame_padding.x
+        down = imgui.get_style().frame_padding.y
+        # So that all tabs fit beside each other.
+        imgui.push_style_var(padding, imgui.ImVec2(TAB_PADDING * across, down))
         if imgui.begin_tab_bar("tabs"):
             for name, draw in _TABS:
-                if imgui.begin_tab_item(name)[0]:
+                flags = imgui.TabItemFlags_.set_selected if name == self.ui.tab else 0
+                if imgui.begin_tab_item(name, None, flags)[0]:
+                    imgui.push_style_var(padding, imgui.ImVec2(across, down))
                     imgui.begin_child("content", imgui.ImVec2(0.0, 0.0))
                     draw(self.ui)
                     imgui.end_child()
+                    imgui.pop_style_var()
                     imgui.end_tab_item()
             imgui.end_tab_bar()
+            self.ui.tab = None
+        imgui.pop_style_var()
         imgui.end()
 
     def _draw_bars(self, top: float, width: float, height: float) -> None:

@@ -1,4 +1,4 @@
-"""Dialogs: the mesh browser, the list of keys, and the question about unsaved edits."""
+"""Dialogs: the mesh browser, the list of keys, and the question before closing."""
 
 from __future__ import annotations
 
@@ -41,21 +41,28 @@ def draw_help(ui: DesktopState) -> None:
 
 
 def draw_leaving(ui: DesktopState) -> bool:
-    """Ask whether to save before the window closes; return True if it may close now."""
+    """Ask before the window closes with unsaved edits or renders; return True if it may close."""
     if not ui.leaving:
         return False
+    leave, unsaved, renders = False, ui.engine.unsaved, ui.engine.renders.open
+    if not (unsaved or renders):  # the renders have ended meanwhile
+        return True
     _centre()
-    leave = False
-    imgui.begin("Unsaved edits", None, _FIXED)
-    imgui.text_unformatted(f"{ui.engine.scene.name} has edits that its file does not have.")
-    quiet("They are lost when the window closes.", wrap_em=30.0)
+    imgui.begin("Unsaved edits" if unsaved else "Unfinished renders", None, _FIXED)
+    if unsaved:
+        imgui.text_unformatted(f"{ui.engine.scene.name} has edits that its file does not have.")
+        quiet("They are lost when the window closes.", wrap_em=30.0)
+    if renders:
+        imgui.text_unformatted(f"Not rendered to the end: {', '.join(renders)}.")
+        quiet("Closing cancels that. Finished frames of videos stay.", wrap_em=30.0)
     imgui.spacing()
-    if button("Save and close"):
-        ui.save()
-        ui.leaving = False
-        ui.closing = True
-    imgui.same_line()
-    if button("Close without saving"):
+    if unsaved:
+        if button("Save and close"):
+            ui.save()
+            ui.leaving = False
+            ui.closing = True
+        imgui.same_line()
+    if button("Close without saving" if unsaved else "Cancel and close"):
         leave = True
     imgui.same_line()
     if button("Stay"):

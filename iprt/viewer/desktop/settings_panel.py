@@ -36,9 +36,11 @@ def draw(ui: DesktopState) -> None:
             heading(words.name)
             unfolded = True
         else:
-            note = f"   ({changed} changed)" if changed else ""
-            unfolded = imgui.collapsing_header(f"{words.name}{note}###{words.name}")
+            unfolded = imgui.collapsing_header(words.name, imgui.TreeNodeFlags_.allow_overlap)
             hint(words.about)
+            if changed:
+                imgui.same_line(RESET_SHARE * imgui.get_window_width())
+                imgui.text_colored(imgui.ImVec4(*ACCENT), f"{changed} changed")
         for field in shown if unfolded else ():
             draw_field(ui, field)
     if not found:

@@ -51,6 +51,7 @@ def shortcuts(ui: DesktopState) -> tuple[Action, ...]:
         key("P", "panels", toggle("panels")),
         key("F12", "screenshot, PNG", lambda: ui.screenshot(".png")),
         key("Shift+F12", "screenshot, EXR", lambda: ui.screenshot(".exr")),
+        key("Ctrl+R", "render to a file", ui.open_renders),
         key("?, F1", "this list", toggle("help")),
         key("Esc", "close, deselect", lambda: _escape(ui)),
     )

@@ -10,6 +10,8 @@ from iprt.errors import IprtError
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
 from iprt.viewer.pass_times import PassTimes
+from iprt.viewer.render_fields import TAB
+from iprt.viewer.render_form import RenderForm
 from iprt.viewer.screenshots import default_folder
 from iprt.viewer.setting_fields import setting_groups
 from iprt.viewer.ui_state import UiState
@@ -52,6 +54,9 @@ class DesktopState(UiState):
         Times of the last view frames.
     setting_groups : tuple
         Fields of all settings.
+    render_form : RenderForm
+    tab : str or None
+        Name of the tab to open.
     """
 
     def __init__(self, engine: Engine, viewport: Viewport) -> None:
@@ -63,6 +68,8 @@ class DesktopState(UiState):
         self.help = self.browsing = self.leaving = self.closing = self.renaming = False
         self.cursor: tuple[float, float] | None = None
         self.pass_times, self.setting_groups = PassTimes(), setting_groups(self)
+        self.render_form = RenderForm(self)
+        self.tab: str | None = None
         self._notice: tuple[str, bool, float] | None = None
 
     # Notices ----------------------------------------------------------------------------------
@@ -111,6 +118,10 @@ class DesktopState(UiState):
             self.engine.seek(frame + frames)
 
     # Files ------------------------------------------------------------------------------------
+
+    def open_renders(self) -> None:
+        """Open the tab of renders to files."""
+        self.panels, self.tab = True, TAB.name
 
     def screenshot(self, suffix: str) -> Path | None:
         """Write a picture to a new file, and return its path."""

@@ -222,10 +222,12 @@ def _drawn(field: Field, now: Any) -> Any:
     if field.kind == "vector":
         changed, moved = imgui.drag_float3(name, list(now), *_pace(field.unit))
         return tuple(moved) if changed else now
-    if field.kind in ("file", "text"):
+    if field.kind in ("file", "line"):
         entered, path = imgui.input_text(name, now, imgui.InputTextFlags_.enter_returns_true)
         hint(field.label().about)
         return path if entered else now
+    if field.kind == "text":
+        return imgui.input_text(name, now)[1]
     return _number(name, now, field)
 
 

@@ -64,7 +64,7 @@ class Inputs:
                 self._add_button(row)
             elif row.kind == "file":
                 self._add_upload(row)
-            elif row.kind == "text":
+            elif row.kind == "line":
                 self._bound.append(Line(ui, row))
             else:
                 self._bound.append(Binding(ui, row))
@@ -236,6 +236,8 @@ def _input(ui: BrowserState, field: Field) -> tuple[Any, Convert, Convert]:
     gui, name, now = ui.client.gui, _name(field), field.read()
     if field.kind == "switch":
         return gui.add_checkbox(name, bool(now)), bool, bool
+    if field.kind == "text":
+        return gui.add_text(name, now), str, str
     if field.kind == "color":
         return gui.add_rgb(name, (128, 128, 128)), _srgb, _linear
     if field.kind == "vector":

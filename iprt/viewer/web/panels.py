@@ -25,12 +25,14 @@ from iprt.viewer.fields import (
 from iprt.viewer.labels import PARTS, PICTURE
 from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.material_fields import material_fields
+from iprt.viewer.render_fields import TAB
 from iprt.viewer.ui_state import require_mesh
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.handles import do_on, show
 from iprt.viewer.web.inputs import QUIET, Inputs
 from iprt.viewer.web.profile_panel import ProfilePanel
+from iprt.viewer.web.render_panel import RenderPanel
 from iprt.viewer.web.settings_panel import SettingsPanel
 from iprt.viewer.web.status import status_html
 
@@ -70,6 +72,8 @@ class Panels:
             self._syncs.append(SettingsPanel(ui).sync)
         with tabs.add_tab("Profile"):
             self._syncs.append(ProfilePanel(ui).sync)
+        with tabs.add_tab(TAB.name):
+            self._syncs.append(RenderPanel(ui).sync)
 
     def sync(self) -> None:
         """Show changed values in all panels."""

@@ -18,6 +18,8 @@ import viser
 from iprt.errors import IprtError
 
 HOST = "127.0.0.1"
+STYLE = "<style>[role=tab] { padding-inline: 0.5em !important }</style>"
+"""So that all tabs fit beside each other."""
 LOCAL_NAMES = ("localhost", HOST, "::1")
 
 
@@ -46,7 +48,7 @@ def write_site(folder: Path) -> None:
     inserted = "".join(
         f"<script>\n{script}</script>" for script in (f'const IPRT_RUN = "{run}";\n', *scripts)
     )
-    (folder / "index.html").write_text(f"{title}{inserted}{tag}{rest}", "utf-8")
+    (folder / "index.html").write_text(f"{title}{STYLE}{inserted}{tag}{rest}", "utf-8")
     (folder / "alive").write_text(run, "utf-8")
 
 

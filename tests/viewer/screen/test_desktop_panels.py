@@ -55,6 +55,7 @@ def test_rows_stay_where_they_are_during_a_drag(user: User) -> None:
 
 
 def test_a_dialog_has_its_size_from_the_beginning(user: User) -> None:
+    user.engine.editor.remove(["cube"])
     user.at_rest()
     sizes = []
     draw = imgui.end

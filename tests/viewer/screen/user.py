@@ -34,7 +34,7 @@ FRAMES = 3
 """To which it is refined."""
 WIDGETS = (
     "slider_float slider_int drag_float button begin_tab_item collapsing_header color_edit3 "
-    "begin_combo selectable checkbox"
+    "begin_combo selectable checkbox input_text"
 )
 """Widgets of imgui whose places are known."""
 WORDS = {"text_unformatted": 0, "text_colored": 1, "separator_text": 0}
