@@ -182,10 +182,10 @@ def test_how_the_video_plays(wide: User) -> None:
     wide.at_rest()
     wide.screen.key("space")
     wide.until(lambda: wide.ui.playing)
-    wide.until(lambda: wide.reads("4 of 4"))
+    wide.until(lambda: wide.reads("3 of 3"))
     wide.until(lambda: not wide.ui.playing)
     wide.key("Left")
-    wide.until(lambda: wide.reads("3 of 4"))
+    wide.until(lambda: wide.reads("2 of 3"))
 
 
 def test_news_of_an_added_mesh_are_told(user: User) -> None:
