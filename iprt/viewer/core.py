@@ -283,6 +283,21 @@ class Core:
         return self._staging.objects
 
     @property
+    def ready(self) -> bool:
+        """True once the first frame and the objects are known; readable from any thread."""
+        return self._staging.stage is not None
+
+    def problem_of(self, client: int | None = None) -> str | None:
+        """Return why a client gets no picture, or without one why no frame comes; None if it will.
+
+        It can be called from any thread.
+        """
+        problems = dict(self._problems)
+        if not self.ready:
+            return next(iter(problems.values()), None)
+        return problems.get(f"client {client}")
+
+    @property
     def scene(self) -> Scene | None:
         """The scene as last read, or None before that."""
         loaded = self.files.loaded
@@ -300,9 +315,12 @@ class Core:
         edit: ObjectEdit,
         direction: tuple[float, float],
         pose: MeshPose,
-        failed: Callable[[], object] = lambda: None,
+        done: Callable[[str | None], object] = lambda _: None,
     ) -> None:
-        """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
+        """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees.
+
+        `done` is called with the problem, or None after success.
+        """
         path, frame = edit.path, self.video.frame
         assert path is not None
 
@@ -323,6 +341,7 @@ class Core:
                     self._notes[path.name] = f"{path.name}: {'; '.join(notes)}"
                     self._noted_s = self._clock()
                 self._shared.edit(added.name, lambda _: added)
+                done(None)
 
             return finish
 
@@ -330,6 +349,6 @@ class Core:
             # Files that browsers upload lie in the server's temporary folder.
             self._problems["mesh"] = problem.replace(str(path), path.name)
             self._noted_s = self._clock()
-            failed()
+            done(problem)
 
         self.jobs.start(f"loading {path.name}", job, report)

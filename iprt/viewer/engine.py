@@ -38,8 +38,8 @@ LEAVING_S = 5.0
 class Client:
     """A client with its own view; all methods are thread-safe."""
 
-    def __init__(self, shared: SharedState, request: Request) -> None:
-        self._shared = shared
+    def __init__(self, shared: SharedState, core: Core, request: Request) -> None:
+        self._shared, self._core = shared, core
         self._number = shared.join(request)
 
     def ask(self, request: Request) -> int:
@@ -60,6 +60,11 @@ class Client:
     def wait(self, number: int, timeout_s: float) -> Shown | None:
         """Wait for a picture that answers `number`; None after the timeout."""
         return self._shared.wait(self._number, lambda s: s.number >= number, timeout_s)
+
+    @property
+    def problem(self) -> str | None:
+        """The reason why no picture answers the request; None if there is none."""
+        return self._core.problem_of(self._number)
 
     def close(self) -> None:
         """Disconnect from the engine."""
@@ -137,7 +142,7 @@ class Engine:
 
     def client(self, request: Request) -> Client:
         """Connect a client."""
-        return Client(self._shared, request)
+        return Client(self._shared, self._core, request)
 
     @property
     def world(self) -> World:
@@ -166,6 +171,26 @@ class Engine:
         """Return an object with all edits, including unrendered ones; None if it is missing."""
         state = next((state for state in self.objects if state.name == name), None)
         return None if state is None else state.edited(self.world.edit_of(state.name))
+
+    @property
+    def ready(self) -> bool:
+        """True once the first frame and the objects are known."""
+        return self._core.ready
+
+    @property
+    def problem(self) -> str | None:
+        """The reason why the first frame does not come; None if there is none."""
+        return None if self.ready else self._core.problem_of()
+
+    @property
+    def closed(self) -> bool:
+        """True after `close`."""
+        return self._shared.closed
+
+    @property
+    def loading(self) -> bool:
+        """True while files are read, or light and reflections are looked for."""
+        return bool(self._core.jobs.running)
 
     @property
     def plain_frame(self) -> PlainFrame | None:
@@ -325,6 +350,7 @@ class Engine:
         *,
         pose: MeshPose | None = None,
         material: Material | None = None,
+        done: Callable[[str | None], object] = lambda _: None,
     ) -> str:
         """Load a mesh, and place it on the surface seen in a direction once it is loaded.
 
@@ -337,6 +363,8 @@ class Engine:
             Orientation and size; by default as in `iprt scene add` without flags.
         material : Material or None
             By default the mesh file's own.
+        done : callable
+            Called by the engine's thread with the problem, or None once it is added.
 
         Returns
         -------
@@ -346,9 +374,13 @@ class Engine:
         name = free_name(path.stem, self._core.object_names() | self._names)
         self._names.add(name)
         edit = ObjectEdit(name, material=material, path=path)
-        self._core.add(
-            edit, (yaw_deg, pitch_deg), pose or MeshPose(), lambda: self._names.discard(name)
-        )
+
+        def finished(problem: str | None) -> None:
+            if problem is not None:
+                self._names.discard(name)
+            done(problem)
+
+        self._core.add(edit, (yaw_deg, pitch_deg), pose or MeshPose(), finished)
         return name
 
     def add_light(self, light: LightTable, to_world: NDArray[np.float64]) -> str:

@@ -1,4 +1,4 @@
-"""Folder and names of screenshots."""
+"""Folder, names and metadata of screenshots."""
 
 from __future__ import annotations
 
@@ -6,6 +6,10 @@ import re
 from pathlib import Path
 
 from platformdirs import user_pictures_path
+
+from iprt.output.metadata import picture_metadata
+from iprt.viewer.engine import Engine
+from iprt.viewer.session import Shown
 
 FOLDER = "iprt"
 
@@ -34,3 +38,17 @@ def free_path(scene: str, view: str | None, suffix: str, folder: Path | None = N
     while (path := folder / f"{stem}-{number:04d}{suffix}").exists():
         number += 1
     return path
+
+
+def metadata_of(engine: Engine, shown: Shown) -> dict[str, str]:
+    """Return the metadata of a picture that the engine rendered with its own settings."""
+    settings = engine.world.settings
+    return picture_metadata(
+        scene=engine.scene.name,
+        view=shown.request.view,
+        objects=shown.request.objects,
+        settings=settings.model_dump(mode="json"),
+        seed=settings.seed,
+        frames=shown.frames,
+        device=shown.device,
+    )

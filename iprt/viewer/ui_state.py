@@ -66,7 +66,8 @@ class UiState(ABC):
     def run_posted(self) -> None:
         """Run the scheduled calls."""
         while self._posted:
-            self._posted.pop(next(iter(self._posted)))()
+            for key in tuple(self._posted):  # a copy, because other threads schedule meanwhile
+                self._posted.pop(key)()
 
     @abstractmethod
     def say(self, text: str, *, bad: bool = False) -> None:
@@ -75,6 +76,10 @@ class UiState(ABC):
     def go_to(self, name: str) -> None:
         """Switch to a view of the scene."""
         self.viewport.go_to(name)
+
+    def look(self, view: View) -> None:
+        """Turn to any view, at the window's size."""
+        self.viewport.look(view)
 
     @property
     def settings(self) -> Settings:

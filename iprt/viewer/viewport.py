@@ -14,7 +14,6 @@ from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
 from iprt.geometry.camera import View
 from iprt.geometry.pose import view_from
-from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture, write_pixels
 from iprt.scene.object_edits import Look
 from iprt.scene.placement import set_on
@@ -25,7 +24,7 @@ from iprt.viewer.frame_rate import FrameRate
 from iprt.viewer.lens import Lens
 from iprt.viewer.motion_quality import MotionQuality
 from iprt.viewer.picking import Picking, Readout
-from iprt.viewer.screenshots import free_path
+from iprt.viewer.screenshots import free_path, metadata_of
 from iprt.viewer.session import Shown
 from iprt.viewer.state import REST_FRAMES, Request
 from iprt.viewer.surroundings import Surroundings, SurroundingsDeveloper
@@ -360,16 +359,7 @@ class Viewport:
             raise IprtError("there is no picture yet")
         path = free_path(self._engine.scene.name, self.name, suffix, folder)
         shown = displayed.shown
-        settings = self._engine.world.settings
-        metadata = picture_metadata(
-            scene=self._engine.scene.name,
-            view=shown.request.view,
-            objects=shown.request.objects,
-            settings=settings.model_dump(mode="json"),
-            seed=settings.seed,
-            frames=shown.frames,
-            device=shown.device,
-        )
+        metadata = metadata_of(self._engine, shown)
         check_output(path)
         require_writable(path)
         if path.suffix.lower() == ".png":
