@@ -7,6 +7,7 @@
 - `fields` and `actions` describe the inputs and buttons of panels, `gizmo` the geometry that is
   drawn over the picture, and `ui_state` the selection. `desktop` and `web` only draw them, the one
   by imgui, the other by viser. Each runs without the other.
+- `windows` is what both have in common for `program`, by which other programs control them.
 
 No caller waits for the device::
 

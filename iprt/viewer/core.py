@@ -284,8 +284,12 @@ class Core:
 
     @property
     def ready(self) -> bool:
-        """True once the first frame and the objects are known; readable from any thread."""
-        return self._staging.stage is not None
+        """True if the newest stage has the frame and all edits; readable from any thread."""
+        stage, world, scene = self._staging.stage, self._shared.world, self.scene
+        if stage is None or scene is None or self._staging.edits != world.edits:
+            return False
+        playback = world.playback
+        return playback.playing or stage.frame.index == playback.index(0, scene.frame_indices)
 
     def problem_of(self, client: int | None = None) -> str | None:
         """Return why a client gets no picture, or without one why no frame comes; None if it will.
@@ -293,7 +297,7 @@ class Core:
         It can be called from any thread.
         """
         problems = dict(self._problems)
-        if not self.ready:
+        if self._staging.stage is None:
             return next(iter(problems.values()), None)
         return problems.get(f"client {client}")
 

@@ -174,13 +174,13 @@ class Engine:
 
     @property
     def ready(self) -> bool:
-        """True once the first frame and the objects are known."""
+        """True if the requested frame is known, and `objects` has all edits."""
         return self._core.ready
 
     @property
     def problem(self) -> str | None:
         """The reason why the first frame does not come; None if there is none."""
-        return None if self.ready else self._core.problem_of()
+        return self._core.problem_of()
 
     @property
     def closed(self) -> bool:

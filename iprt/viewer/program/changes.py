@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from pydantic import InstanceOf
+
 from iprt.settings.model import Settings
 from iprt.settings.overrides import Assignment, assigned, changed, parse_assignment, table_settings
 
-Change = str | dict[str, Any] | Settings
+Change = str | dict[str, Any] | InstanceOf[Settings]
 """An assignment `KEY=VALUE`, values by key, or all settings."""
 
 

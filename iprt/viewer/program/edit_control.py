@@ -176,8 +176,10 @@ class EditControl(ControlBase):
         """Write all edits to the scene's file."""
         if not self._engine.unsaved:
             return
+        until_s = time.monotonic() + LOADING_S
+        wait_ready(self._engine, until_s)
         seen, done = self._windows.seen, Future[str | None]()
         names = tuple(state.name for state in self._objects() if self._shows(state))
         everything = len(names) == len(self._objects())
         self._engine.save(done.set_result, SavedLook(seen.view, None if everything else names))
-        self._finish(done, time.monotonic() + LOADING_S, "save")
+        self._finish(done, until_s, "save")

@@ -147,9 +147,8 @@ class Viewer(Control):
         return (
             f'<iframe src="{url}" title="iprt" width="100%" height="{FRAME_PX}" '
             'style="border: 0"></iframe>'
-            "<p>If the frame stays empty, the notebook runs on another machine than the browser. "
-            f"Run <code>{ssh}</code> on the browser's machine, and open "
-            f'<a href="{url}">{url}</a> there.</p>'
+            f'<p>The viewer is at <a href="{url}">{url}</a> on the machine that runs the notebook. '
+            f"From another machine: <code>{ssh}</code>, then open that address there.</p>"
         )
 
 

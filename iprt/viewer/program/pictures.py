@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import closing
 
 from iprt.errors import IprtError
 from iprt.viewer.engine import Client, Engine
@@ -32,7 +32,7 @@ def wait_until(engine: Engine, done: Callable[[], bool], until_s: float, what: s
 
 
 def wait_ready(engine: Engine, until_s: float) -> None:
-    """Wait until the first frame and the objects are known.
+    """Wait until the frame is known, and the objects have all edits.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def wait_ready(engine: Engine, until_s: float) -> None:
             raise IprtError(problem)
         return engine.ready
 
-    wait_until(engine, ready, until_s, "opening the scene")
+    wait_until(engine, ready, until_s, "the scene")
 
 
 def picture_at_rest(engine: Engine, request: Request, timeout_s: float) -> Shown:
@@ -60,37 +60,27 @@ def picture_at_rest(engine: Engine, request: Request, timeout_s: float) -> Shown
     if engine.playback.playing:
         raise IprtError("the video plays; pause it before asking for a picture")
     until_s = time.monotonic() + timeout_s
-    wait_ready(engine, until_s)
-    with _client(engine, request) as client:
-        while True:
-            wait_until(engine, lambda: not engine.loading, until_s, "the picture")
-            # Earlier pictures may lack what has been loaded.
-            shown = _refined(engine, client, client.ask(request), until_s)
-            if not engine.loading:
-                return shown
+    while True:
+        wait_ready(engine, until_s)
+        wait_until(engine, lambda: not engine.loading, until_s, "the picture")
+        # A client of its own: its picture does not begin with what has been shown before.
+        with closing(engine.client(request)) as client:
+            shown = _refined(engine, client, until_s)
+        if engine.ready and not engine.loading:
+            return shown
 
 
-def _refined(engine: Engine, client: Client, number: int, until_s: float) -> Shown:
-    """Wait for the refined picture that answers a number."""
+def _refined(engine: Engine, client: Client, until_s: float) -> Shown:
+    """Wait for a client's refined picture."""
+    found: list[Shown] = []
 
-    def newest() -> Shown | None:
+    def refined() -> bool:
         if problem := client.problem:
             raise IprtError(problem)
-        shown, frame = client.shown, engine.playback.frame
-        if shown is None or shown.number < number or not shown.refined:
-            return None
-        return shown if shown.frame == frame else None  # else it is still being decoded
+        shown = client.shown
+        if shown is not None and shown.refined and not shown.plain:
+            found.append(shown)
+        return bool(found)
 
-    wait_until(engine, lambda: newest() is not None, until_s, "the picture")
-    shown = newest()
-    assert shown is not None
-    return shown
-
-
-@contextmanager
-def _client(engine: Engine, request: Request) -> Iterator[Client]:
-    client = engine.client(request)
-    try:
-        yield client
-    finally:
-        client.close()
+    wait_until(engine, refined, until_s, "the picture")
+    return found[0]
