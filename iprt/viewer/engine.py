@@ -24,51 +24,15 @@ from iprt.scene.mesh_pose import MeshPose
 from iprt.scene.object_edits import Look, ObjectEdit, flat, require_place
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from iprt.viewer.client import Client
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.plain_video import PlainFrame
-from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
 
 LEAVING_S = 5.0
 """Longest wait for a thread to end; kernels, compilers and decoders cannot be interrupted."""
-
-
-class Client:
-    """A client with its own view; all methods are thread-safe."""
-
-    def __init__(self, shared: SharedState, core: Core, request: Request) -> None:
-        self._shared, self._core = shared, core
-        self._number = shared.join(request)
-
-    def ask(self, request: Request) -> int:
-        """Replace the client's request.
-
-        Returns
-        -------
-        int
-            Number that `Shown.number` reaches with the first picture that answers it.
-        """
-        return self._shared.ask(self._number, request)
-
-    @property
-    def shown(self) -> Shown | None:
-        """The newest picture, or None before the first."""
-        return self._shared.shown(self._number)
-
-    def wait(self, number: int, timeout_s: float) -> Shown | None:
-        """Wait for a picture that answers `number`; None after the timeout."""
-        return self._shared.wait(self._number, lambda s: s.number >= number, timeout_s)
-
-    @property
-    def problem(self) -> str | None:
-        """The reason why no picture answers the request; None if there is none."""
-        return self._core.problem_of(self._number)
-
-    def close(self) -> None:
-        """Disconnect from the engine."""
-        self._shared.leave(self._number)
 
 
 class Engine:
@@ -376,8 +340,7 @@ class Engine:
         edit = ObjectEdit(name, material=material, path=path)
 
         def finished(problem: str | None) -> None:
-            if problem is not None:
-                self._names.discard(name)
+            self._names.discard(name)
             done(problem)
 
         self._core.add(edit, (yaw_deg, pitch_deg), pose or MeshPose(), finished)

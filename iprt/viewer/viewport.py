@@ -17,9 +17,10 @@ from iprt.geometry.pose import view_from
 from iprt.output.picture import check_output, write_picture, write_pixels
 from iprt.scene.object_edits import Look
 from iprt.scene.placement import set_on
+from iprt.viewer.client import Client
 from iprt.viewer.controls import with_value
 from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
-from iprt.viewer.engine import Client, Engine
+from iprt.viewer.engine import Engine
 from iprt.viewer.frame_rate import FrameRate
 from iprt.viewer.lens import Lens
 from iprt.viewer.motion_quality import MotionQuality

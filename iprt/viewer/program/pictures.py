@@ -7,7 +7,8 @@ from collections.abc import Callable
 from contextlib import closing
 
 from iprt.errors import IprtError
-from iprt.viewer.engine import Client, Engine
+from iprt.viewer.client import Client
+from iprt.viewer.engine import Engine
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Request
 
