@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from iprt.renderer import Renderer
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
+    from iprt.viewer.program.client import connect_viewer
+    from iprt.viewer.program.handle import open_viewer
 
 __version__ = "0.1.0"
 __all__ = [
@@ -23,6 +25,8 @@ __all__ = [
     "View",
     "__version__",
     "choose_device",
+    "connect_viewer",
+    "open_viewer",
 ]
 
 _HOMES = {
@@ -32,6 +36,8 @@ _HOMES = {
     "Settings": "iprt.settings.model",
     "View": "iprt.geometry.camera",
     "choose_device": "iprt.device.choose",
+    "connect_viewer": "iprt.viewer.program.client",
+    "open_viewer": "iprt.viewer.program.handle",
 }
 
 

@@ -51,6 +51,14 @@ VERBS = {
     "claims": "iprt.commands.claims:claims",
     "calibrate": "iprt.commands.calibrate:calibrate",
     "view": "iprt.commands.view:view",
+    "remote status": "iprt.commands.remote:status",
+    "remote look": "iprt.commands.remote:look",
+    "remote load": "iprt.commands.remote:load",
+    "remote set": "iprt.commands.remote:set_",
+    "remote place": "iprt.commands.remote:place",
+    "remote render": "iprt.commands.remote:render",
+    "remote save": "iprt.commands.remote:save",
+    "remote quit": "iprt.commands.remote:quit_",
     "settings": "iprt.commands.settings:settings",
     "methods": "iprt.commands.methods:methods",
     "reference": "iprt.commands.reference:reference",
@@ -66,7 +74,10 @@ VERBS = {
 }
 """Words after `iprt` -> function. It returns the exit code, or None for 0."""
 
-GROUPS = {"scene": "Inspect, check and edit scenes."}
+GROUPS = {
+    "remote": "Control a running viewer.",
+    "scene": "Inspect, check and edit scenes.",
+}
 """Subject of the first word of each two-word verb."""
 
 

@@ -99,6 +99,7 @@ def _no_settings_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> None:
     for name in [*map(variable, all_settings()), VARIABLE]:
         os.environ.pop(name, None)
     os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
 
 
 @pytest.fixture(scope="session")

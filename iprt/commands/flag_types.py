@@ -39,6 +39,7 @@ Size = Annotated[tuple[int, int] | None, _numbers(int, "two whole numbers", "WID
 DepthRange = Annotated[tuple[float, float] | None, _numbers(float, "two numbers", "LOW", "HIGH")]
 Direction = Annotated[tuple[float, float], _numbers(float, "degrees", "YAW", "PITCH")]
 Position = Annotated[tuple[float, float, float] | None, _numbers(float, "metres", "X", "Y", "Z")]
+Rotation = Annotated[tuple[float, float, float] | None, _numbers(float, "degrees", "X", "Y", "Z")]
 Color = Annotated[tuple[float, float, float] | None, _numbers(float, "numbers", "R", "G", "B")]
 Angles = Annotated[tuple[float, float] | None, _numbers(float, "degrees", "INNER", "OUTER")]
 Sides = Annotated[tuple[float, float] | None, _numbers(float, "metres", "WIDTH", "HEIGHT")]

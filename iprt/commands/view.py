@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,11 +16,11 @@ from iprt.files.termination import at_termination
 
 if TYPE_CHECKING:
     from iprt.viewer.engine import Engine
+    from iprt.viewer.web.host import Host
+    from iprt.viewer.windows import Windows
 
 WINDOW = (1280, 800)
 FPS = 10.0
-FRAME_LIMIT_S = 60.0
-"""Longest time of a frame in a viewer, seconds."""
 MAX_FPS = 240.0
 PORT, MAX_PORT = 8080, 65535
 
@@ -92,14 +94,11 @@ def view(
         raise IprtError("--size: is for a window; with --web, browsers have sizes of their own")
 
     from iprt.commands.views import moving_view, require_size
-    from iprt.device.choose import choose_device
-    from iprt.device.compute import ComputeDevice
-    from iprt.device.profile import SAMPLED_S
     from iprt.geometry.camera import View
-    from iprt.measure.tradeoff_cache import TimedDevice, tradeoff_for
     from iprt.scene.edit_writing import SAVED_VIEW
     from iprt.scene.scene import Scene
-    from iprt.viewer.engine import Engine
+    from iprt.viewer.opening import engine_of
+    from iprt.viewer.windows import Start
 
     require_size(size)
     opened = Scene.open(scene, allow_outside=allow_outside)
@@ -108,50 +107,40 @@ def view(
         view = SAVED_VIEW
     found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov)
     look = (found if isinstance(found, View) else found.view).resized(*(size or WINDOW))
-    handle = choose_device(device)
+    start = Start(look, objects, fps or None)
+    with (
+        engine_of(opened, settings, device) as engine,
+        at_termination(lambda: lost_edits(engine)),
+    ):
+        if web:
+            from iprt.viewer.web import serve
 
-    def make_device() -> ComputeDevice:
-        compute = ComputeDevice(handle, FRAME_LIMIT_S)
-        compute.profile.every_s = SAMPLED_S
-        return compute
-
-    with Engine(
-        opened,
-        make_device,
-        settings,
-        allow_outside=allow_outside,
-        tradeoff=tradeoff_for(TimedDevice.of(handle)),
-        render_device=device,
-    ) as engine:
-        if not web:
+            serve(engine, start, lambda host: _hosted(engine, host), port=port)
+        else:
             from iprt.viewer.desktop import run
 
-            with at_termination(lambda: lost_edits(engine)):
-                run(engine, look, objects=objects, target_fps=fps or None)
-            return 0
-        from iprt.viewer.web import serve
-
-        with at_termination(lambda: lost_edits(engine)):
-            serve(
-                engine,
-                look,
-                objects=objects,
-                port=port,
-                target_fps=fps or None,
-                ready=_tell_address,
-            )
+            run(engine, start, lambda windows: _controlled(engine, windows))
     return 0
+
+
+def _controlled(engine: Engine, windows: Windows) -> AbstractContextManager[None]:
+    """Let `iprt remote` control a viewer during the block."""
+    from iprt.viewer.program.control import Control
+    from iprt.viewer.program.listener import listening
+
+    return listening(Control(engine, windows), windows.port, str(engine.scene.root.absolute()))
+
+
+@contextmanager
+def _hosted(engine: Engine, host: Host) -> Iterator[None]:
+    """Print the address for browsers on this machine, and the ssh command for other machines."""
+    with _controlled(engine, host):
+        print(f"open {host.url} in a browser; Ctrl+C ends", flush=True)
+        print(f"from another machine: {host.ssh}", flush=True)
+        yield
 
 
 def lost_edits(engine: Engine) -> str | None:
     """Return the warning about unsaved edits when a signal ends the viewer; None without any."""
     names = ", ".join(engine.unsaved)
     return f"unsaved edits are lost: {names}" if names else None
-
-
-def _tell_address(port: int) -> None:
-    """Print the address for browsers on this machine, and the ssh command for other machines."""
-    from socket import gethostname
-
-    print(f"open http://localhost:{port}/ in a browser; Ctrl+C ends", flush=True)
-    print(f"from another machine: ssh -L {port}:localhost:{port} {gethostname()}", flush=True)

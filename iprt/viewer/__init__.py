@@ -9,6 +9,7 @@
   by imgui, the other by viser. Each runs without the other.
 - `render_queue` renders to files, by a process `iprt render` for each `render_order`. `render_form`
   and `render_fields` describe its panel.
+- `windows` is what both have in common for `program`, by which other programs control them.
 
 No caller waits for the device::
 

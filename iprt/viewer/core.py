@@ -288,6 +288,25 @@ class Core:
         return self._staging.objects
 
     @property
+    def ready(self) -> bool:
+        """True if the newest stage has the frame and all edits; readable from any thread."""
+        stage, world, scene = self._staging.stage, self._shared.world, self.scene
+        if stage is None or scene is None or self._staging.edits != world.edits:
+            return False
+        playback = world.playback
+        return playback.playing or stage.frame.index == playback.index(0, scene.frame_indices)
+
+    def problem_of(self, client: int | None = None) -> str | None:
+        """Return why a client gets no picture, or without one why no frame comes; None if it will.
+
+        It can be called from any thread.
+        """
+        problems = dict(self._problems)
+        if self._staging.stage is None:
+            return next(iter(problems.values()), None)
+        return problems.get(f"client {client}")
+
+    @property
     def scene(self) -> Scene | None:
         """The scene as last read, or None before that."""
         loaded = self.files.loaded
@@ -305,9 +324,12 @@ class Core:
         edit: ObjectEdit,
         direction: tuple[float, float],
         pose: MeshPose,
-        failed: Callable[[], object] = lambda: None,
+        done: Callable[[str | None], object] = lambda _: None,
     ) -> None:
-        """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees."""
+        """Load the mesh of `edit.path`, and place it in a direction (yaw, pitch) in degrees.
+
+        `done` is called with the problem, or None after success.
+        """
         path, frame = edit.path, self.video.frame
         assert path is not None
 
@@ -328,13 +350,14 @@ class Core:
                     self._notes[path.name] = f"{path.name}: {'; '.join(notes)}"
                     self._noted_s = self._clock()
                 self._shared.edit(lambda world: world.having(added))
+                done(None)
 
             return finish
 
         def report(problem: str) -> None:
             # Files that browsers upload lie in the server's temporary folder.
             self._note_problem(problem.replace(str(path), path.name))
-            failed()
+            done(problem)
 
         self.jobs.start(f"loading {path.name}", job, report)
 

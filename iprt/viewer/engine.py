@@ -16,49 +16,18 @@ from iprt.scene.edit_writing import Look
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from iprt.viewer.client import Client
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.plain_video import PlainFrame
 from iprt.viewer.render_queue import RenderQueue
 from iprt.viewer.scene_editor import SceneEditor
 from iprt.viewer.scene_snapshot import EditedScene
-from iprt.viewer.session import Shown
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
 
 LEAVING_S = 5.0
 """Longest wait for a thread to end; kernels, compilers and decoders cannot be interrupted."""
-
-
-class Client:
-    """A client with its own view; all methods are thread-safe."""
-
-    def __init__(self, shared: SharedState, request: Request) -> None:
-        self._shared = shared
-        self._number = shared.join(request)
-
-    def ask(self, request: Request) -> int:
-        """Replace the client's request.
-
-        Returns
-        -------
-        int
-            Number that `Shown.number` reaches with the first picture that answers it.
-        """
-        return self._shared.ask(self._number, request)
-
-    @property
-    def shown(self) -> Shown | None:
-        """The newest picture, or None before the first."""
-        return self._shared.shown(self._number)
-
-    def wait(self, number: int, timeout_s: float) -> Shown | None:
-        """Wait for a picture that answers `number`; None after the timeout."""
-        return self._shared.wait(self._number, lambda s: s.number >= number, timeout_s)
-
-    def close(self) -> None:
-        """Disconnect from the engine."""
-        self._shared.leave(self._number)
 
 
 class Engine:
@@ -144,7 +113,7 @@ class Engine:
 
     def client(self, request: Request) -> Client:
         """Connect a client."""
-        return Client(self._shared, request)
+        return Client(self._shared, self._core, request)
 
     @property
     def world(self) -> World:
@@ -173,6 +142,26 @@ class Engine:
         """Return an object with all edits, including unrendered ones; None if it is missing."""
         state = next((state for state in self.objects if state.name == name), None)
         return None if state is None else state.edited(self.world.edit_of(state.name))
+
+    @property
+    def ready(self) -> bool:
+        """True if the requested frame is known, and `objects` has all edits."""
+        return self._core.ready
+
+    @property
+    def problem(self) -> str | None:
+        """The reason why the first frame does not come; None if there is none."""
+        return self._core.problem_of()
+
+    @property
+    def closed(self) -> bool:
+        """True after `close`."""
+        return self._shared.closed
+
+    @property
+    def loading(self) -> bool:
+        """True while files are read, or light and reflections are looked for."""
+        return bool(self._core.jobs.running)
 
     @property
     def plain_frame(self) -> PlainFrame | None:

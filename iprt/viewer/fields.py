@@ -5,17 +5,14 @@ This module does not draw: `desktop.widgets.draw_field` and `web.inputs.Inputs` 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from iprt.viewer.controls import Slider
-from iprt.viewer.gizmo import turn_of, turned_to
 from iprt.viewer.labels import (
     CURVES,
     NOTHING,
@@ -28,6 +25,7 @@ from iprt.viewer.labels import (
 )
 from iprt.viewer.lens import BUFFERS
 from iprt.viewer.object_states import ObjectState
+from iprt.viewer.pose_parts import angles_of, moved, resized, turned
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
@@ -191,31 +189,23 @@ def place_fields(ui: UiState) -> tuple[Field, ...]:
     def move(place: tuple[float, ...]) -> None:
         state = ui.state
         if state is not None:
-            ui.selection.place(state, state.about_pivot(state.to_world[:3, :3], np.array(place)))
+            ui.selection.place(state, moved(state, place))
 
     def rotation() -> tuple[float, ...]:
-        if ui.state is None:
-            return 0.0, 0.0, 0.0
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # at ±90° about x, z is 0
-            y, x, z = Rotation.from_matrix(turn_of(ui.state)).as_euler("YXZ", degrees=True)
-        return _rounded([x, y, z], 3)
+        return _rounded(np.zeros(3) if ui.state is None else angles_of(ui.state), 3)
 
     def turn(angles: tuple[float, ...]) -> None:
-        state, (x, y, z) = ui.state, angles
+        state = ui.state
         if state is not None and np.isfinite(angles).all():
-            turned = Rotation.from_euler("YXZ", [y, x, z], degrees=True).as_matrix()
-            ui.selection.place(state, turned_to(state, turned))
+            ui.selection.place(state, turned(state, angles))
 
     def size() -> float:
         return 1.0 if ui.state is None else round(float(ui.state.size.max()), 4)
 
     def resize(size: float) -> None:
         state = ui.state
-        if state is None or not size > 0.0:
-            return
-        factor = size / float(state.size.max())
-        ui.selection.place(state, state.about_pivot(factor * state.to_world[:3, :3]))
+        if state is not None and size > 0.0:
+            ui.selection.place(state, resized(state, size))
 
     sizes = Slider(0.001, 1000.0, False, 0.01)
     return (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,6 +133,7 @@ class SceneEditor:
         *,
         pose: MeshPose | None = None,
         material: Material | None = None,
+        done: Callable[[str | None], object] = lambda _: None,
     ) -> str:
         """Load a mesh, and place it on the surface seen in a direction once it is loaded.
 
@@ -145,6 +146,8 @@ class SceneEditor:
             Orientation and size; by default as in `iprt scene add` without flags.
         material : Material or None
             By default the mesh file's own.
+        done : callable
+            Called by the engine's thread with the problem, or None once it is added.
 
         Returns
         -------
@@ -153,9 +156,12 @@ class SceneEditor:
         """
         name = self._free_name(path.stem)
         edit = ObjectEdit(name, material=material, path=path)
-        self._core.add(
-            edit, (yaw_deg, pitch_deg), pose or MeshPose(), lambda: self._names.discard(name)
-        )
+
+        def finished(problem: str | None) -> None:
+            self._names.discard(name)
+            done(problem)
+
+        self._core.add(edit, (yaw_deg, pitch_deg), pose or MeshPose(), finished)
         return name
 
     def add_light(self, light: LightTable, to_world: Array) -> str:

@@ -1,4 +1,4 @@
-"""Folder and names of screenshots and renders."""
+"""Folder, names and metadata of screenshots and renders."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from platformdirs import user_pictures_path
+
+from iprt.output.metadata import picture_metadata
+from iprt.viewer.engine import Engine
+from iprt.viewer.session import Shown
 
 FOLDER = "iprt"
 
@@ -43,3 +47,17 @@ def free_path(
     while taken(path := folder / f"{stem}-{number:04d}{suffix}"):
         number += 1
     return path
+
+
+def metadata_of(engine: Engine, shown: Shown) -> dict[str, str]:
+    """Return the metadata of a picture that the engine rendered with its own settings."""
+    settings = engine.world.settings
+    return picture_metadata(
+        scene=engine.scene.name,
+        view=shown.request.view,
+        objects=shown.request.objects,
+        settings=settings.model_dump(mode="json"),
+        seed=settings.seed,
+        frames=shown.frames,
+        device=shown.device,
+    )

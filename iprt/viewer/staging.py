@@ -36,6 +36,8 @@ class Staging:
         The newest stage; None before the scene and its frame are loaded.
     objects : tuple of ObjectState
         Objects of the newest stage; readable from any thread.
+    edits : tuple of ObjectEdit
+        Their edits.
     """
 
     def __init__(self, files: SceneFiles, light: SceneLight, video: VideoPlayer) -> None:
@@ -47,6 +49,7 @@ class Staging:
         self._footage: tuple[tuple[object, ...], Footage] | None = None
         self.stage: Stage | None = None
         self.objects: tuple[ObjectState, ...] = ()
+        self.edits: tuple[ObjectEdit, ...] = ()
 
     def follow(self, wanted: Snapshot, *, shown: bool) -> Stage | None:
         """Return the stage to render, or None before the scene and its frame are loaded.
@@ -88,6 +91,7 @@ class Staging:
         time_s = loaded.scene.time_of(frame.index)
         instances = objects_at(objects, time_s)
         self.objects = object_states(objects, instances, time_s, self.objects)
+        self.edits = world.edits
         exposure = loaded.scene.exposure
         self.stage = Stage(self._settled, frame, objects, instances, footage, settings, exposure)
         return self.stage

@@ -74,7 +74,8 @@ class UiState(ABC):
     def run_posted(self) -> None:
         """Run the scheduled calls."""
         while self._posted:
-            self._posted.pop(next(iter(self._posted)))()
+            for key in tuple(self._posted):  # a copy, because other threads schedule meanwhile
+                self._posted.pop(key)()
 
     @abstractmethod
     def say(self, text: str, *, bad: bool = False) -> None:
@@ -85,7 +86,7 @@ class UiState(ABC):
         self.viewport.go_to(name)
 
     def look(self, view: View) -> None:
-        """Change the direction or field of view."""
+        """Turn to any view, at the window's size."""
         self.viewport.look(view)
 
     @property

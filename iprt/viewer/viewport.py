@@ -15,19 +15,19 @@ from iprt.errors import IprtError
 from iprt.files.atomic import require_writable
 from iprt.geometry.camera import View
 from iprt.geometry.pose import view_from
-from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture, write_pixels
 from iprt.scene.edit_writing import Look
 from iprt.scene.placement import set_on
+from iprt.viewer.client import Client
 from iprt.viewer.controls import with_value
 from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
-from iprt.viewer.engine import Client, Engine
+from iprt.viewer.engine import Engine
 from iprt.viewer.frame_rate import FrameRate
 from iprt.viewer.lens import Lens
 from iprt.viewer.motion_quality import MotionQuality
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.picking import Picking, Readout
-from iprt.viewer.screenshots import free_path
+from iprt.viewer.screenshots import free_path, metadata_of
 from iprt.viewer.session import Shown
 from iprt.viewer.state import REST_FRAMES, Request
 from iprt.viewer.surroundings import Surroundings, SurroundingsDeveloper
@@ -361,16 +361,7 @@ class Viewport:
             raise IprtError("there is no picture yet")
         path = free_path(self._engine.scene.name, self.name, suffix, folder)
         shown = displayed.shown
-        settings = self._engine.world.settings
-        metadata = picture_metadata(
-            scene=self._engine.scene.name,
-            view=shown.request.view,
-            objects=shown.request.objects,
-            settings=settings.model_dump(mode="json"),
-            seed=settings.seed,
-            frames=shown.frames,
-            device=shown.device,
-        )
+        metadata = metadata_of(self._engine, shown)
         check_output(path)
         require_writable(path)
         if path.suffix.lower() == ".png":

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 from iprt.viewer.requirements import require_window
 
 if TYPE_CHECKING:
-    from iprt.geometry.camera import View
+    from iprt.viewer.desktop.app import App
     from iprt.viewer.engine import Engine
+    from iprt.viewer.windows import Start, While
 
 
-def run(
-    engine: Engine,
-    view: View,
-    *,
-    objects: tuple[str, ...] | None = None,
-    target_fps: float | None = None,
-) -> None:
+def run(engine: Engine, start: Start, during: While[App]) -> None:
     """Show a scene in a window until the user closes it.
 
     Parameters
     ----------
     engine : Engine
         It stays open afterwards.
-    view : View
-        Initial view; its size is the window's.
-    objects : tuple of str or None
-        Names of the initially shown objects; None for all.
-    target_fps : float or None
-        Initial frame rate to hold during motion (`Viewport`).
+    start : Start
+        Initial state; the size of its view is the window's.
+    during : callable
+        Returns a context for the time in which the window is open.
 
     Raises
     ------
@@ -40,8 +34,6 @@ def run(
     from iprt.viewer.desktop.app import App
     from iprt.viewer.viewport import Viewport
 
-    app = App(engine, Viewport(engine, view, objects=objects, target_fps=target_fps))
-    try:
+    viewport = Viewport(engine, start.view, objects=start.objects, target_fps=start.target_fps)
+    with closing(App(engine, viewport)) as app, during(app):
         app.run()
-    finally:
-        app.close()

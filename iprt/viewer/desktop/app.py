@@ -16,6 +16,7 @@ from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
 from iprt.viewer.render_fields import TAB
 from iprt.viewer.viewport import Viewport
+from iprt.viewer.windows import Start, Windows
 
 PANEL_WIDTH = 360.0
 """Width of the panel on the right, in units of 1/96 inch like all drawing."""
@@ -43,7 +44,7 @@ _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
 )
 
 
-class App:
+class App(Windows):
     """The viewer in its window, which never waits for the device.
 
     Parameters
@@ -68,6 +69,27 @@ class App:
         self._drawn: tuple[object, ...] = ()
         self._unsettled = 0
         self._discarding = False
+
+    @property
+    def start(self) -> Start:
+        """The window's present state, because no other window follows."""
+        return Start.of(self.ui.viewport)
+
+    def begin(self, start: Start) -> None:
+        """Do nothing, because no other window follows."""
+
+    @property
+    def states(self) -> tuple[DesktopState]:
+        """The window's state."""
+        return (self.ui,)
+
+    def leave(self) -> None:
+        """Close the window soon, and discard unsaved edits."""
+
+        def leave() -> None:
+            self._discarding = self.window.closing = True
+
+        self.ui.post("leave", leave)
 
     def close(self) -> None:
         """Close the window; the engine stays open."""

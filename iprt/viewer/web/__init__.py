@@ -7,47 +7,31 @@ video and the settings are shared.
 from __future__ import annotations
 
 import contextlib
-import warnings
-from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from iprt.viewer.requirements import require_browser
 
 if TYPE_CHECKING:
-    from iprt.geometry.camera import View
     from iprt.viewer.engine import Engine
+    from iprt.viewer.web.host import Host
+    from iprt.viewer.windows import Start, While
 
 PORT = 8080
-FOV_DEG = 70.0
-"""Initial vertical field of view if the requested view is a whole panorama."""
 
 
-def serve(
-    engine: Engine,
-    view: View,
-    *,
-    objects: tuple[str, ...] | None = None,
-    port: int = PORT,
-    target_fps: float | None = None,
-    ready: Callable[[int], None],
-) -> None:
+def serve(engine: Engine, start: Start, during: While[Host], *, port: int = PORT) -> None:
     """Serve an engine's pictures to browsers of this machine, until interrupted (Ctrl+C).
 
     Parameters
     ----------
     engine : Engine
         It stays open afterwards.
-    view : View
-        Initial view of each browser; its size follows the window.
-    objects : tuple of str or None
-        Names of the initially shown objects; None for all.
+    start : Start
+        Initial state of each browser; the size of its view follows the window.
+    during : callable
+        Returns a context for the time in which browsers can connect.
     port : int
         0 for any free port.
-    target_fps : float or None
-        Initial frame rate to hold during motion (`Viewport`).
-    ready : callable
-        Called with the port once browsers can connect.
 
     Raises
     ------
@@ -55,15 +39,11 @@ def serve(
         viser is missing, or the port is taken.
     """
     require_browser()
-    from iprt.viewer.web.browser import Start
     from iprt.viewer.web.host import Host
 
-    if view.projection == "equirect":
-        view = replace(view, projection="perspective", fov_y_deg=FOV_DEG)
-    with warnings.catch_warnings(), contextlib.suppress(KeyboardInterrupt):
-        # Browsers may leave at any moment; messages on their way to them are dropped.
-        warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        begin = Start(view, objects, target_fps)
-        with Host(engine, begin, port) as hosting:
-            ready(hosting.port)
-            hosting.wait()
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        Host(engine, start, port) as host,
+        during(host),
+    ):
+        host.wait()

@@ -21,6 +21,7 @@ from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import ObjectGizmo, SunGizmo
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
+from iprt.viewer.windows import Start
 
 LOG = logging.getLogger("iprt.viewer")
 POLL_S, REST_POLL_S = 0.008, 0.05
@@ -31,25 +32,6 @@ SETTLE_S, AGAIN_S = 20.0, 0.5
 """Longest time until a browser looks where it is sent, and the time after which that is sent again:
 what arrives while the page is still being made is lost."""
 SAME_DEG = 1e-4
-
-
-@dataclass(frozen=True)
-class Start:
-    """The initial state of browsers.
-
-    Attributes
-    ----------
-    view : View
-        Initial view; browsers have their own sizes.
-    objects : tuple of str or None
-        Names of the shown objects; None for all.
-    target_fps : float or None
-        See `Viewport`.
-    """
-
-    view: View
-    objects: tuple[str, ...] | None = None
-    target_fps: float | None = None
 
 
 @dataclass(frozen=True)
@@ -137,7 +119,7 @@ class Browser(BrowserState):
         self._direct(self.viewport.view)
 
     def look(self, view: View) -> None:
-        """Change the direction or field of view."""
+        """Turn to any view, at the window's size."""
         super().look(view)
         self._direct(self.viewport.view)
 
@@ -173,6 +155,7 @@ class Browser(BrowserState):
         self.viewport = Viewport(
             self.engine, view, objects=start.objects, target_fps=start.target_fps
         )
+        self.viewport.lens = start.lens
         try:
             self._serve()
         finally:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import tempfile
 import threading
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,15 +14,18 @@ import numpy as np
 
 from iprt.files.termination import at_termination
 from iprt.viewer.engine import Engine
-from iprt.viewer.web.browser import Browser, Start
+from iprt.viewer.web.browser import Browser
 from iprt.viewer.web.camera import position_of
 from iprt.viewer.web.server import Viser, require_free, write_site
+from iprt.viewer.windows import Start, Windows
 
 LEAVING_S = 2.0
 """Longest wait for browsers' threads to end."""
+FOV_DEG = 70.0
+"""Initial vertical field of view if the requested view is a whole panorama."""
 
 
-class Host:
+class Host(Windows):
     """A server of browsers, from its creation until `close`; see `iprt.viewer.web.serve`.
 
     Attributes
@@ -27,8 +33,12 @@ class Host:
     port : int
     """
 
+    port: int
+
     def __init__(self, engine: Engine, start: Start, port: int) -> None:
-        self._engine, self._start = engine, start
+        # Browsers may leave at any moment; messages on their way to them are dropped.
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
+        self._engine = engine
         self._browsers: dict[int, Browser] = {}
         self._lock = threading.Lock()
         self._ended = threading.Event()
@@ -39,6 +49,7 @@ class Host:
         site.mkdir()
         write_site(site)
         self._viser = Viser(port, f"iprt {engine.scene.name}", site)
+        self.begin(start)
         self._set_up()
         self.port = self._viser.get_port()
 
@@ -54,6 +65,31 @@ class Host:
         return f"http://localhost:{self.port}/"
 
     @property
+    def ssh(self) -> str:
+        """The command that makes `url` reachable on another machine."""
+        return f"ssh -L {self.port}:localhost:{self.port} {socket.gethostname()}"
+
+    @property
+    def start(self) -> Start:
+        """The state in which later browsers begin; a whole panorama becomes a perspective view."""
+        return self._start
+
+    def begin(self, start: Start) -> None:
+        """Let later browsers begin in this state."""
+        view = start.view
+        if view.projection == "equirect":
+            view = replace(view, projection="perspective", fov_y_deg=FOV_DEG)
+        self._start = replace(start, view=view)
+        camera = self._viser.initial_camera
+        camera.position, camera.look_at = position_of(view), np.zeros(3)
+        camera.fov = float(np.deg2rad(view.fov_y_deg))
+
+    @property
+    def states(self) -> tuple[Browser, ...]:
+        """The connected browsers."""
+        return self.browsers
+
+    @property
     def browsers(self) -> tuple[Browser, ...]:
         """Connected browsers."""
         with self._lock:
@@ -65,6 +101,10 @@ class Host:
         with at_termination(self._folder.cleanup):
             while not self._ended.wait(0.5):
                 pass
+
+    def leave(self) -> None:
+        """Let `wait` return."""
+        self._ended.set()
 
     def close(self) -> None:
         """End all connections and threads."""
@@ -78,15 +118,12 @@ class Host:
         self._folder.cleanup()
 
     def _set_up(self) -> None:
-        viser, view = self._viser, self._start.view
+        viser = self._viser
         viser.scene.set_up_direction("+y")
         viser.scene.world_axes.visible = False
         viser.gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, control_width="medium"
         )
-        camera = viser.initial_camera
-        camera.position, camera.look_at = position_of(view), np.zeros(3)
-        camera.fov = float(np.deg2rad(view.fov_y_deg))
 
         async def came(client: Any) -> None:
             if not viser.is_local(client):

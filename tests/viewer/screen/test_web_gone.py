@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from iprt.viewer.web.browser import Start
 from iprt.viewer.web.host import Host
+from iprt.viewer.windows import Start
 from tests.viewer.screen.browsing import DEADLINE_S, Visitor, until
 from tests.viewer.screen.web import Place, at_rest
 

@@ -15,8 +15,8 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.viewer.core import Core
 from iprt.viewer.engine import Engine
-from iprt.viewer.web.browser import Start
 from iprt.viewer.web.host import Host
+from iprt.viewer.windows import Start
 from tests.viewer.screen.browsing import DEADLINE_S, Visitor, until
 from tests.viewer.screen.web import (
     PASSIVE,

@@ -19,9 +19,9 @@ import viser
 
 from iprt.errors import IprtError
 from iprt.geometry.camera import View
-from iprt.viewer.web.browser import Start
 from iprt.viewer.web.host import Host
 from iprt.viewer.web.server import Viser, require_free
+from iprt.viewer.windows import Start
 from tests.clips import write_clip
 from tests.viewer.screen.web import connected
 from tests.waiting import DEADLINE_S

@@ -26,8 +26,9 @@ from iprt.geometry.camera import View
 from iprt.scene.scene import Scene
 from iprt.viewer.engine import Engine
 from iprt.viewer.viewport import Viewport
-from iprt.viewer.web.browser import Browser, Start
+from iprt.viewer.web.browser import Browser
 from iprt.viewer.web.host import Host
+from iprt.viewer.windows import Start
 from tests.viewer.screen.browsing import SIZE, Visitor, browsing, until
 from tests.viewer.turns import SETTINGS
 from tests.waiting import DEADLINE_S
