@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from iprt.scene.scene import Scene
     from iprt.settings.model import Settings
     from iprt.viewer.program.client import connect_viewer
-    from iprt.viewer.program.handle import open_viewer
+    from iprt.viewer.program.handle import view
 
 __version__ = "0.1.0"
 __all__ = [
@@ -26,7 +26,7 @@ __all__ = [
     "__version__",
     "choose_device",
     "connect_viewer",
-    "open_viewer",
+    "view",
 ]
 
 _HOMES = {
@@ -37,7 +37,7 @@ _HOMES = {
     "View": "iprt.geometry.camera",
     "choose_device": "iprt.device.choose",
     "connect_viewer": "iprt.viewer.program.client",
-    "open_viewer": "iprt.viewer.program.handle",
+    "view": "iprt.viewer.program.handle",
 }
 
 

@@ -8,13 +8,13 @@ from typing import Protocol
 import numpy as np
 import pyopencl.array as cla
 
+from iprt.compositing.object_layer import VisibleLayer
+from iprt.compositing.real_layer import UNEVEN, RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.light_view import LightView
 from iprt.method import Image, Method, Signals, in_front
-from iprt.view.object_layer import VisibleLayer
-from iprt.view.real_layer import UNEVEN, RealLayer
 from iprt.world.real.real_world import RealWorld
 
 

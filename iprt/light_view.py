@@ -9,6 +9,8 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
+from iprt.compositing.object_layer import VisibleSurfaces
+from iprt.compositing.real_layer import REAL_LAYER_READS, RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.device.kernel import Kernel
 from iprt.filter.interpolate import NORMAL_SHARPNESS, PLANE_SHARPNESS
@@ -18,8 +20,6 @@ from iprt.geometry.camera import View
 from iprt.method import GBuffer, Image, Method, Signals
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
-from iprt.view.object_layer import VisibleSurfaces
-from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
 from iprt.world.world import World
 
 _Layer = RealLayer | VisibleSurfaces
@@ -37,7 +37,7 @@ def block_map(view: View, reduced: View) -> tuple[float, float, float, float]:
 
 
 def enlarging_size(view: View, reduced: View, *, wide: bool) -> tuple[int, int]:
-    """Return work items of `cl/view/enlarge.cl`: pixels, or, `wide`, gaps between blocks."""
+    """Return work items of `cl/compositing/enlarge.cl`: pixels, or, `wide`, gaps between blocks."""
     if wide:
         return reduced.width + 1, reduced.height + 1
     return view.width, view.height
@@ -86,7 +86,7 @@ class LightView:
             device, self.layout, name="light object", needs=features.materials
         )
         self.gbuffer = GBuffer(real, visible)
-        self._reduce = device.kernel("view/reduce.cl", "reduce_objects").fixed(
+        self._reduce = device.kernel("compositing/reduce.cl", "reduce_objects").fixed(
             self.layout.arguments(),
             full.objects.planes("full_"),
             visible.planes(),
@@ -114,7 +114,7 @@ class LightView:
         shape = (layout.width * layout.height, 4) if ratio else layout.shape(3)
         self._enlarged[signal] = device.zeros(f"enlarged {signal}", shape)
         defines = {"RATIO": ratio, "WIDE": device.wide}
-        self._enlarge[signal] = device.kernel("view/enlarge.cl", "enlarge", defines).fixed(
+        self._enlarge[signal] = device.kernel("compositing/enlarge.cl", "enlarge", defines).fixed(
             layout.arguments(),
             block_width=self.view.width,
             block_height=self.view.height,

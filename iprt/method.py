@@ -14,14 +14,14 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.compositing.object_layer import VisibleSurfaces
+from iprt.compositing.real_layer import RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.passes import Pass
 from iprt.settings.features import Features
-from iprt.view.object_layer import VisibleSurfaces
-from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
 Image = NDArray[np.float32]

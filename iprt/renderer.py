@@ -14,6 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.aovs import read_aov
+from iprt.compositing.composite import Composite
+from iprt.compositing.drawing import Drawing
+from iprt.compositing.object_layer import VisibleLayer
+from iprt.compositing.real_layer import REAL_LAYER_READS, RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import tracing_grids
 from iprt.footage.frame import Frame
@@ -29,10 +33,6 @@ from iprt.passes import Clock, Pass, Schedule
 from iprt.settings.features import Features
 from iprt.settings.methods import method
 from iprt.settings.model import Settings
-from iprt.view.composite import Composite
-from iprt.view.drawing import Drawing
-from iprt.view.object_layer import VisibleLayer
-from iprt.view.real_layer import REAL_LAYER_READS, RealLayer
 from iprt.world.objects.lamps import have_lamp_tree
 from iprt.world.objects.objects import Objects
 from iprt.world.objects.sunlit import Sunlit

@@ -85,7 +85,7 @@ def test_a_material(sources: Path) -> None:
 
 
 PASS = {
-    "cl/view/dim.cl": """
+    "cl/compositing/dim.cl": """
 // Darkens the picture.
 __kernel void dim(__global float4 *picture, __global const float *share, const int width,
                   const int height)
@@ -95,7 +95,7 @@ __kernel void dim(__global float4 *picture, __global const float *share, const i
         picture[y * width + x].xyz *= share[0];
 }
 """,
-    "iprt/view/dim.py": '''
+    "iprt/compositing/dim.py": '''
 """Darkens the picture."""
 
 import numpy as np
@@ -105,7 +105,8 @@ class Dim:
     def __init__(self, device, layout):
         self._layout = layout
         share = device.upload("dim share", np.array([0.5], np.float32))
-        self._kernel = device.kernel("view/dim.cl", "dim").fixed(layout.arguments(), share=share)
+        kernel = device.kernel("compositing/dim.cl", "dim")
+        self._kernel = kernel.fixed(layout.arguments(), share=share)
 
     def run(self, picture):
         self._kernel(self._layout.size, picture=picture)
@@ -113,7 +114,7 @@ class Dim:
 }
 CALL = {
     "iprt/renderer.py": [
-        ("class Renderer:", "from iprt.view.dim import Dim\n\n\nclass Renderer:"),
+        ("class Renderer:", "from iprt.compositing.dim import Dim\n\n\nclass Renderer:"),
         (
             "        self.composite = Composite(",
             "        self.dim = Dim(device, self.layout)\n        self.composite = Composite(",
@@ -142,7 +143,7 @@ frame = sphere_frame(2.0, 32, 16, 1.0)
 plan = RenderPlan.of(frame, [], view)
 renderer = Renderer(device, frame, [], view)
 found = {"mean": float(renderer.render().color.mean()), "planned": plan.buffers["dim share"]}
-found["kernels"] = sum(one.file == "view/dim.cl" for one in plan.kernels)
+found["kernels"] = sum(one.file == "compositing/dim.cl" for one in plan.kernels)
 device.finish()
 found["launches"] = sum(entry.launches for entry in device.profile.passes() if entry.name == "dim")
 print(json.dumps(found))

@@ -6,6 +6,8 @@ from typing import Any
 
 import pyopencl.array as cla
 
+from iprt.compositing.object_layer import VisibleSurfaces
+from iprt.compositing.real_layer import RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Mask
 from iprt.filter.signal_filter import Samples, SignalFilter
@@ -27,8 +29,6 @@ from iprt.trace.tracers import (
     RealTracer,
     VirtualTracer,
 )
-from iprt.view.object_layer import VisibleSurfaces
-from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
 EVERYWHERE = -1.0

@@ -66,7 +66,7 @@ def test_a_still_scene_is_profiled_and_compared(
     # What kernels are given is no larger than all there is.
     assert 0 < delta["bytes"] <= sum(record["buffers"].values())
     compiled = {program.split()[0] for program in record["compiled"]}
-    assert compiled >= {"view/composite.cl", "filter/mask.cl"}
+    assert compiled >= {"compositing/composite.cl", "filter/mask.cl"}
 
     events = json.loads(trace.read_text())["traceEvents"]
     check_trace(events)
@@ -98,7 +98,7 @@ def test_a_video_plays(tmp_path: Path, printed: Callable[..., str]) -> None:
 @pytest.mark.gl
 def test_tables_name_kernels_buffers_and_programs(room: Path, printed: Callable[..., str]) -> None:
     text = printed(room, "--repeat", 1)
-    for part in ("trace_delta", "active", "MiB", "view/composite.cl", "frames/s"):
+    for part in ("trace_delta", "active", "MiB", "compositing/composite.cl", "frames/s"):
         assert part in text
 
 

@@ -37,7 +37,7 @@ INFINITE: Mapping[str, str] = {
     "panorama.background range": "the same; cl/world/real/background.cl",
     "screen layers range": "where there is no object; cl/world/objects/object_surface.cl",
     "equirect layers range": "the same",
-    "real highlight": "all of what metal shows is highlight; cl/view/real_layer.cl",
+    "real highlight": "all of what metal shows is highlight; cl/compositing/real_layer.cl",
     "light highlight": "the same, at light's resolution",
 }
 """Buffers that may hold infinities, and why."""

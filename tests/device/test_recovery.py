@@ -259,14 +259,14 @@ def test_a_kernel_that_does_not_build_is_one_report(
 ) -> None:
     sources = tmp_path / "room" / "kernels"
     shutil.copytree(CL, sources)
-    with (sources / "view/composite.cl").open("a") as file:
+    with (sources / "compositing/composite.cl").open("a") as file:
         file.write("\n#error the end of composite.cl\n")
     monkeypatch.setattr(program, "CL", sources)
     monkeypatch.setattr(program, "_program", program._program.__wrapped__)
     status, picture = render("a.png")
     report = capsys.readouterr().err
     assert status == 3
-    assert report.startswith("iprt: error: cl/view/composite.cl did not build\n")
+    assert report.startswith("iprt: error: cl/compositing/composite.cl did not build\n")
     assert f"\n  device   {device.device.name.strip()}" in report
     assert f"\n  driver   {device.device.driver_version.strip()}\n" in report
     assert "\n  options  -cl-std=CL1.2" in report

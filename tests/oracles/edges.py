@@ -1,4 +1,4 @@
-"""Twin of `cl/lib/world/real/edges.h` and `cl/view/real_layer.cl`, pixel by pixel in float64."""
+"""Twin of `cl/lib/world/real/edges.h` and `cl/compositing/real_layer.cl`, by pixels in float64."""
 
 from __future__ import annotations
 

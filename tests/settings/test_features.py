@@ -91,7 +91,7 @@ def test_kernels_that_trace_are_built_alike_for_all_objects() -> None:
     for file in (
         "world/real/irradiance.cl",
         "world/real/highlight.cl",
-        "view/visibility.cl",
+        "compositing/visibility.cl",
         "trace/trace_delta.cl",
         "trace/trace_virtual.cl",
         "trace/trace_gloss.cl",
@@ -119,8 +119,8 @@ def test_without_objects_the_panorama_is_resampled_and_that_is_all(view: View) -
         "world/real/pictures.cl",
         "world/real/surface.cl",
         "world/real/pyramid.cl",
-        "view/real_layer.cl",
-        "view/composite.cl",
+        "compositing/real_layer.cl",
+        "compositing/composite.cl",
     }
     assert {name.split(".")[0].split()[0] for name in device.buffers} == {
         "panorama",

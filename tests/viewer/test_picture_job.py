@@ -250,6 +250,6 @@ def test_renderers_and_programs_do_not_pile_up(
         driver.settle()
         gc.collect()
         assert not [ref for ref in renderers if ref() is not None]
-        own.kernel("view/composite.cl", "composite", {"VARIANT": 5})
+        own.kernel("compositing/composite.cl", "composite", {"VARIANT": 5})
         assert len(own.built_programs) <= 8 < in_use
     assert len(renderers) > 5

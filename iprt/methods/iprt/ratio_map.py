@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pyopencl.array as cla
 
+from iprt.compositing.real_layer import RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.filter.mask import Masks
 from iprt.gbuffer.context import FrameContext
@@ -16,7 +17,6 @@ from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
 from iprt.trace.pixels import RealPixels
 from iprt.trace.tracers import RayKernels
-from iprt.view.real_layer import RealLayer
 from iprt.world.world import World
 
 MIN_SOLID_ANGLE = 0.1

@@ -1,4 +1,4 @@
-"""A viewer of this process: `open_viewer`."""
+"""A viewer of this process: `view`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FIRST_VIEW = View(1024, 1024)
 """View of a scene that has none."""
 
 
-def open_viewer(
+def view(
     scene: Scene | Path | str,
     view: str | None = None,
     *,

@@ -95,15 +95,15 @@ def test_a_notebook_shows_it_in_a_frame(viewer: Viewer, tmp_path: Path) -> None:
 def test_several_viewers_of_a_scene(tmp_path: Path) -> None:
     folder = write_clip(tmp_path / "clip", 1)
     with (
-        iprt.open_viewer(folder, settings=SETTINGS, device=DEVICE, yaw=20.0) as one,
-        iprt.open_viewer(Scene.open(folder), settings=SETTINGS, device=DEVICE) as other,
+        iprt.view(folder, settings=SETTINGS, device=DEVICE, yaw=20.0) as one,
+        iprt.view(Scene.open(folder), settings=SETTINGS, device=DEVICE) as other,
     ):
         one.look("ahead")
         np.testing.assert_array_equal(
             one.picture((16, 8), frames=1), other.picture((16, 8), frames=1)
         )
         with pytest.raises(IprtError, match="Address already in use"):
-            iprt.open_viewer(folder, device=DEVICE, port=one._host.port)
+            iprt.view(folder, device=DEVICE, port=one._host.port)
     for viewer in (one, other):
         assert (
             repr(viewer)
@@ -121,7 +121,7 @@ def test_a_viewer_that_nobody_closes_ends_with_the_process(tmp_path: Path) -> No
     folder = write_clip(tmp_path / "clip", 3)
     lines = (
         "import iprt",
-        f"viewer = iprt.open_viewer({str(folder)!r}, device={DEVICE!r})",
+        f"viewer = iprt.view({str(folder)!r}, device={DEVICE!r})",
         "print(viewer.status()['scene'])",
         "viewer.remove('cube')",  # the video's thread has begun
     )
@@ -131,10 +131,10 @@ def test_a_viewer_that_nobody_closes_ends_with_the_process(tmp_path: Path) -> No
 
 def test_what_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(IprtError, match=r"scene\.toml"):
-        iprt.open_viewer(tmp_path / "nowhere", device=DEVICE)
+        iprt.view(tmp_path / "nowhere", device=DEVICE)
     folder = write_clip(tmp_path / "clip", 1)
     with pytest.raises(IprtError, match="no view is named 'behind'"):
-        iprt.open_viewer(folder, "behind", device=DEVICE)
+        iprt.view(folder, "behind", device=DEVICE)
     monkeypatch.setattr(requirements, "BROWSER", ("no_viser",))
     with pytest.raises(IprtError, match=r"no_viser is not installed.*install the extra `view`"):
-        iprt.open_viewer(folder, device=DEVICE)
+        iprt.view(folder, device=DEVICE)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.compositing.real_layer import RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.filter.signals import Signal
 from iprt.filter.temporal import PLANE_TOLERANCE, Temporal
@@ -16,7 +17,6 @@ from iprt.geometry.camera import View
 from iprt.geometry.pose import camera_motion, view_from
 from iprt.settings.filter import TemporalSettings
 from iprt.trace.reflection_motion import ReflectionMotion
-from iprt.view.real_layer import RealLayer
 from iprt.world.real.camera_motion import CameraMotion
 from iprt.world.real.panorama import Panorama
 from tests.filter.gbuffer import Array, GBuffer, random_gbuffer, read, upload

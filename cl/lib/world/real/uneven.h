@@ -8,7 +8,7 @@
 #include "world/real/real.h"
 #include "world/real/reconstruct.h"
 
-#define UNEVEN -2        // marks uneven pixels in other_pixel (view/real_layer.cl)
+#define UNEVEN -2        // marks uneven pixels in other_pixel (compositing/real_layer.cl)
 #define SAME_PLANE 0.05f // difference of planes, over the larger gradient, up to which they count as one
 #define TWO_PLANES 0.2f  // the same from which they count as two
 

@@ -8,11 +8,11 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.compositing.real_layer import RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.view.real_layer import RealLayer
 from iprt.world.real.panorama import Panorama
 from tests.worlds import Float
 

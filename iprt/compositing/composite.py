@@ -20,7 +20,7 @@ class Composite:
     def __init__(self, device: ComputeDevice, layout: PlaneLayout) -> None:
         self._layout = layout
         self.picture = device.empty("picture", (layout.height, layout.width, 4))
-        self._kernel = device.kernel("view/composite.cl", "composite").fixed(
+        self._kernel = device.kernel("compositing/composite.cl", "composite").fixed(
             layout.arguments(), picture=self.picture
         )
 

@@ -32,9 +32,8 @@ class DiffusePart:
             self._planes = device.zeros(f"{name} diffuse", layout.shape(3))
             # The program of the real layer's other kernels.
             defines = {"WIDE": device.wide}
-            self._kernel = device.kernel("view/real_layer.cl", "diffuse_part", defines).fixed(
-                layout.arguments(), diffuse=self._planes
-            )
+            kernel = device.kernel("compositing/real_layer.cl", "diffuse_part", defines)
+            self._kernel = kernel.fixed(layout.arguments(), diffuse=self._planes)
 
     def run(
         self, color: cla.Array, highlight: cla.Array | None, color_map: cla.Array | None

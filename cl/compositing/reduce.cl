@@ -1,7 +1,7 @@
 // The visible object layer with one pixel per block of pixels of the view: the covered pixel nearest to the
 // block's centre, so that no object is lost, however thin.
 //
-// Planes are as in view/unpack.cl; full_*: of the view, the others: of the blocks. The distance is
+// Planes are as in compositing/unpack.cl; full_*: of the view, the others: of the blocks. The distance is
 // along the ray through the block's centre, to the pixel's tangent plane. Motion is in pixels of each.
 #include "gbuffer/planes.h"
 #include "gbuffer/view.h"

@@ -6,6 +6,8 @@ import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from iprt.compositing.object_layer import VisibleLayer
+from iprt.compositing.visibility import Visibility, regions_of
 from iprt.device.compute import ComputeDevice
 from iprt.device.fastest import timed_ways
 from iprt.errors import DeviceError
@@ -13,15 +15,13 @@ from iprt.gbuffer.context import FrameContext
 from iprt.geometry.camera import View
 from iprt.passes import Clock, Pass
 from iprt.settings.features import Features
-from iprt.view.object_layer import VisibleLayer
-from iprt.view.visibility import Visibility, regions_of
 from iprt.world.objects.objects import Objects
 from iprt.world.real.panorama import Panorama
 
 if TYPE_CHECKING:
     from iprt.raster.rasterizer import Rasterizer
 
-LOG = logging.getLogger("iprt.view.drawing")
+LOG = logging.getLogger("iprt.compositing.drawing")
 
 
 class Drawing:

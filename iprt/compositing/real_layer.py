@@ -9,6 +9,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.compositing.diffuse_part import DiffusePart
 from iprt.device.block import (
     Block,
     Float2s,
@@ -27,7 +28,6 @@ from iprt.device.program import Define
 from iprt.gbuffer.context import FrameContext
 from iprt.gbuffer.guide import CameraArgs
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.view.diffuse_part import DiffusePart
 from iprt.world.real.displayed_colors import ShownArgs
 from iprt.world.real.panorama import Panorama
 from iprt.world.real.real_world import RealWorld
@@ -41,7 +41,7 @@ REAL_LAYER_READS = ("surfaces", "radiance", "highlights", "color map", "camera m
 
 @dataclass(kw_only=True)
 class RealPlanesArgs(Block):
-    """Panorama, view and planes of `cl/view/real_layer.cl`, which describes them."""
+    """Panorama, view and planes of `cl/compositing/real_layer.cl`, which describes them."""
 
     width: Int32
     height: Int32
@@ -72,7 +72,7 @@ class RealLayer:
     color : 3 planes
         Linear radiance, L_cam of IPRT Eq. 2.
     normal, depth, id, motion : 3, 1, 1, 2 planes
-        See `cl/view/real_layer.cl`.
+        See `cl/compositing/real_layer.cl`.
     diffuse : 3 planes
         Diffuse part of `color`, in the colors for rays: `color` itself, but mapped where the frame
         has a color map, and without the highlight where real surfaces are glossy.
@@ -80,7 +80,7 @@ class RealLayer:
         If requested: at depth edges, share of a second surface in the radiance and in the area;
         where the four texels around show several planes, their shares in the radiance.
     other_pixel : (H * W,) int32
-        A pixel that shows the second surface: see `cl/view/real_layer.cl`.
+        A pixel that shows the second surface: see `cl/compositing/real_layer.cl`.
     corner : (H * W, 4) int32, or None
         Pixels that show these texels, with `other`.
     gloss, roughness : 1 plane each, or None
@@ -137,7 +137,7 @@ class RealLayer:
 
     @property
     def edges(self) -> dict[str, cla.Array]:
-        """Arguments for comparing objects at depth edges: see `cl/view/unpack.cl`."""
+        """Arguments for comparing objects at depth edges: see `cl/compositing/unpack.cl`."""
         assert self.other is not None
         return {
             "real_normal": self.normal,
@@ -154,7 +154,7 @@ class RealLayer:
         if self.other is not None:
             names.append("sharpen_glossy" if glossy else "sharpen_edges")
         return [
-            self._device.kernel("view/real_layer.cl", name, defines).fixed(
+            self._device.kernel("compositing/real_layer.cl", name, defines).fixed(
                 {"gloss": self.gloss, "roughness": self.roughness, "highlight": self._highlight},
             )
             for name in names

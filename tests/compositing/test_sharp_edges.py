@@ -15,9 +15,9 @@ from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.geometry.camera import View
 from iprt.world.real.panorama import Panorama
+from tests.compositing.layers import Layer, loaded, show
 from tests.oracles import edges
 from tests.oracles.worlds import Box, Sphere, World
-from tests.view.layers import Layer, loaded, show
 from tests.worlds import Float, landscape_frame
 
 WIDTH, HEIGHT = 256, 128

@@ -76,7 +76,7 @@ def enlarged(
     rows = light.reshape(-1, 4).astype(np.float32) if ratio else planes(layouts[1], light)
     shape = (view.height * view.width, 4) if ratio else layouts[0].shape(3)
     result = device.zeros("light", shape)
-    device.kernel("view/enlarge.cl", "enlarge", defines)(
+    device.kernel("compositing/enlarge.cl", "enlarge", defines)(
         enlarging_size(view, small, wide=wide),
         arguments,
         view=device.upload("view", view.kernel_constants()),

@@ -69,7 +69,7 @@ def reduced(
         given = layouts[0].padded(np.moveaxis(image, -1, 0)).astype(np.float32)
         arguments[f"full_{name}"] = device.upload(f"full {name}", given)
         arguments[name] = device.zeros(name, layouts[1].shape(channels))
-    device.kernel("view/reduce.cl", "reduce_objects")(
+    device.kernel("compositing/reduce.cl", "reduce_objects")(
         (small.width, small.height),
         arguments,
         view=device.upload("view", small.kernel_constants()),

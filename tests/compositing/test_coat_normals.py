@@ -10,10 +10,10 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
+from tests.compositing.test_visibility import drawn_and_traced, image, views
 from tests.kernels.wrap import evaluate
 from tests.oracles.brdf import normalized
 from tests.raster.shapes import placed, quad
-from tests.view.test_visibility import drawn_and_traced, image, views
 from tests.worlds import Float
 
 pytestmark = pytest.mark.gl

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from iprt.compositing import drawing
 from iprt.device.compute import ComputeDevice
 from iprt.device.fastest import ROUNDS, timed_ways
 from iprt.errors import DeviceError
 from iprt.footage.properties import Footage
 from iprt.renderer import Renderer
 from iprt.settings.model import Settings
-from iprt.view import drawing
 from tests.films import films
 from tests.like_gpu import LikeGpu, traffic
 

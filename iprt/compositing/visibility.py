@@ -9,6 +9,7 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
+from iprt.compositing.object_layer import VisibleLayer
 from iprt.device.compute import ComputeDevice
 from iprt.device.vectors import int4
 from iprt.geometry.camera import View
@@ -16,7 +17,6 @@ from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance, motion_between, row_owners
 from iprt.raster.region import Rect, box_corners, box_rects, merge
 from iprt.settings.features import BVH_DEFINES
-from iprt.view.object_layer import VisibleLayer
 from iprt.world.objects.object_bvh import ObjectBvh
 from iprt.world.real.panorama import Panorama
 
@@ -62,8 +62,8 @@ class Visibility:
         bvh.follow_vertices()
         needs = MaterialNeeds.of(m for instance in instances for m in instance.mesh.materials)
         defines = {**BVH_DEFINES, "WIDE": device.wide, **needs.defines()}
-        self._see = device.kernel("view/visibility.cl", "see_objects", defines)
-        self._show = device.kernel("view/visibility.cl", "show_objects", defines)
+        self._see = device.kernel("compositing/visibility.cl", "see_objects", defines)
+        self._show = device.kernel("compositing/visibility.cl", "show_objects", defines)
         self.front = device.empty(FRONT, (view.height, view.width, 4))
         self.material = device.empty(MATERIAL, (view.height, view.width, 4))
         self._finish: cla.Array | None = None

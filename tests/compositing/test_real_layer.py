@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from iprt.compositing.real_layer import RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.footage.clipped_texels import ClippedTexels
 from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
 from iprt.geometry.equirect import equirect_pixel
-from iprt.view.real_layer import RealLayer
+from tests.compositing.layers import Layer, loaded, show
 from tests.oracles.worlds import Box, World
-from tests.view.layers import Layer, loaded, show
 from tests.worlds import Float, landscape_frame, panorama_in
 
 WIDTH, HEIGHT = 256, 128

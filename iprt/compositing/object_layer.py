@@ -34,7 +34,7 @@ class VisibleSurfaces:
     Attributes
     ----------
     normal, depth, id, roughness, albedo, coverage, motion : 3, 1, 1, 1, 3, 1, 2 planes
-        See `cl/view/unpack.cl`.
+        See `cl/compositing/unpack.cl`.
     metallic : 1 plane or None
         None without principled materials.
     coat_normal : 2 planes or None
@@ -101,7 +101,7 @@ class VisibleLayer(VisibleSurfaces):
             self.emission = device.zeros("object emission", layout.shape(3))
         self.sides = device.empty("object sides", (layout.height * layout.width, 2))
         self._kernel = device.kernel(
-            "view/unpack.cl",
+            "compositing/unpack.cl",
             "unpack_objects",
             {"VIEW_EQUIRECT": layout.equirect},
         ).fixed(

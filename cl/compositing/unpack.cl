@@ -2,7 +2,7 @@
 //
 // in   display             lib/gbuffer/display.h
 //      materials           material table (lib/world/brdf.h)
-//      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (view/real_layer.cl)
+//      real_normal 3, real_depth 1 plane, other and other_pixel [H*W]: the real layer (compositing/real_layer.cl)
 // out  normal 3, depth 1 (0: not visible), id 1 (1 + material index), roughness 1 (GGX alpha; 1:
 //      diffuse), albedo 3, coverage 1, motion 2 planes; metallic 1, null without principled materials; coat_normal 2,
 //      null if no clearcoat has a normal of its own (lib/world/finish.h); variant 1, null without variants: as id, but

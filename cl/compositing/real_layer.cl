@@ -44,7 +44,7 @@
 #include "world/real/color_map.h"
 #include "world/real/edges.h"
 #include "world/real/uneven.h"
-#include <iprt.view.real_layer>
+#include <iprt.compositing.real_layer>
 
 #define BEYOND 0.1f // share of a texel's depth within which its plane extends to neighbours
 

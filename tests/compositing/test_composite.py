@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from iprt.compositing.composite import Composite
+from iprt.compositing.diffuse_part import DiffusePart
+from iprt.compositing.real_layer import UNEVEN
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
-from iprt.view.composite import Composite
-from iprt.view.diffuse_part import DiffusePart
-from iprt.view.real_layer import UNEVEN
 from iprt.world.real.color_map import ColorMap
 from tests.filter.gbuffer import SIZES, upload
 

@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from iprt.bvh.scene import object_bounds
+from iprt.compositing.object_layer import VisibleLayer
+from iprt.compositing.visibility import Visibility
 from iprt.device.compute import ComputeDevice
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
@@ -16,13 +18,11 @@ from iprt.geometry.material import Material, material_table
 from iprt.geometry.material_needs import MaterialNeeds
 from iprt.geometry.mesh import Instance
 from iprt.raster.layers import SAMPLES, ObjectLayers
-from iprt.view.object_layer import VisibleLayer
-from iprt.view.visibility import Visibility
 from iprt.world.objects.object_bvh import ObjectBvh
+from tests.compositing.layers import no_edges
 from tests.kernels.tracing import panorama_of
 from tests.oracles.worlds import Box, World
 from tests.raster.shapes import mesh, placed, quad, rasterizer, sphere
-from tests.view.layers import no_edges
 from tests.worlds import Float, bright_walls, room_frame
 
 pytestmark = pytest.mark.gl

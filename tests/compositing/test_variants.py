@@ -10,8 +10,8 @@ import pytest
 from iprt.device.compute import ComputeDevice
 from iprt.geometry.material import Material
 from iprt.geometry.variants import Variants
+from tests.compositing.test_visibility import VIEWS, Both, Drawn, image, layer_of
 from tests.raster.shapes import placed, quad
-from tests.view.test_visibility import VIEWS, Both, Drawn, image, layer_of
 
 pytestmark = [pytest.mark.gl, pytest.mark.thorough]
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iprt.compositing.composite import Composite
+from iprt.compositing.real_layer import UNEVEN, RealLayer
 from iprt.device.compute import ComputeDevice
 from iprt.footage.frame import Frame
 from iprt.gbuffer.layout import PlaneLayout
 from iprt.geometry.camera import View
-from iprt.view.composite import Composite
-from iprt.view.real_layer import UNEVEN, RealLayer
+from tests.compositing.layers import loaded
 from tests.filter.gbuffer import upload
 from tests.oracles.worlds import World
-from tests.view.layers import loaded
 from tests.worlds import Float, bright_walls, panorama_at, room_frame, sphere_frame
 
 VIEW = View(160, 120, pitch_deg=-10.0, fov_y_deg=50.0)
