@@ -11,6 +11,15 @@ from typing import Any
 
 from iprt.scene.material_maps import MAPS
 from iprt.viewer.labels import PARTS, Label
+from iprt.viewer.looking import (
+    STEP_EV,
+    expose,
+    flip,
+    flip_curve,
+    restore,
+    take_snapshot,
+    unpin,
+)
 from iprt.viewer.ui_state import UiState
 
 
@@ -103,7 +112,37 @@ def actions(ui: UiState) -> dict[str, Action]:
         on_selected("array", "", lambda: selection.array(ui.array_count, ui.array_step)),
         on_selected("remove", "Delete", selection.remove),
         Action("light", PARTS["add light"], ui.add_light, "L"),
+        *_looking(ui),
         Action("bare", PARTS["bare"], bare, visible=textured),
         Action("play", PARTS["play"], ui.toggle_playing, "Space"),
     )
     return {action.name: action for action in found}
+
+
+def _looking(ui: UiState) -> tuple[Action, ...]:
+    """Return the actions that look closely at the picture."""
+    viewport = ui.viewport
+
+    def taken() -> bool:
+        return viewport.snapshot is not None
+
+    def auto_range() -> None:
+        viewport.lens = viewport.lens.ranged(None, None)
+
+    def ranged() -> bool:
+        return (viewport.lens.low, viewport.lens.high) != (None, None)
+
+    def pins() -> bool:
+        return bool(viewport.pins)
+
+    return (
+        Action("snapshot", PARTS["snapshot"], lambda: take_snapshot(ui), "C"),
+        Action("flip", PARTS["flip"], lambda: flip(ui), "B", enabled=taken),
+        Action("restore", PARTS["restore"], lambda: restore(ui), "Ctrl+B", enabled=taken),
+        Action("brighter", PARTS["brighter"], lambda: expose(ui, STEP_EV), "E", repeats=True),
+        Action("darker", PARTS["darker"], lambda: expose(ui, -STEP_EV), "Shift+E", repeats=True),
+        Action("reset exposure", PARTS["reset exposure"], lambda: expose(ui, None), "0"),
+        Action("flip curve", PARTS["flip curve"], lambda: flip_curve(ui), "F"),
+        Action("auto range", PARTS["auto range"], auto_range, visible=ranged),
+        Action("unpin", PARTS["unpin"], lambda: unpin(ui), "Shift+U", visible=pins),
+    )

@@ -17,6 +17,7 @@ from iprt.viewer import labels
 from iprt.viewer.lens import BUFFERS, ERROR_LEVELS, Lens
 from iprt.viewer.motion_quality import Preview
 from iprt.viewer.session import Shown
+from iprt.viewer.snapshot import Snapshot
 from iprt.viewer.truth_reader import TruthReader
 
 Radiance = NDArray[np.float32]
@@ -110,6 +111,7 @@ class PictureDeveloper:
         lens: Lens,
         shown: Shown,
         baseline: Shown | None,
+        snapshot: Snapshot | None,
         edits: Sequence[ObjectEdit],
     ) -> DevelopedPicture:
         """Develop a picture for display.
@@ -120,6 +122,7 @@ class PictureDeveloper:
             Name of the displayed view of the scene.
         baseline : Shown or None
             Newest picture of the compared method.
+        snapshot : Snapshot or None
         edits : sequence of ObjectEdit
             Edits since the scene's files were read.
         """
@@ -132,10 +135,15 @@ class PictureDeveloper:
             words = BUFFERS[buffer].name
         if lens.against is None or shown.plain:
             return DevelopedPicture(left, buffer, "" if buffer is None else words)
-        other = self._other(scene, name, lens, shown, baseline)
+        other = self._other(scene, name, lens, shown, baseline, snapshot)
         if isinstance(other, str):
             return DevelopedPicture(left, buffer, f"{words}: {other}")
-        pixels = lens.compare(left, lens.develop(other, exposure))
+        right = lens.develop(other, exposure)
+        if lens.against == "snapshot" and snapshot is not None and buffer is not None:
+            if buffer not in snapshot.picture.aovs:
+                return DevelopedPicture(left, buffer, f"{words}: the snapshot does not have it")
+            right = lens.color(buffer, snapshot.picture.aovs[buffer], exposure)
+        pixels = lens.compare(left, right)
         warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
         against = labels.comparisons()[lens.against].name
         caption = f"{words} | {against}"
@@ -151,12 +159,20 @@ class PictureDeveloper:
         return DevelopedPicture(pixels, buffer, caption, warning, sides)
 
     def _other(
-        self, scene: Scene, name: str | None, lens: Lens, shown: Shown, baseline: Shown | None
+        self,
+        scene: Scene,
+        name: str | None,
+        lens: Lens,
+        shown: Shown,
+        baseline: Shown | None,
+        snapshot: Snapshot | None,
     ) -> Radiance | str:
         """Return linear radiance (H, W, 3) of the same view, or the reason why there is none."""
         if lens.against == "input":
             background = shown.picture.aovs.get("background")
             return "the input comes with the next picture" if background is None else background
+        if lens.against == "snapshot":
+            return "no snapshot is taken" if snapshot is None else snapshot.radiance(shown)
         if lens.method is None:
             return self.truth.picture(scene, name, shown)
         if (

@@ -261,6 +261,12 @@ class Engine:
         parts = {k: None if v == getattr(own, k) else v for k, v in edit.parts.items()}
         return self._shared.edit(lambda world: replace(world, light=replace(world.light, **parts)))
 
+    def set_edits(self, world: World) -> int:
+        """Replace all edits by those of another world, as one step of undo."""
+        return self._shared.edit(
+            lambda now: replace(now, edits=world.edits, light=world.light), alone=True
+        )
+
     # All edits --------------------------------------------------------------------------------
 
     def undo(self) -> int:

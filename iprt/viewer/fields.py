@@ -148,6 +148,8 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
         def write(value: Any) -> None:
             change: dict[str, Any] = {part: value}
+            if part == "buffer":
+                change |= {"low": None, "high": None}
             ui.viewport.lens = replace(ui.viewport.lens, **change)
 
         return Field(
@@ -159,8 +161,12 @@ def lens_fields(ui: UiState) -> tuple[Field, ...]:
 
     def missing() -> Mapping[Any, str]:
         problem = ui.viewport.truth_problem
-        shown = {ui.settings.method: "it is the method of the picture"}
-        return shown if problem is None else {**shown, "truth": problem}
+        found = {ui.settings.method: "it is the method of the picture"}
+        if problem is not None:
+            found["truth"] = problem
+        if ui.viewport.snapshot is None:
+            found["snapshot"] = "none is taken yet (C)"
+        return found
 
     buffers: dict[Any, Label] = {None: PICTURE, **BUFFERS}
     others: dict[Any, Label] = {None: NOTHING, **comparisons()}

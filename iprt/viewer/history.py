@@ -39,6 +39,10 @@ class History:
             self._past = [*self._past, before][-MOST_STEPS:]
         self._future = []
 
+    def end_gesture(self) -> None:
+        """Keep the next change apart from the last one."""
+        self._last = None
+
     def undo(self, now: Edits) -> Edits:
         """Return the edits before the last change, or the current ones without a change."""
         return self._go(self._past, self._future, now)

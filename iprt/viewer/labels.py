@@ -44,6 +44,7 @@ def comparisons() -> Mapping[str, Label]:
     return {
         "input": Label("Input", "The video without objects."),
         "truth": Label("Truth", "The path-traced reference picture of this view."),
+        "snapshot": Label("Snapshot", "The picture as it was when the snapshot was taken."),
         **{name: Label(f"Method {name}", f"{info.title}.") for name, info in methods().items()},
     }
 
@@ -108,6 +109,18 @@ PARTS: Mapping[str, Label] = {
     "exposure": Label("Exposure", "Stops brighter or darker than the scene's own exposure."),
     "curve": Label("Tone curve", "Mapping of radiance to screen colors."),
     "buffer": Label("Show", "The picture, or one of the buffers that it is made from."),
+    "low": Label("From", "Value with the first color."),
+    "high": Label("To", "Value with the last color."),
+    "auto range": Label("Own range", "The colors follow the range of the picture's values again."),
+    "snapshot": Label("Snapshot", "Keeps the picture to compare others with."),
+    "flip": Label("Flip", "Shows the snapshot in place of the picture, and back."),
+    "restore": Label("Back to snapshot", "Settings and edits become those of the snapshot."),
+    "brighter": Label("Brighter", "Half a stop more exposure."),
+    "darker": Label("Darker", "Half a stop less exposure."),
+    "reset exposure": Label("Scene's exposure", "Sets the exposure back to the scene's own."),
+    "flip curve": Label("Tone curve", "Switches between the tone curves."),
+    "pin": Label("Pin pixel", "Keeps the values of the last clicked pixel in sight."),
+    "unpin": Label("Remove pins", "Removes all pinned pixels."),
     "against": Label("Compare with", "A second picture of the same view."),
     "split": Label("Divide at", "The picture is on the left, the compared one on the right."),
     "error": Label("Error map", "The difference of both pictures."),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import matplotlib
@@ -32,6 +32,11 @@ class Buffer(Label):
 
     appearance: Appearance
     unit: str = ""
+
+    @property
+    def scaled(self) -> bool:
+        """True if its colors follow the range of its values."""
+        return self.appearance in _SCALED
 
 
 ERROR_LEVELS = 64
@@ -111,9 +116,11 @@ class Lens:
     curve : {"srgb", "filmic"}
     buffer : str or None
         Auxiliary picture to show instead of the picture.
+    low, high : float or None
+        Range of values of a scaled auxiliary picture; None for its own.
     against : str or None
         Picture to the right of `split`: `input`, the video without objects; `truth`, the
-        path-traced truth of a scene view; or the name of a method.
+        path-traced truth of a scene view; `snapshot`, an earlier picture; or the name of a method.
     split : float
         Position of the division as a fraction of the width, from the left.
     error : bool
@@ -123,6 +130,8 @@ class Lens:
     exposure_ev: float = 0.0
     curve: Curve = "srgb"
     buffer: str | None = None
+    low: float | None = None
+    high: float | None = None
     against: str | None = None
     split: float = 0.5
     error: bool = False
@@ -130,7 +139,11 @@ class Lens:
     @property
     def method(self) -> str | None:
         """Name of the compared method, if any."""
-        return None if self.against in ("input", "truth") else self.against
+        return None if self.against in ("input", "truth", "snapshot") else self.against
+
+    def ranged(self, low: float | None, high: float | None) -> Lens:
+        """Return the lens with another range of values."""
+        return replace(self, low=low, high=high)
 
     def factor(self, exposure: float) -> float:
         """Return the scale factor of radiance in a scene of this exposure."""
@@ -148,6 +161,9 @@ class Lens:
         if appearance == "change":
             # Middle grey means no change.
             return self.develop(_three(values) + np.float32(0.18 / self.factor(exposure)), exposure)
+        if appearance in _SCALED:
+            ends = value_range(self, name, values)
+            return _SCALED[appearance](values, *ends) if ends else _black(values)
         return _APPEARANCES[appearance](values)
 
     def compare(self, ours: Bytes, other: Bytes) -> Bytes:
@@ -185,14 +201,16 @@ def _gray(share: NDArray[Any]) -> Bytes:
     return levels
 
 
-def _distance(metres: NDArray[np.float32]) -> Bytes:
+def _black(values: NDArray[np.float32]) -> Bytes:
+    return np.zeros((*values.shape[:2], 3), np.uint8)
+
+
+def _distance(metres: NDArray[np.float32], low: float, high: float) -> Bytes:
     """Map distances logarithmically, near is bright; infinite or missing ones are black."""
     known = np.isfinite(metres) & (metres > 0.0)
-    if not known.any():
-        return np.zeros((*metres.shape, 3), np.uint8)
+    near, far = (np.log(max(end, 1e-6)) for end in (low, high))
     logs = np.log(np.where(known, metres, 1.0))
-    low, high = np.percentile(logs[known], (1.0, 99.0))
-    share = 0.1 + 0.9 * (high - logs) / max(float(high - low), 1e-3)
+    share = 0.1 + 0.9 * (far - logs) / max(float(far - near), 1e-3)
     return _ramp(np.where(known, np.maximum(share, 0.1), 0.0))
 
 
@@ -210,19 +228,39 @@ def _label(level: NDArray[np.float32]) -> Bytes:
     return colors[np.clip(np.nan_to_num(level), 0, 3).astype(np.int64)]
 
 
-def _count(values: NDArray[np.float32]) -> Bytes:
-    """Map counts logarithmically; the largest is white."""
-    largest = max(float(np.nan_to_num(values).max(initial=0.0)), 1e-12)
-    share = np.maximum(values, 0.0) / np.float32(largest)
+def _count(values: NDArray[np.float32], low: float, high: float) -> Bytes:
+    """Map counts logarithmically above `low`, which is black; `high` is white."""
+    share = np.maximum(values - np.float32(low), 0.0) / np.float32(max(high - low, 1e-12))
     return _ramp(np.log1p(255.0 * share) / np.log(256.0))
 
 
+def value_range(lens: Lens, name: str, values: NDArray[np.float32]) -> tuple[float, float] | None:
+    """Return the lowest and highest value that false colors distinguish; None without an order."""
+    appearance = BUFFERS[name].appearance
+    if appearance in _FIXED:
+        return _FIXED[appearance]
+    if appearance not in _SCALED:
+        return None
+    if appearance == "distance":
+        known = values[np.isfinite(values) & (values > 0.0)]
+        if known.size == 0:
+            return None
+        low, high = (float(end) for end in np.percentile(known, (1.0, 99.0)))
+    else:
+        low, high = 0.0, max(float(np.nan_to_num(values).max(initial=0.0)), 1e-12)
+    low, high = low if lens.low is None else lens.low, high if lens.high is None else lens.high
+    return low, max(high, low + 1e-9)
+
+
+_FIXED: Mapping[str, tuple[float, float]] = {"share": (0.0, 1.0), "ratio": (0.0, 2.0)}
+_SCALED: Mapping[str, Callable[[NDArray[np.float32], float, float], Bytes]] = {
+    "distance": _distance,
+    "count": _count,
+}
 _APPEARANCES: Mapping[str, Callable[[NDArray[np.float32]], Bytes]] = {
     "share": lambda values: _gray(_three(values)),
     "ratio": lambda values: _gray(0.5 * _three(values)),
     "direction": lambda values: _gray(0.5 + 0.5 * _three(values)),
-    "distance": _distance,
     "motion": _motion,
     "label": _label,
-    "count": _count,
 }

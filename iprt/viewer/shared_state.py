@@ -116,12 +116,17 @@ class SharedState:
             lambda world: replace(world, playback=after) if world.playback == before else world
         )
 
-    def edit(self, edited: Callable[[World], World]) -> int:
-        """Change the edits in the world, with undo; return the number of the change."""
+    def edit(self, edited: Callable[[World], World], *, alone: bool = False) -> int:
+        """Change the edits in the world, with undo; return the number of the change.
+
+        A change that stands `alone` is no part of the gesture before it.
+        """
 
         def change(world: World) -> World:
             after = edited(world)
             if after != world:
+                if alone:
+                    self.history.end_gesture()
                 self.history.add(_edits(world), _edits(after), self._clock())
             return after
 

@@ -19,8 +19,10 @@ from iprt.scene.light_tables import LightTable, PointTable
 from iprt.scene.new_light import hanging
 from iprt.settings.model import Settings
 from iprt.viewer.displayed_frame import DisplayedFrame
+from iprt.viewer.distribution import Distribution, distribution
 from iprt.viewer.engine import Engine
 from iprt.viewer.labels import BY_HAND
+from iprt.viewer.lens import Lens
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.selection import Selection
 from iprt.viewer.sun_arrow import ArrowPlace, SunArrow
@@ -65,6 +67,7 @@ class UiState(ABC):
         self.step_m, self.step_deg = 0.1, 15.0
         self.array_count, self.array_step = 3, (0.5, 0.0, 0.0)
         self.displayed: DisplayedFrame | None = None
+        self._distribution: tuple[DisplayedFrame, Lens, Distribution | None] | None = None
         self._posted: dict[object, Callable[[], object]] = {}
 
     def post(self, key: object, do: Callable[[], object]) -> None:
@@ -88,6 +91,20 @@ class UiState(ABC):
     def look(self, view: View) -> None:
         """Turn to any view, at the window's size."""
         self.viewport.look(view)
+
+    @property
+    def distribution(self) -> Distribution | None:
+        """Distribution of the displayed values; None without any, or without an order."""
+        displayed, lens = self.displayed, self.viewport.lens
+        if displayed is None or displayed.shown.plain:
+            return None
+        known = self._distribution
+        if known is None or known[0] is not displayed or known[1] != lens:
+            picture, name = displayed.shown.picture, displayed.buffer
+            values = picture.color if name is None else picture.aovs[name]
+            found = distribution(lens, name, values, self.engine.scene.exposure)
+            self._distribution = known = displayed, lens, found
+        return known[2]
 
     @property
     def settings(self) -> Settings:

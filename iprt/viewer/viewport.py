@@ -29,6 +29,7 @@ from iprt.viewer.object_states import ObjectState
 from iprt.viewer.picking import Picking, Readout
 from iprt.viewer.screenshots import free_path, metadata_of
 from iprt.viewer.session import Shown
+from iprt.viewer.snapshot import Snapshot
 from iprt.viewer.state import REST_FRAMES, Request
 from iprt.viewer.surroundings import Surroundings, SurroundingsDeveloper
 from iprt.viewer.truth_reader import truth_problem
@@ -67,6 +68,10 @@ class Viewport:
         Quality during motion.
     picking : Picking
         Objects and surfaces in the displayed picture.
+    snapshot : Snapshot or None
+        The last one taken.
+    pins : list of (x, y)
+        Positions in the picture whose values are shown.
     """
 
     def __init__(
@@ -90,6 +95,8 @@ class Viewport:
         self._latency_s: float | None = None
         self._asked: deque[tuple[int, float]] = deque(maxlen=256)  # number and time of inputs
         self.picking = Picking()
+        self.snapshot: Snapshot | None = None
+        self.pins: list[tuple[float, float]] = []
         self._frame_rate = FrameRate(clock)
         self._show_added()
         self._wanted = self._request()
@@ -154,6 +161,14 @@ class Viewport:
         views = self._engine.scene.views.values()
         found = [entry for entry in views if entry.view.resized(view.width, view.height) == view]
         return min(found, key=lambda entry: entry.objects != objects).name if found else None
+
+    def take_snapshot(self) -> bool:
+        """Keep the picture for comparisons; return False if there is none yet."""
+        shown = self._client.shown
+        if shown is None or shown.plain:
+            return False
+        self.snapshot = Snapshot(shown.picture, shown.request, shown.frame, self._engine.world)
+        return True
 
     # How it is shown --------------------------------------------------------------------------
 
@@ -246,11 +261,12 @@ class Viewport:
             return None
         other = None if self._baseline is None else self._baseline.shown
         edits, lively = self._engine.world.edits, self.motion.lively
-        made_of = (shown, other, self._lens, self.name, self._developer.scores, edits, lively)
+        state = self.snapshot, self._lens, self.name, self._developer.scores
+        made_of = (shown, other, *state, edits, lively)
         if self._displayed is None or made_of != self._made_of:
             self._clock(shown)
             found = self._developer.develop(
-                self._engine.scene, self.name, self._lens, shown, other, edits
+                self._engine.scene, self.name, self._lens, shown, other, self.snapshot, edits
             )
             self._made_of = made_of
             self._displayed = DisplayedFrame(

@@ -166,7 +166,7 @@ def shown(color: Any, method: str, *, plain: bool = False) -> Any:
 
 
 def developed(developer: PictureDeveloper, lens: Lens, baseline: Any) -> Any:
-    return developer.develop(SCENE, None, lens, shown(COLOR, "iprt"), baseline, ())
+    return developer.develop(SCENE, None, lens, shown(COLOR, "iprt"), baseline, None, ())
 
 
 @pytest.fixture

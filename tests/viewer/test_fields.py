@@ -213,7 +213,7 @@ def test_only_what_counts_can_be_used(ui: Ui) -> None:
         assert lens["error"].read() == error
     lens["error"].write(True)
     assert not lens["split"].enabled()
-    assert {"truth", ui.settings.method} == set(lens["against"].missing())
+    assert {"truth", "snapshot", ui.settings.method} == set(lens["against"].missing())
     assert {"em", *lens["against"].missing()} < set(lens["against"].options())
 
 

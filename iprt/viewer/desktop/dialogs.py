@@ -22,6 +22,10 @@ _FIXED = (
 )
 
 
+COLUMN_EM, MOST_COLUMNS = 30.0, 3
+"""Least width of a column of the help, and the largest number of columns."""
+
+
 def draw_help(ui: DesktopState) -> None:
     """Draw the help on keys and mouse."""
     if not ui.help:
@@ -30,13 +34,21 @@ def draw_help(ui: DesktopState) -> None:
     unfolded, opened = imgui.begin("Keys and mouse", True, _FIXED)
     ui.help = bool(opened)
     if unfolded:
-        rows = [(a.keys, a.label.name[0].lower() + a.label.name[1:]) for a in shortcuts(ui)]
-        for heading, part in (("Mouse", ELSEWHERE[1:]), ("Keys", [*rows, ELSEWHERE[0]])):
-            imgui.separator_text(heading)
-            for key, about in part:
+        keys = [(a.keys, a.label.name[0].lower() + a.label.name[1:]) for a in shortcuts(ui)]
+        rows = [*ELSEWHERE, *keys]
+        em, room = imgui.get_font_size(), imgui.get_main_viewport().size.x
+        columns = max(1, min(MOST_COLUMNS, int(room / (COLUMN_EM * em))))
+        height = -(-len(rows) // columns)
+        flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.pad_outer_x
+        if imgui.begin_table("keys", 2 * columns, flags):
+            for place in range(height * columns):
+                line = place // columns + (place % columns) * height
+                key, about = rows[line] if line < len(rows) else ("", "")
+                imgui.table_next_column()
                 imgui.text_colored(imgui.ImVec4(*ACCENT), key)
-                imgui.same_line(11.0 * imgui.get_font_size())
-                imgui.text_unformatted(about)
+                imgui.table_next_column()
+                imgui.text_unformatted(f"{about}   ")
+            imgui.end_table()
     imgui.end()
 
 

@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 
 from iprt.viewer.actions import Action, actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
+from iprt.viewer.desktop import looking_panel
 from iprt.viewer.desktop.style import ACCENT, QUIET, TEXT
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import (
@@ -74,9 +75,7 @@ def picture(ui: DesktopState) -> None:
     heading("Picture")
     for field in lens_fields(ui):
         draw_field(ui, field)
-    heading("Values")
-    label("At the mouse", "Values of the pixel, in a corner of the picture (I).")
-    ui.readout = imgui.checkbox("##readout", ui.readout)[1]
+    looking_panel.draw(ui)
     heading(PARTS["screenshot"].name)
     half = 0.5 * (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x)
     for kind, keys in (("PNG", "F12"), ("EXR", "Shift+F12")):

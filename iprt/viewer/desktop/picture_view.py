@@ -11,9 +11,11 @@ from imgui_bundle import imgui
 from iprt.geometry.camera import View
 from iprt.viewer.desktop import gizmo, overlay
 from iprt.viewer.desktop.gizmo import GIZMO, Matrix, Rectangle
+from iprt.viewer.desktop.looking_panel import draw_crosses
 from iprt.viewer.desktop.turning import BESIDE, turned, turned_place
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import Window
+from iprt.viewer.looking import pin
 
 Gesture = Literal["press", "look", "slide", "split", "gizmo"]
 CLICK_PX = 4.0
@@ -74,6 +76,8 @@ class PictureView:
         self._follow_mouse(hovered)
         object_box = self._gizmo()
         self._sun_gizmo()
+        if self._turn is None:
+            draw_crosses(self._ui, self.rectangle)
         overlay.split_bar(self._ui, self.rectangle, lit=self._over_split())
         imgui.end()
         overlay.caption(self._ui, self.rectangle)
@@ -139,7 +143,9 @@ class PictureView:
         elif self.gesture is not None:
             self._drag(io.mouse_delta.x, io.mouse_delta.y)
         if self.gesture is not None and not any(imgui.is_mouse_down(b) for b in (0, 1, 2)):
-            if self.gesture == "press":
+            if self.gesture == "press" and io.key_shift and ui.cursor is not None:
+                pin(ui, *ui.cursor)
+            elif self.gesture == "press":
                 ui.pick(self._object, more=io.key_ctrl)
             self.gesture = None
 

@@ -17,7 +17,8 @@ ELSEWHERE = (
     ("wheel", "field of view"),
     ("click", "select an object"),
     ("Ctrl+click", "select several objects"),
-    ("drag the selected object", "slide it over surfaces"),
+    ("Shift+click", "pin the values of a pixel"),
+    ("drag an object", "slide the selected one over surfaces"),
     ("drop a file", "add a mesh at the cursor"),
 )
 """Inputs that are handled elsewhere."""

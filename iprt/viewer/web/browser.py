@@ -140,7 +140,7 @@ class Browser(BrowserState):
         """Select the object at a window position, and read the pixel's values."""
         x, y = self.in_picture(x, y)
         self.pick(self.object_at(x, y), more=more)
-        self.read = self.viewport.readout(x, y)
+        self.read, self.read_at = self.viewport.readout(x, y), (x, y)
 
     def _dropped(self, x: float, y: float) -> None:
         if self.selected is None:

@@ -36,6 +36,8 @@ class BrowserState(UiState):
         Keep the selected object on surfaces during a drag.
     read : Readout or None
         Values of the last clicked pixel.
+    read_at : (x, y)
+        Position of that pixel in the picture.
     lossless : bool
         True if the browser has the lossless picture.
     """
@@ -45,6 +47,7 @@ class BrowserState(UiState):
         self.client, self.uploads = client, uploads
         self.snapping = self.lossless = False
         self.read: Readout | None = None
+        self.read_at = (0.0, 0.0)
         self._wake = threading.Event()
 
     def post(self, key: object, do: Callable[[], object]) -> None:

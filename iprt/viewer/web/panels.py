@@ -24,6 +24,8 @@ from iprt.viewer.fields import (
 )
 from iprt.viewer.labels import PARTS, PICTURE
 from iprt.viewer.light_fields import light_fields, sun_fields
+from iprt.viewer.looking import pin
+from iprt.viewer.looking_fields import range_fields
 from iprt.viewer.material_fields import material_fields
 from iprt.viewer.render_fields import TAB
 from iprt.viewer.ui_state import require_mesh
@@ -31,6 +33,7 @@ from iprt.viewer.virtual_light_fields import virtual_light_fields
 from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.handles import do_on, show
 from iprt.viewer.web.inputs import QUIET, Inputs
+from iprt.viewer.web.looking_panel import distribution_html, pixels_html
 from iprt.viewer.web.profile_panel import ProfilePanel
 from iprt.viewer.web.render_panel import RenderPanel
 from iprt.viewer.web.settings_panel import SettingsPanel
@@ -39,8 +42,8 @@ from iprt.viewer.web.status import status_html
 WIDTH_PX = 340
 ARRANGING = ("duplicate", "settle", "group", "ungroup", "lock", "hide", "show all")
 """Actions that arrange the selected objects."""
-TAKEN = ("save",)
-"""Actions whose keys browsers keep for themselves."""
+TAKEN = ("save", "brighter", "darker")
+"""Actions whose keys browsers, or viser's camera, keep for themselves."""
 
 
 class Panels:
@@ -66,8 +69,7 @@ class Panels:
                 self._add(*sun_fields(ui))
             self._add_html(lambda: _told(ui.engine.light_lines))
         with tabs.add_tab(PICTURE.name):
-            self._add(*lens_fields(ui))
-            gui.add_markdown("Click into the picture to read out a pixel, in linear units.")
+            self._add_picture()
         with tabs.add_tab("Settings"):
             self._syncs.append(SettingsPanel(ui).sync)
         with tabs.add_tab("Profile"):
@@ -91,6 +93,24 @@ class Panels:
     def _add_html(self, content: Callable[[], str]) -> None:
         handle = self._gui.add_html("")
         self._syncs.append(lambda: show(handle, "content", content()))
+
+    # The tab of the picture -------------------------------------------------------------------
+
+    def _add_picture(self) -> None:
+        ui, shared = self._ui, actions(self._ui)
+
+        def pin_read() -> None:
+            if ui.read is not None:
+                pin(ui, *ui.read_at)
+
+        self._add(*lens_fields(ui))
+        self._add(shared["snapshot"], shared["flip"], shared["restore"])
+        self._add_html(lambda: distribution_html(ui))
+        self._add(*range_fields(ui), sparse=True)
+        self._add(shared["auto range"])
+        self._add_html(lambda: pixels_html(ui))
+        pinning = Action("pin", PARTS["pin"], pin_read, enabled=lambda: ui.read is not None)
+        self._add(pinning, shared["unpin"])
 
     # The tab of the scene ---------------------------------------------------------------------
 

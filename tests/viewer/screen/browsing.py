@@ -109,9 +109,10 @@ class Visitor:
         mouse.up()
 
     def input(self, label: str) -> Any:
-        """The text box of a labelled number."""
-        path = f"//label[normalize-space()='{label}']/following::input[not(@type='hidden')][1]"
-        return self.page.locator(f"xpath={path}")
+        """The text box of a labelled number in sight; a mark says that it was changed."""
+        labels = f"//label[normalize-space()='{label}' or normalize-space()='• {label}']"
+        path = f"{labels}/following::input[not(@type='hidden')][1]"
+        return self.page.locator(f"xpath={path}").locator("visible=true")
 
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name, exact=True).click()

@@ -217,9 +217,10 @@ def test_what_is_missing_is_said() -> None:
         "from iprt.geometry.camera import View\n"
         "from iprt.errors import IprtError\n"
         "from iprt.viewer import desktop\n"
+        "from iprt.viewer.windows import Start\n"
         "if 'extra' in sys.argv: sys.modules['imgui_bundle'] = None\n"
         "engine = types.SimpleNamespace(scene=types.SimpleNamespace(name='room'))\n"
-        "try: desktop.run(engine, View(64, 64))\n"
+        "try: desktop.run(engine, Start(View(64, 64)), None)\n"
         "except IprtError as error: print(error)\n"
     )
     environment = {k: v for k, v in os.environ.items() if "DISPLAY" not in k}

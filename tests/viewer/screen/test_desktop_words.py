@@ -31,9 +31,11 @@ def tab(user: User, name: str) -> Iterator[None]:
 
 
 CHOOSABLE = {
-    key: label for key, label in labels.comparisons().items() if key not in ("truth", DEFAULT)
+    key: label
+    for key, label in labels.comparisons().items()
+    if key not in ("truth", "snapshot", DEFAULT)
 }
-"""A view without a truth, rendered by the default method, is compared with these."""
+"""A view without truth and snapshot, rendered by the default method, is compared with these."""
 
 
 def test_a_truth_that_is_not_there_cannot_be_chosen(user: User) -> None:
