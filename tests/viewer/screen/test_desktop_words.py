@@ -156,6 +156,8 @@ def test_objects_are_missed_only_where_there_are_none(
     user.at_rest()
     user.engine.editor.remove(["cube"])
     user.until(lambda: not user.engine.objects)
+    user.hover("##fov")
+    user.screen.wheel(-20)  # to the end
     user.until(lambda: user.reads("None yet"))
     monkeypatch.setattr(user.ui.viewport, "poll", lambda: None)
     user.until(lambda: user.reads("Objects") and not user.reads("None yet"))
