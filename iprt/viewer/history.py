@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.object_edits import ObjectEdit
+from iprt.scene.view_edits import ViewEdit
 
 Changed = frozenset[tuple[str, str]]
 
@@ -21,6 +22,7 @@ class Edits:
 
     objects: tuple[ObjectEdit, ...]
     light: LightEdit
+    views: tuple[ViewEdit, ...] = ()
 
 
 class History:
@@ -70,7 +72,7 @@ class History:
 
 
 def _changed(before: Edits, after: Edits) -> Changed:
-    """Return the changed parts of the edits, with the names of objects; light has none."""
+    """Return the changed parts of the edits, with the names of objects and views."""
     old, new = ({edit.name: edit for edit in edits.objects} for edits in (before, after))
     objects = [
         (name, part)
@@ -79,4 +81,7 @@ def _changed(before: Edits, after: Edits) -> Changed:
         if getattr(old.get(name, ObjectEdit(name)), part)
         != getattr(new.get(name, ObjectEdit(name)), part)
     ]
-    return frozenset([*objects, *(("", part) for part in before.light.differing(after.light))])
+    views = [(edit.name, "view") for edit in {*before.views} ^ {*after.views}]
+    return frozenset(
+        [*objects, *views, *(("", part) for part in before.light.differing(after.light))]
+    )

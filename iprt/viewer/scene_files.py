@@ -127,8 +127,11 @@ class SceneFiles:
             edits = tuple(e for e in world.edits if ours or e not in world.saved)
             known = [e if e.path is None else self._at_home(e, e.path) for e in edits]
             light = world.light if ours else world.light.besides(world.saved_light)
+            views = tuple(e for e in world.views if ours or e not in world.saved_views)
             base = loaded.text if ours else None
-            self._meshes |= save_edits(loaded.origin, known, light=light, base=base, look=look)
+            self._meshes |= save_edits(
+                loaded.origin, known, light=light, views=views, base=base, look=look
+            )
             now = self._reloaded()
             self._text = now.text
             if not ours:

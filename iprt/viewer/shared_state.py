@@ -138,14 +138,19 @@ class SharedState:
     def _go(self, step: Callable[[Edits], Edits]) -> int:
         def change(world: World) -> World:
             edits = step(_edits(world))
-            return replace(world, edits=edits.objects, light=edits.light)
+            return replace(world, edits=edits.objects, light=edits.light, views=edits.views)
 
         return self.change(change)
 
     def saved(self, written: World) -> int:
         """Record that the files contain the edits of a world; return the number of the change."""
         return self.change(
-            lambda world: replace(world, saved=written.edits, saved_light=written.light)
+            lambda world: replace(
+                world,
+                saved=written.edits,
+                saved_light=written.light,
+                saved_views=written.views,
+            )
         )
 
     def reread(self) -> int:
@@ -155,12 +160,18 @@ class SharedState:
         """
 
         def change(world: World) -> World:
-            if not world.saved and not world.saved_light.parts:
+            if not world.saved and not world.saved_light.parts and not world.saved_views:
                 return world
             self.history.clear()
-            edits = tuple(edit for edit in world.edits if edit not in world.saved)
-            light = world.light.besides(world.saved_light)
-            return replace(world, edits=edits, light=light, saved=(), saved_light=UNEDITED)
+            return replace(
+                world,
+                edits=tuple(edit for edit in world.edits if edit not in world.saved),
+                light=world.light.besides(world.saved_light),
+                views=tuple(edit for edit in world.views if edit not in world.saved_views),
+                saved=(),
+                saved_light=UNEDITED,
+                saved_views=(),
+            )
 
         return self.change(change)
 
@@ -230,4 +241,4 @@ class SharedState:
 
 
 def _edits(world: World) -> Edits:
-    return Edits(world.edits, world.light)
+    return Edits(world.edits, world.light, world.views)

@@ -19,6 +19,7 @@ from iprt.output.metadata import picture_metadata
 from iprt.output.picture import check_output, write_picture, write_pixels
 from iprt.scene.edit_writing import Look
 from iprt.scene.placement import set_on
+from iprt.scene.scene_view import SceneView
 from iprt.viewer.controls import with_value
 from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
 from iprt.viewer.engine import Client, Engine
@@ -62,7 +63,9 @@ class Viewport:
     view : View
         Current view, with the window's size.
     name : str or None
-        Name of the scene's view, until the user turns away.
+        Name of the scene's view, until the user turns away. Until then its keyframes turn the view.
+    last_name : str or None
+        Name of the scene's view that was shown last.
     motion : MotionQuality
         Quality during motion.
     picking : Picking
@@ -81,9 +84,9 @@ class Viewport:
     ) -> None:
         self._engine, self._time = engine, clock
         self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
-        self._objects, self._frames = objects, frames
+        self.last_name, self._objects, self._frames = self.name, objects, frames
         self._lens, self.motion = Lens(), MotionQuality(target_fps, engine.tradeoff, clock)
-        self._edits = engine.world.edits, engine.world.light
+        self._edits = engine.world.edits, engine.world.light, engine.world.views
         self._developer, self._surroundings = PictureDeveloper(), SurroundingsDeveloper(engine)
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
@@ -98,9 +101,9 @@ class Viewport:
 
     def close(self) -> None:
         """Disconnect from the engine."""
-        self._client.close()
-        if self._baseline is not None:
-            self._baseline.close()
+        for client in (self._client, self._baseline):
+            if client is not None:
+                client.close()
         self._developer.close()
 
     # Where it looks ---------------------------------------------------------------------------
@@ -140,18 +143,31 @@ class Viewport:
 
     def go_to(self, name: str) -> None:
         """Switch to a view of the scene and its objects, at the displayed video frame."""
-        scene = self._engine.scene
-        entry = scene.views[name]
-        frame = self._client.shown.frame if self._client.shown else scene.frame_indices[0]
-        view = entry.at(scene.time_of(frame))
-        self.view, self.name = view.resized(self.view.width, self.view.height), name
-        self._objects = entry.objects
+        self.name = self.last_name = name
+        self._turn_as_the_video_plays()
+        self._objects = self._engine.views[name].objects
         self._show_added()
         self._input()
 
+    def _turn_as_the_video_plays(self) -> None:
+        """Turn to where the scene's view looks at the frame, unless the user turned away."""
+        if self._entry is not None:
+            now = self._entry.at(self._engine.scene.time_of(self.frame))
+            self.view = now.resized(self.view.width, self.view.height)
+
+    @property
+    def _entry(self) -> SceneView | None:
+        return None if self.name is None else self._engine.views.get(self.name)
+
+    @property
+    def frame(self) -> int:
+        """The requested video frame, or the displayed one during playback."""
+        playback, shown = self._engine.playback, self._client.shown
+        return playback.frame if not playback.playing or shown is None else shown.frame
+
     def _name_of(self, view: View, objects: tuple[str, ...] | None) -> str | None:
         """Return the scene's view with this direction, preferably with the same objects."""
-        views = self._engine.scene.views.values()
+        views = self._engine.views.values()
         found = [entry for entry in views if entry.view.resized(view.width, view.height) == view]
         return min(found, key=lambda entry: entry.objects != objects).name if found else None
 
@@ -192,8 +208,8 @@ class Viewport:
     def _follow(self) -> None:
         """Send a new request after changes by others, and between motion and rest."""
         world = self._engine.world
-        if (world.edits, world.light) != self._edits:
-            self._edits = world.edits, world.light
+        if (world.edits, world.light, world.views) != self._edits:
+            self._edits = world.edits, world.light, world.views
             self._show_added()
             self.motion.stir()
         if self._request() != self._wanted:
@@ -230,7 +246,8 @@ class Viewport:
         if lens.against == "input" and "background" not in aovs:
             aovs.append("background")
         settings = None if level is None else level.settings
-        return Request(view, self.objects, settings, tuple(aovs), frames=self._frames)
+        motion = None if self._entry is None else self._entry.motion
+        return Request(view, self.objects, settings, tuple(aovs), True, self._frames, motion)
 
     # The picture ------------------------------------------------------------------------------
 
@@ -241,16 +258,18 @@ class Viewport:
             self.motion.observe(shown)
             self.picking.follow(shown)
             self._frame_rate.follow(self._engine.playback.since_s, shown.frame)
+        self._turn_as_the_video_plays()
         self._follow()
         if shown is None:
             return None
         other = None if self._baseline is None else self._baseline.shown
-        edits, lively = self._engine.world.edits, self.motion.lively
-        made_of = (shown, other, self._lens, self.name, self._developer.scores, edits, lively)
+        world, lively = self._engine.world, self.motion.lively
+        edits = world.edits, world.views
+        made_of = (shown, other, self._lens, self.name, self._developer.scores, *edits, lively)
         if self._displayed is None or made_of != self._made_of:
             self._clock(shown)
             found = self._developer.develop(
-                self._engine.scene, self.name, self._lens, shown, other, edits
+                self._engine.scene, self.name, self._lens, shown, other, *edits
             )
             self._made_of = made_of
             self._displayed = DisplayedFrame(
@@ -271,20 +290,17 @@ class Viewport:
     def counter(self) -> str | None:
         """The position in the video and its rate, in words; None for a single frame."""
         scene, playback = self._engine.scene, self._engine.playback
-        frames, shown = scene.frame_indices, self._client.shown
+        frames = scene.frame_indices
         if len(frames) == 1:
             return None
-        frame = shown.frame if shown is not None and playback.playing else playback.frame
-        text = f"{frame - frames[0] + 1} of {len(frames)}"
+        text = f"{self.frame - frames[0] + 1} of {len(frames)}"
         fps = self._frame_rate.value if playback.playing else None
         return text if fps is None else f"{text}, {fps:.2g} of {scene.source.fps:g} fps"
 
     @property
     def truth_problem(self) -> str | None:
         """Reason why no truth is available here; None if one is."""
-        shown, scene = self._client.shown, self._engine.scene
-        frame = scene.frame_indices[0] if shown is None else shown.frame
-        return truth_problem(scene, self.name, frame)
+        return truth_problem(self._engine.scene, self.name, self.frame)
 
     def _clock(self, shown: Shown) -> None:
         while self._asked and self._asked[0][0] <= shown.number:

@@ -12,6 +12,7 @@ from iprt.settings.model import Settings
 from iprt.viewer.actions import Action, actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
 from iprt.viewer.controls import preset_of
+from iprt.viewer.desktop import views
 from iprt.viewer.desktop.style import ACCENT, QUIET, TEXT
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import (
@@ -85,7 +86,7 @@ def picture(ui: DesktopState) -> None:
     for field in lens_fields(ui):
         draw_field(ui, field)
     heading("Values")
-    label("At the mouse", "Values of the pixel, in a corner of the picture (I).")
+    label("At the mouse", "Values of the pixel, in a corner of the picture (V).")
     ui.readout = imgui.checkbox("##readout", ui.readout)[1]
     heading(PARTS["screenshot"].name)
     half = 0.5 * (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x)
@@ -128,8 +129,9 @@ def _files(ui: DesktopState) -> None:
 
 def _view(ui: DesktopState) -> None:
     viewport = ui.viewport
-    if ui.engine.scene.views:
+    if ui.engine.views:
         draw_field(ui, view_field(ui))
+    views.draw(ui)
     view = viewport.view
     if view.projection == "equirect":
         quiet("The whole panorama: choose a view to look around.")

@@ -28,6 +28,12 @@ from iprt.viewer.fields import (
 from iprt.viewer.labels import PARTS, PICTURE
 from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.material_fields import material_fields
+from iprt.viewer.timeline_fields import (
+    key_fields,
+    record_field,
+    timeline_actions,
+    view_name_field,
+)
 from iprt.viewer.ui_state import require_mesh
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 from iprt.viewer.web.browser_state import BrowserState
@@ -95,10 +101,15 @@ class Panels:
     def _add_scene(self) -> None:
         ui, gui, shared = self._ui, self._gui, actions(self._ui)
         self._add(view_field(ui))
+        timed = timeline_actions(ui)
+        with gui.add_folder("Views", expand_by_default=False):
+            self._add(view_name_field(ui), *(timed[n] for n in ("add view", "look", "remove view")))
         if len(ui.frames) > 1:
             with gui.add_folder("Video"):
                 self._add(*playback_fields(ui))
                 self._add_html(lambda: _counted(ui.viewport.counter or ""))
+        with gui.add_folder("Keyframes", expand_by_default=False):
+            self._add(timed["key"], record_field(ui), *key_fields(ui), timed["delete keys"])
         self._add(shared["undo"], shared["redo"], shared["save"])
         self._add_screenshots()
         self._add_visibility()
@@ -129,7 +140,7 @@ class Panels:
 
                 self._add(*fields(ui), visible=visible, sparse=True)
             self._add(shared["bare"], shared["remove"], shared["light"])
-        for action in shared.values():
+        for action in (timed["key"], *shared.values()):
             if action.keys and action.name not in TAKEN:
                 self._bind_key(action)
 
