@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,19 @@ class ObjectEdit:
         if self.keyframes is not None and self.keyframes is not motion.keyframes:
             motion = ObjectMotion.of(motion.to_world, self.keyframes)
         return motion
+
+    def besides(self, saved: ObjectEdit | None) -> ObjectEdit | None:
+        """Return what the edit changes besides a saved one of the object; None if nothing."""
+        if saved is None:
+            return self
+        same: dict[str, Any] = {
+            part: None for part in VALUES if getattr(self, part) == getattr(saved, part)
+        }
+        return None if self == saved else replace(self, **same)
+
+
+VALUES = ("to_world", "material", "light", "group", "locked", "keyframes")
+"""Attributes of an edit that replace a value of the object; None leaves it."""
 
 
 def flat(to_world: NDArray[np.float64]) -> Matrix:

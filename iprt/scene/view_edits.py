@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ViewKeyframe, ViewMotion
@@ -49,6 +50,24 @@ class ViewEdit:
     def looks_elsewhere(self) -> bool:
         """True if pictures of the view change."""
         return self.look is not None or self.keyframes is not None
+
+
+def views_besides(edits: Iterable[ViewEdit], saved: Iterable[ViewEdit]) -> tuple[ViewEdit, ...]:
+    """Return what edits change besides saved ones, for files that contain those."""
+    by_name = {edit.name: edit for edit in saved}
+    found = []
+    for edit in edits:
+        before = by_name.get(edit.name)
+        if before is None:
+            found.append(edit)
+        elif edit != before:
+            parts = ("new_name", "look", "keyframes")
+            same: dict[str, Any] = {
+                part: None for part in parts if getattr(edit, part) == getattr(before, part)
+            }
+            name = before.shown_name
+            found.append(replace(edit, name=name, new=False, objects=None, **same))
+    return tuple(found)
 
 
 def edited_views(

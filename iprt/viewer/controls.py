@@ -155,5 +155,26 @@ def with_preset(settings: Settings, quality: Quality) -> Settings:
     return changed(settings, {**shared, **PRESETS[quality]})
 
 
+def compared_presets(settings: Settings) -> dict[str, dict[str, str]]:
+    """Return the values of settings in all presets and in `settings`, for a table.
+
+    Returns
+    -------
+    dict of str to dict of str to str
+        Rows by the settings' keys, each with the presets' values and then, under "now", the
+        current one. Settings that are the same everywhere have none.
+    """
+    columns: dict[str, Mapping[str, Any]] = {
+        name: plain_values(with_preset(Settings(method=settings.method), name)) for name in PRESETS
+    }
+    columns["now"] = plain_values(settings)
+    rows = {key: {name: column[key] for name, column in columns.items()} for key in columns["now"]}
+    return {
+        key: {name: _word(value) for name, value in row.items()}
+        for key, row in rows.items()
+        if any(value != row["now"] for value in row.values())
+    }
+
+
 def _word(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)

@@ -14,16 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from iprt.settings.overrides import Setting, all_settings, groups
-from iprt.settings.presets import PRESETS, Quality
-from iprt.viewer.controls import (
-    Slider,
-    preset_of,
-    slider_of,
-    value_of,
-    with_preset,
-    with_value,
-)
+from iprt.viewer.controls import Slider
 from iprt.viewer.gizmo import turn_of, turned_to
 from iprt.viewer.labels import (
     CURVES,
@@ -38,12 +29,10 @@ from iprt.viewer.labels import (
 from iprt.viewer.lens import BUFFERS
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.ui_state import UiState
+from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 
 Kind = Literal["switch", "choice", "number", "vector", "color", "file", "text"]
-OWN = "own"
-"""Name in place of a preset if settings differ from all presets."""
 NONE = Label("none", "")
-MOST_FPS = 240
 SRGB = "Shown here as sRGB; scene.toml stores linear values"
 
 
@@ -90,6 +79,17 @@ class Field:
     default: Any = None
     enabled: Callable[[], bool] = lambda: True
 
+    @property
+    def changed(self) -> bool:
+        """True if the value is not the default."""
+        return self.default is not None and self.read() != self.default
+
+    def matches(self, words: str) -> bool:
+        """Return True if key, label or tooltip contain all words of a search."""
+        label = self.label()
+        text = f"{self.key} {label.name} {label.about}".lower()
+        return all(word in text for word in words.lower().split())
+
 
 def view_field(ui: UiState) -> Field:
     """Build the choice of the scene's views, with an entry for any other view."""
@@ -112,6 +112,33 @@ def view_field(ui: UiState) -> Field:
             ui.go_to(name)
 
     return Field("view", "choice", lambda: PARTS["view"], read, write, options)
+
+
+def look_fields(ui: UiState) -> tuple[Field, ...]:
+    """Build the fields of the view's direction and field of view."""
+
+    def field(key: str, part: str, slider: Slider) -> Field:
+        def write(value: float) -> None:
+            value = min(max(float(value), slider.low), slider.high)
+            change: dict[str, Any] = {part: value}
+            ui.look(replace(ui.viewport.view, **change))
+
+        def read() -> float:
+            return round(float(getattr(ui.viewport.view, part)), 3)
+
+        def perspective() -> bool:
+            return ui.viewport.view.projection == "perspective"
+
+        label = PARTS[key]
+        return Field(
+            key, "number", lambda: label, read, write, slider=slider, unit="°", enabled=perspective
+        )
+
+    return (
+        field("yaw", "yaw_deg", Slider(-180.0, 180.0, False, 0.0)),
+        field("pitch", "pitch_deg", Slider(-90.0, 90.0, False, 0.0)),
+        field("fov", "fov_y_deg", Slider(MIN_FOV_DEG, MAX_FOV_DEG, False, 0.0)),
+    )
 
 
 def lens_fields(ui: UiState) -> tuple[Field, ...]:
@@ -282,80 +309,3 @@ def attribute_switch(ui: UiState, key: str, attribute: str) -> Field:
         lambda: getattr(ui, attribute),
         lambda on: setattr(ui, attribute, on),
     )
-
-
-def quality_field(ui: UiState) -> Field:
-    """Build the choice of a preset, with an entry for other settings."""
-
-    def read() -> str:
-        preset = preset_of(ui.settings)
-        return OWN if preset.differing else preset.quality
-
-    def write(name: Quality) -> None:
-        if name in PRESETS:
-            ui.settings = with_preset(ui.settings, name)
-
-    def options() -> Mapping[str, Label]:
-        return {name: Label(name, "") for name in (*PRESETS, *([OWN] if read() == OWN else []))}
-
-    return Field("preset", "choice", lambda: PARTS["preset"], read, write, options)
-
-
-def rate_field(ui: UiState) -> Field:
-    """Build the field of the frame rate to hold during motion."""
-
-    def write(fps: float) -> None:
-        ui.viewport.motion.target_fps = float(fps) if fps > 0 else None
-
-    return Field(
-        "fps",
-        "number",
-        lambda: PARTS["fps"],
-        lambda: round(ui.viewport.motion.target_fps or 0.0),
-        write,
-        slider=Slider(0, MOST_FPS, True, 1.0),
-    )
-
-
-def setting_groups(ui: UiState) -> tuple[tuple[Label, tuple[Field, ...]], ...]:
-    """Build the fields of all settings by group, in the order of the model."""
-    by_group: dict[str, list[Field]] = {}
-    for setting in all_settings().values():
-        by_group.setdefault(setting.group, []).append(setting_field(ui, setting))
-    abouts = {"": "Settings of all passes.", **groups()}
-    return tuple(
-        (Label((name or "general").replace("_", " "), abouts[name]), tuple(fields))
-        for name, fields in by_group.items()
-    )
-
-
-def setting_field(ui: UiState, setting: Setting) -> Field:
-    """Build the field of a renderer setting.
-
-    Raises
-    ------
-    TypeError
-        No field supports its type.
-    """
-    key, schema = setting.key, setting.schema
-    options = {word: Label(word, "") for word in schema.get("enum", ())}
-    kind = "choice" if options else _KINDS.get(schema.get("type"))
-    if kind is None:
-        raise TypeError(f"{key}: no field takes {setting.allowed}")
-    name = key.rpartition(".")[2].replace("_", " ")
-    label = Label(name, f"{setting.help} ({setting.allowed}; {key})")
-    return Field(
-        key,
-        kind,
-        lambda: label,
-        lambda: value_of(ui.settings, key),
-        lambda value: setattr(ui, "settings", with_value(ui.settings, key, value)),
-        lambda: options,
-        slider=slider_of(schema, setting.default) if kind == "number" else None,
-        beyond=True,
-        unit=str(schema.get("unit", "")),
-        default=setting.default,
-    )
-
-
-_KINDS: Mapping[object, Kind] = {"boolean": "switch", "integer": "number", "number": "number"}

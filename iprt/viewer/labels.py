@@ -99,9 +99,14 @@ UNITS: Mapping[str, Label] = {
 }
 PARTS: Mapping[str, Label] = {
     "view": Label("View", "The views of scene.toml, each with the objects that it shows."),
+    "yaw": Label("Yaw", "To the right. Drag the picture to look around."),
+    "pitch": Label("Pitch", "Up."),
+    "fov": Label("Field of view", "Vertical. The mouse's wheel changes it."),
     "selected": Label("Selected", "Or click one in the picture. Shift+click puts it there."),
     "objects": Label("Objects", "Click one to select it, here or in the picture."),
     "preset": Label("Preset", "Sets the settings with the most effect on cost; all others stay."),
+    "search": Label("Search settings", "Words of names, keys and tooltips."),
+    "presets": Label("Compare presets", "The settings in which presets differ, and those of now."),
     "fps": Label(
         "Frame rate",
         "Frames per second to hold in this window while something moves, at a lower resolution if "

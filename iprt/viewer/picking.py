@@ -115,13 +115,13 @@ class Picking:
         found = self._surfaces(x, y)
         return None if found is None else found[0].object_at(*found[1:])
 
-    def ground(self, x: float, y: float, radius: float) -> Surface | None:
+    def ground(self, x: float, y: float, radius: float, *, upright: bool = False) -> Surface | None:
         """Return the real surface that supports an object at a position; None if unknown.
 
         `radius` is the radius of its footprint in metres; see `Geometry.ground`.
         """
         found = self._surfaces(x, y)
-        return None if found is None else found[0].ground(*found[1:], radius)
+        return None if found is None else found[0].ground(*found[1:], radius, upright=upright)
 
     def _pixel(self, x: float, y: float) -> tuple[Shown, int, int] | None:
         shown = self._shown

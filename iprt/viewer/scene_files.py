@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from iprt.errors import IprtError
+from iprt.files.text_merge import merged
 from iprt.scene.edit_writing import Look, save_edits
-from iprt.scene.manifest import MANIFEST_NAME, manifest_text
+from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
+from iprt.scene.view_edits import views_besides
 from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.file_watch import Stamp, Watch
 from iprt.viewer.shared_state import SharedState
@@ -34,7 +36,7 @@ class Loaded:
     origin : Scene
         The scene from which these objects were read, with the light without any edits.
     text : str
-        Text of scene.toml at that time.
+        Text of scene.toml at that time, with later changes by other programs.
     problem : str or None
         Reason for missing objects.
     """
@@ -118,29 +120,30 @@ class SceneFiles:
         world, loaded, shared = self._shared.world, self.loaded, self._shared
         if loaded is None or not world.unsaved:
             return
-        ours = True
+        kept = True
 
         def write() -> Loaded:
-            nonlocal ours
-            ours = manifest_text(loaded.scene.root / MANIFEST_NAME) == self._text
-            # A file written by others includes earlier saved edits, perhaps changed.
-            edits = tuple(e for e in world.edits if ours or e not in world.saved)
+            nonlocal kept
+            here = loaded
+            if manifest_text(loaded.scene.root / MANIFEST_NAME) != self._text:
+                here, kept = self._again()
+            # A file whose changes do not fit includes earlier saved edits, perhaps changed.
+            edits = tuple(e for e in world.edits if kept or e not in world.saved)
             known = [e if e.path is None else self._at_home(e, e.path) for e in edits]
-            light = world.light if ours else world.light.besides(world.saved_light)
-            views = tuple(e for e in world.views if ours or e not in world.saved_views)
-            base = loaded.text if ours else None
+            light = world.light if kept else world.light.besides(world.saved_light)
+            views = world.views if kept else views_besides(world.views, world.saved_views)
             self._meshes |= save_edits(
-                loaded.origin, known, light=light, views=views, base=base, look=look
+                here.origin, known, light=light, views=views, base=here.text, look=look
             )
             now = self._reloaded()
             self._text = now.text
-            if not ours:
+            if not kept:
                 return now
-            return replace(now, objects=loaded.objects, origin=loaded.origin, text=loaded.text)
+            return replace(now, objects=here.objects, origin=here.origin, text=here.text)
 
         def saved() -> None:
             shared.saved(world)
-            if not ours:
+            if not kept:
                 shared.reread()
             done(None)
 
@@ -152,14 +155,42 @@ class SceneFiles:
 
     def _reread(self) -> None:
         """Reload after another program has written files of the scene."""
+        kept = True
+
+        def read() -> Loaded:
+            nonlocal kept
+            loaded, kept = self._again()
+            return loaded
 
         def then() -> None:
-            self._shared.reread()
-            self._meshes.clear()
-            assert self.loaded is not None
-            self._text = self.loaded.text
+            if not kept:
+                self._shared.reread()
+                self._meshes.clear()
 
-        self._read(f"loading {self._first.root}", "scene", self._reloaded, then)
+        self._read(f"loading {self._first.root}", "scene", read, then)
+
+    def _again(self) -> tuple[Loaded, bool]:
+        """Reload what other programs have written, and apply their changes to the origin.
+
+        Returns
+        -------
+        (Loaded, bool)
+            False if the changes do not fit the origin: then the file itself becomes the origin,
+            and saved edits can no longer be undone.
+        """
+        now, before, ours = self._reloaded(), self.loaded, self._text
+        self._text = now.text
+        if before is None or ours is None:
+            return now, False
+        text = merged(before.text, ours, now.text)
+        if text is None or text == now.text:
+            return now, text is not None
+        path = now.scene.root / MANIFEST_NAME
+        try:
+            origin = Scene(now.scene.root, parse_manifest(text, str(path)), now.scene.within)
+            return replace(now, objects=origin.objects, origin=origin, text=text), True
+        except IprtError:
+            return now, False
 
     def _reloaded(self) -> Loaded:
         stamp = self._watch.look()

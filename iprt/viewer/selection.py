@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -102,7 +101,7 @@ class Selection:
 
     def place(self, state: ObjectState, to_world: Array) -> None:
         """Move an object to a transform (4, 4) in the displayed frame, and the others with it."""
-        with self._saying():
+        try:
             require_place(state.name, to_world)
             moved = to_world @ np.linalg.inv(state.to_world)
             places = [
@@ -113,6 +112,8 @@ class Selection:
                 self._engine.animate({o.name: o.keyed(place) for o, place in places}, {})
             else:
                 self._engine.editor.place({o.name: o.placed(place) for o, place in places})
+        except IprtError as error:
+            self._say(str(error), bad=True)
 
     def paint(self, **part: Any) -> None:
         """Change attributes of the objects' materials."""
@@ -202,17 +203,11 @@ class Selection:
                 to_world = state.to_world.copy()
                 to_world[:3, 3] += step
                 copies.append((state.name, state.placed(to_world), groups[state.group]))
-        with self._saying():
-            return editor.duplicate(copies)
-        return []
-
-    @contextmanager
-    def _saying(self) -> Iterator[None]:
-        """Say what is wrong in the block, and end it."""
         try:
-            yield
+            return editor.duplicate(copies)
         except IprtError as error:
             self._say(str(error), bad=True)
+            return []
 
 
 def listed(names: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from iprt.scene.light_edits import UNEDITED
+from iprt.scene.view_edits import views_besides
 from iprt.viewer.history import Edits, History
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, Status, World
@@ -163,11 +164,13 @@ class SharedState:
             if not world.saved and not world.saved_light.parts and not world.saved_views:
                 return world
             self.history.clear()
+            saved = {edit.name: edit for edit in world.saved}
+            rest = (edit.besides(saved.get(edit.name)) for edit in world.edits)
             return replace(
                 world,
-                edits=tuple(edit for edit in world.edits if edit not in world.saved),
+                edits=tuple(edit for edit in rest if edit is not None),
                 light=world.light.besides(world.saved_light),
-                views=tuple(edit for edit in world.views if edit not in world.saved_views),
+                views=views_besides(world.views, world.saved_views),
                 saved=(),
                 saved_light=UNEDITED,
                 saved_views=(),

@@ -89,6 +89,10 @@ class UiState(ABC):
         """Switch to a view of the scene."""
         self.viewport.go_to(name)
 
+    def look(self, view: View) -> None:
+        """Change the direction or field of view."""
+        self.viewport.look(view)
+
     @property
     def settings(self) -> Settings:
         """The renderer's settings, shared by all windows."""

@@ -92,8 +92,7 @@ class Viewport:
         self._made_of: tuple[object, ...] = ()
         self._latency_s: float | None = None
         self._asked: deque[tuple[int, float]] = deque(maxlen=256)  # number and time of inputs
-        self.picking = Picking()
-        self._frame_rate = FrameRate(clock)
+        self.picking, self._frame_rate = Picking(), FrameRate(clock)
         self._show_added()
         self._wanted = self._request()
         self._client = engine.client(self._wanted)
@@ -101,9 +100,9 @@ class Viewport:
 
     def close(self) -> None:
         """Disconnect from the engine."""
-        for client in (self._client, self._baseline):
-            if client is not None:
-                client.close()
+        self._client.close()
+        if self._baseline is not None:
+            self._baseline.close()
         self._developer.close()
 
     # Where it looks ---------------------------------------------------------------------------
@@ -135,8 +134,7 @@ class Viewport:
 
     def resize(self, width: int, height: int) -> None:
         """Resize to the window's size, in pixels; 0 counts as 1."""
-        view = _fitted(self.view, max(width, 1), max(height, 1))
-        if view != self.view:
+        if (view := _fitted(self.view, max(width, 1), max(height, 1))) != self.view:
             self.view = view
             self.motion.stir()
             self._input()
@@ -263,13 +261,12 @@ class Viewport:
         if shown is None:
             return None
         other = None if self._baseline is None else self._baseline.shown
-        world, lively = self._engine.world, self.motion.lively
-        edits = world.edits, world.views
-        made_of = (shown, other, self._lens, self.name, self._developer.scores, *edits, lively)
+        (edits, _, views), lively = self._edits, self.motion.lively
+        made_of = (shown, other, self._lens, self.name, self._developer.scores, self._edits, lively)
         if self._displayed is None or made_of != self._made_of:
             self._clock(shown)
             found = self._developer.develop(
-                self._engine.scene, self.name, self._lens, shown, other, *edits
+                self._engine.scene, self.name, self._lens, shown, other, edits, views
             )
             self._made_of = made_of
             self._displayed = DisplayedFrame(
@@ -288,13 +285,12 @@ class Viewport:
 
     @property
     def counter(self) -> str | None:
-        """The position in the video and its rate, in words; None for a single frame."""
-        scene, playback = self._engine.scene, self._engine.playback
-        frames = scene.frame_indices
-        if len(frames) == 1:
+        """The frame's number and the last one's, with the rate; None for a single frame."""
+        scene = self._engine.scene
+        if len(scene.frame_indices) == 1:
             return None
-        text = f"{self.frame - frames[0] + 1} of {len(frames)}"
-        fps = self._frame_rate.value if playback.playing else None
+        text = f"{self.frame} of {scene.frame_indices[-1]}"
+        fps = self._frame_rate.value if self._engine.playback.playing else None
         return text if fps is None else f"{text}, {fps:.2g} of {scene.source.fps:g} fps"
 
     @property
@@ -328,7 +324,7 @@ class Viewport:
             Keep the object's rotation. Otherwise align its +Y axis with the surface normal.
         """
         footprint = 0.25 * float(np.hypot(state.size[0], state.size[2]))
-        surface = self.picking.ground(x, y, footprint)
+        surface = self.picking.ground(x, y, footprint, upright=upright)
         if surface is None:
             return None
         normal = None if upright else surface.normal
@@ -376,8 +372,7 @@ class Viewport:
         if displayed is None:
             raise IprtError("there is no picture yet")
         path = free_path(self._engine.scene.name, self.name, suffix, folder)
-        shown = displayed.shown
-        settings = self._engine.world.settings
+        shown, settings = displayed.shown, self._engine.world.settings
         metadata = picture_metadata(
             scene=self._engine.scene.name,
             view=shown.request.view,

@@ -20,6 +20,10 @@ _THICKNESS = 0.02
 """Largest distance of points from the plane of their surface, as a fraction of depth."""
 _FACING = 0.7
 """Least cosine between normals of points on one surface."""
+_LEVEL = 0.97
+"""Least cosine between the normals of level points and the vertical."""
+_RISE = 0.5
+"""Largest height of a level part above its edge, as a fraction of the radius."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,7 @@ class Geometry:
         """Return the real surface at a pixel, even behind an object; None for open sky."""
         return self._surface(x, y, float(self.real_depth[y, x]), self.real_normal[y, x])
 
-    def ground(self, x: int, y: int, radius: float) -> Surface | None:
+    def ground(self, x: int, y: int, radius: float, *, upright: bool = False) -> Surface | None:
         """Return the real surface that supports an object at a pixel; None for open sky.
 
         Depth may be noisy. The normal is therefore the mean over the surface's pixels in the
@@ -129,6 +133,8 @@ class Geometry:
         x, y : int
         radius : float
             Radius of the neighbourhood in metres; the eight adjacent pixels always count.
+        upright : bool
+            Support an upright object: at a rounded edge, the level part beside it does.
         """
         if not np.isfinite(self.real_depth[y, x]):
             return None
@@ -146,7 +152,20 @@ class Geometry:
         normal = self.real_normal[near].mean(axis=0, dtype=np.float64)
         normal /= np.linalg.norm(normal)
         height = float(np.median(offset[near] @ normal))
-        return self._in_world(depth, point + height * normal, normal)
+        placed = point + height * normal
+        if upright:
+            placed[1] = self._level_beside(x, y, placed, offset, radius)
+        return self._in_world(depth, placed, normal)
+
+    def _level_beside(self, x: int, y: int, point: Float, offset: Float, radius: float) -> float:
+        """Return the height of the level part of a surface around a point of it, or its own."""
+        level = self.real_normal[..., 1] > _LEVEL
+        reach = _THICKNESS * float(self.real_depth[y, x])
+        # A level point keeps its height; an edge rises to the level part.
+        low, high = (-reach, reach) if level[y, x] else (0.0, max(_RISE * radius, reach))
+        near = level & (np.hypot(offset[..., 0], offset[..., 2]) < radius)
+        near &= (offset[..., 1] >= low) & (offset[..., 1] <= high)
+        return float(np.median(self._real_points[near][:, 1]) if near.any() else point[1])
 
     @cached_property
     def _real_points(self) -> Float:

@@ -16,17 +16,10 @@ from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
 from iprt.viewer.actions import actions
 from iprt.viewer.controls import with_value
-from iprt.viewer.fields import (
-    OWN,
-    Field,
-    lens_fields,
-    place_fields,
-    quality_field,
-    rate_field,
-    view_field,
-)
+from iprt.viewer.fields import Field, lens_fields, look_fields, place_fields, view_field
 from iprt.viewer.labels import TURNED
 from iprt.viewer.material_fields import material_fields
+from iprt.viewer.setting_fields import OWN, quality_field, rate_field
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 from tests.scene.files import CUBE
 from tests.viewer.viewports import Ui, until
@@ -39,6 +32,9 @@ def by_key(fields: tuple[Field, ...]) -> dict[str, Field]:
 
 def test_what_is_written_is_read_again(ui: Ui) -> None:
     values = {
+        "yaw": -12.5,
+        "pitch": -20.0,
+        "fov": 42.0,
         "exposure": 1.5,
         "curve": "filmic",
         "buffer": "depth",
@@ -68,7 +64,15 @@ def test_what_is_written_is_read_again(ui: Ui) -> None:
         "emission": 12.5,
         "fps": 30,
     }
-    fields = by_key((*lens_fields(ui), *place_fields(ui), *material_fields(ui), rate_field(ui)))
+    fields = by_key(
+        (
+            *look_fields(ui),
+            *lens_fields(ui),
+            *place_fields(ui),
+            *material_fields(ui),
+            rate_field(ui),
+        )
+    )
     assert list(fields) == list(values)
     for key, value in values.items():
         before = {other: field.read() for other, field in fields.items() if other != key}

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from iprt.device.compute import ComputeDevice
+from iprt.files.text_merge import merged
 from iprt.geometry.camera import View
 from iprt.geometry.material import Material
 from iprt.scene.edit_writing import SAVED_VIEW, Look
@@ -262,22 +263,67 @@ def test_undo_goes_on_across_saves(scene: Scene, device: ComputeDevice, tmp_path
 
 
 def test_what_others_write_is_kept(scene: Scene, device: ComputeDevice) -> None:
-    """What was saved before cannot be undone then: the file may have it otherwise by now."""
+    """What was saved before can still be undone."""
+    path = scene.root / "scene.toml"
+    first = path.read_text()
+    with turns(scene, device, FEWEST) as driver:
+        driver.answer(driver.join())
+        shared = driver.shared
+        shared.edit(lambda world: world.edited("cube", material=PLASTIC))
+        save(driver)
+        replaced(path, path.read_bytes())
+        driver.look_again()
+        theirs = (("pitch_deg = -30.0", "pitch_deg = -31.0"), ('"ahead"', '"before"'))
+        path.write_text(path.read_text().replace(*theirs[0]) + "# mine\n")
+        driver.look_again()
+        assert shared.history.can_undo
+        assert driver.core.objects[0].materials == (PLASTIC,)
+        shared.edit(lambda world: world.edited("cube", removed=True))
+        path.write_text(path.read_text().replace(*theirs[1]) + "# too\n")  # not seen before saving
+        save(driver)
+        assert path.read_text().endswith("# mine\n# too\n")
+        assert Scene.open(scene.root).objects == ()
+        for _ in range(2):
+            shared.undo()
+        save(driver)
+        assert path.read_text() == first.replace(*theirs[0]).replace(*theirs[1]) + "# mine\n# too\n"
+
+
+def test_edits_of_the_same_lines_by_others_end_undo(scene: Scene, device: ComputeDevice) -> None:
+    """The file may have it otherwise by now; edits that were not saved stay."""
     path = scene.root / "scene.toml"
     with turns(scene, device, FEWEST) as driver:
         driver.answer(driver.join())
         shared = driver.shared
         shared.edit(lambda world: world.edited("cube", material=PLASTIC))
         save(driver)
-        path.write_text(path.read_text().replace("yaw_deg = 0.0", "yaw_deg = 7.0") + "# mine\n")
+        path.write_text(path.read_text().replace("alpha = 0.3", "alpha = 0.4"))
+        moved = flat(np.diag([0.2, 0.2, 0.2, 1.0]))
+        shared.edit(lambda world: world.edited("cube", to_world=moved))
         driver.look_again()
         assert not shared.history.can_undo
-        assert driver.core.objects[0].materials == (PLASTIC,)
-        shared.edit(lambda world: world.edited("cube", removed=True))
-        path.write_text(path.read_text() + "# too\n")  # not seen before it is saved
-        save(driver)
-        assert path.read_text().endswith("# mine\n# too\n")
-    assert Scene.open(scene.root).objects == ()
+        assert driver.core.objects[0].materials[0].alpha == 0.4
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "expected"),
+    [
+        ("a b c d", "a b c d", "a x c d"),
+        ("a b c d", "a B c d", None),
+        ("a b c d e", "a b c d e f", "a x c d f"),
+        ("a b c d e", "z a b c d e", "z a x c d"),
+        ("a b c d", "a b q c d", None),
+        ("a b c d", "a b c q d", "a x c q d"),
+        ("a b c d", "a c d", None),
+        ("a b c d", "a b d", "a x d"),
+        ("a b c d", "", None),
+    ],
+)
+def test_changes_by_others_are_merged(ours: str, theirs: str, expected: str | None) -> None:
+    """Into `a x c d`, of which `x` was changed to `b`."""
+    texts = ("a x c d", ours, theirs)
+    found = merged(*("".join(f"{word}\n" for word in text.split()) for text in texts))
+    assert (None if found is None else found.split()) == (expected and expected.split())
 
 
 @pytest.fixture

@@ -24,8 +24,16 @@ from iprt.settings.overrides import (
     settings_toml,
 )
 from iprt.settings.presets import PRESETS, Quality
-from iprt.viewer.controls import preset_of, slider_of, value_of, with_preset, with_value
-from iprt.viewer.fields import Field, setting_field, setting_groups
+from iprt.viewer.controls import (
+    compared_presets,
+    preset_of,
+    slider_of,
+    value_of,
+    with_preset,
+    with_value,
+)
+from iprt.viewer.fields import Field
+from iprt.viewer.setting_fields import setting_field, setting_groups
 
 QUALITIES = get_args(Quality)
 POSITIONS = st.floats(0.0, 1.0)
@@ -175,3 +183,35 @@ def test_what_is_not_allowed_is_one_line(key: str, value: object) -> None:
     with pytest.raises(IprtError, match=key) as error:
         with_value(Settings(), key, value)
     assert "\n" not in str(error.value)
+
+
+def test_settings_are_found_by_words_of_names_keys_and_tooltips() -> None:
+    assert all(field.matches("") for field in FIELDS.values())
+    assert FIELDS["trace.rays"].matches("Trace RAYS")
+    found = {key for key, field in FIELDS.items() if field.matches("filter")}
+    assert 0 < len(found) < len(FIELDS)
+    for key in found:
+        label = FIELDS[key].label()
+        assert "filter" in f"{key} {label.name} {label.about}".lower()
+    assert not any(field.matches("filter nonsense") for field in FIELDS.values())
+
+
+def test_changed_settings_are_marked() -> None:
+    ui, fields = with_fields(Settings())
+    assert not any(field.changed for field in fields.values())
+    ui.settings = with_preset(ui.settings, "accurate")
+    changed_ones = {key for key, field in fields.items() if field.changed}
+    assert changed_ones == set(PRESETS["accurate"])
+
+
+def test_presets_are_compared_with_the_settings_of_now() -> None:
+    """The table has each setting in which two columns differ."""
+    settings = with_value(with_preset(Settings(), "draft"), "trace.caustic_clamp", 3.5)
+    rows = compared_presets(settings)
+    differing = {key for preset in PRESETS.values() for key in preset}
+    assert set(rows) == differing | {"trace.caustic_clamp"}
+    for key, row in rows.items():
+        assert list(row) == [*PRESETS, "now"]
+        for name in PRESETS:
+            assert row[name] == str(value_of(with_preset(Settings(), name), key))
+        assert row["now"] == str(value_of(settings, key))

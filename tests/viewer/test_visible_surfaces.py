@@ -28,6 +28,12 @@ def geometry(world: World, noise: float, pose: NDArray[np.float64] | None = None
     directions = view_from(LOOK, pose).directions()
     depth, normal, _ = world.first_hit(np.zeros(3), directions)
     depth = depth * (1.0 + noise * np.random.default_rng(0).normal(size=depth.shape))
+    return seen_as(depth, normal, pose)
+
+
+def seen_as(
+    depth: NDArray[np.float64], normal: NDArray[np.float64], pose: NDArray[np.float64] | None
+) -> Geometry:
     nothing = np.zeros(depth.shape, np.float32)
     return Geometry(
         LOOK,
@@ -77,6 +83,51 @@ def test_the_edge_of_a_table_carries() -> None:
         surface = seen.ground(x, y, RADIUS)
         assert surface is not None
         assert surface.point[1] == pytest.approx(TABLE_TOP, abs=0.4 * NOISE * -TABLE_TOP)
+
+
+def rounded_table(rounding: float) -> Geometry:
+    """A table whose edges are rounded, above the floor, by sphere tracing."""
+    middle, half = np.array([0.0, -0.85, -1.5]), np.array([0.6, 0.05, 0.4])
+    directions = LOOK.directions()
+
+    def distance(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        outside = np.abs(points - middle) - (half - rounding)
+        corner = np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
+        table = corner + np.minimum(outside.max(axis=-1), 0.0) - rounding
+        return np.minimum(table, points[..., 1] - FLOOR)
+
+    depth = np.zeros(directions.shape[:2])
+    for _ in range(400):
+        depth += np.minimum(distance(depth[..., None] * directions), 10.0)
+    points, step = depth[..., None] * directions, 1e-5 * np.eye(3)
+    normal = np.stack([distance(points + e) - distance(points - e) for e in step], axis=-1)
+    depth[depth > 100.0] = np.inf
+    return seen_as(depth, normal / np.linalg.norm(normal, axis=-1, keepdims=True), None)
+
+
+@pytest.mark.parametrize("rounding", [0.02, 0.04])
+def test_upright_objects_do_not_sink_into_rounded_edges(rounding: float) -> None:
+    """The pixels of the edge lie up to the rounding below the top; aligned objects follow it."""
+    seen = rounded_table(rounding)
+    column = LOOK.width // 2
+    rows = [
+        y
+        for y in range(LOOK.height)
+        if (real := seen.real(column, y)) is not None
+        and TABLE_TOP - rounding < real.point[1] < TABLE_TOP - 1e-3
+        and real.normal[1] > 0.1
+    ]
+    assert len(rows) > 1
+    for y in rows:
+        upright = seen.ground(column, y, RADIUS, upright=True)
+        tilted = seen.ground(column, y, RADIUS)
+        assert upright is not None
+        assert tilted is not None
+        assert upright.point[1] == pytest.approx(TABLE_TOP, abs=1e-3)
+        assert tilted.normal[1] < 0.97
+    floor = seen.ground(column, LOOK.height - 1, RADIUS, upright=True)
+    assert floor is not None
+    assert floor.point[1] == pytest.approx(FLOOR, abs=1e-6)
 
 
 def test_a_camera_that_moved_puts_things_in_the_same_axes() -> None:

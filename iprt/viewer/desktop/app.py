@@ -7,7 +7,7 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from iprt.viewer.desktop import bars, panels, profile_panel
+from iprt.viewer.desktop import bars, panels, profile_panel, settings_panel
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
@@ -35,7 +35,7 @@ _TABS: tuple[tuple[str, Callable[[DesktopState], None]], ...] = (
     ("Scene", panels.scene),
     ("Light", panels.light),
     ("Picture", panels.picture),
-    ("Settings", panels.settings),
+    ("Settings", settings_panel.draw),
     ("Profile", profile_panel.draw),
 )
 

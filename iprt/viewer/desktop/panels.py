@@ -1,17 +1,14 @@
-"""The panels of the scene, the picture and the settings."""
+"""The panels of the scene, its light and the picture."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 from imgui_bundle import icons_fontawesome_6 as icons
 from imgui_bundle import imgui
 
-from iprt.settings.model import Settings
 from iprt.viewer.actions import Action, actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
-from iprt.viewer.controls import preset_of
 from iprt.viewer.desktop import views
 from iprt.viewer.desktop.style import ACCENT, QUIET, TEXT
 from iprt.viewer.desktop.ui_state import DesktopState
@@ -20,22 +17,18 @@ from iprt.viewer.desktop.widgets import (
     button,
     draw_field,
     heading,
-    hint,
     label,
     quiet,
-    slider,
 )
 from iprt.viewer.fields import (
     lens_fields,
+    look_fields,
     place_fields,
-    quality_field,
-    rate_field,
     view_field,
 )
 from iprt.viewer.labels import PARTS, Label
 from iprt.viewer.light_fields import light_fields, sun_fields
 from iprt.viewer.material_fields import material_fields
-from iprt.viewer.viewport import MAX_FOV_DEG, MIN_FOV_DEG
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 
 ARRANGING = (
@@ -49,9 +42,6 @@ ARRANGING = (
 """Actions on the selected objects, with their icons."""
 LOCK_EM = 2.6
 """Room for the lock at the end of a row."""
-RESET_SHARE = 0.6
-"""Position of the button that resets all settings, as a fraction of the panel's width."""
-_CLAMPED = imgui.SliderFlags_.always_clamp
 
 
 def scene(ui: DesktopState) -> None:
@@ -99,17 +89,6 @@ def picture(ui: DesktopState) -> None:
     quiet(f"to {ui.folder}")
 
 
-def settings(ui: DesktopState) -> None:
-    """Draw the panel of the renderer's settings, derived from their model."""
-    _preset(ui)
-    draw_field(ui, rate_field(ui))
-    for words, fields in ui.setting_groups:
-        unfolded = imgui.collapsing_header(words.name)
-        hint(words.about)
-        for field in fields if unfolded else ():
-            draw_field(ui, field)
-
-
 def _files(ui: DesktopState) -> None:
     gap, shared = imgui.get_style().item_spacing.x, actions(ui)
     third = (imgui.get_content_region_avail().x - 2.0 * gap) / 3.0
@@ -132,20 +111,11 @@ def _view(ui: DesktopState) -> None:
     if ui.engine.views:
         draw_field(ui, view_field(ui))
     views.draw(ui)
-    view = viewport.view
-    if view.projection == "equirect":
+    if viewport.view.projection == "equirect":
         quiet("The whole panorama: choose a view to look around.")
         return
-    label("Yaw, pitch", "Degrees right and up. Drag the picture to look around.")
-    changed, (yaw, pitch) = imgui.drag_float2(
-        "##direction", [view.yaw_deg, view.pitch_deg], 0.25, -180.0, 180.0, "%.2f°", _CLAMPED
-    )
-    if changed:
-        viewport.look(replace(view, yaw_deg=yaw, pitch_deg=min(max(pitch, -90.0), 90.0)))
-    label("Field of view", "Vertical. The mouse's wheel changes it.")
-    fov = slider("##fov", view.fov_y_deg, (MIN_FOV_DEG, MAX_FOV_DEG), "{:.1f}°".format)
-    if fov is not None:
-        viewport.look(replace(view, fov_y_deg=round(fov, 1)))
+    for field in look_fields(ui):
+        draw_field(ui, field)
 
 
 def _objects(ui: DesktopState) -> None:
@@ -213,18 +183,3 @@ def _selected(ui: DesktopState) -> None:
     if shared["bare"].visible():
         label("")
         action_button(shared["bare"], "", width=-1.0)
-
-
-def _preset(ui: DesktopState) -> None:
-    heading("Quality")
-    draw_field(ui, quality_field(ui))
-    # Always drawn: rows that come and go would move a slider during a drag.
-    preset = preset_of(ui.settings)
-    count = len(preset.differing)
-    label("Changed settings", "Number of settings that differ from the preset.")
-    imgui.text_unformatted(str(count or "none"))
-    hint(preset.text if count else "")
-    imgui.same_line(RESET_SHARE * imgui.get_window_width())
-    about = "Set everything to its default"
-    if button("Reset all", about, width=-1.0, enabled=ui.settings != Settings()):
-        ui.settings = Settings()

@@ -9,9 +9,9 @@ from pathlib import Path
 from iprt.errors import IprtError
 from iprt.viewer.desktop.gizmo import Mode
 from iprt.viewer.engine import Engine
-from iprt.viewer.fields import setting_groups
 from iprt.viewer.pass_times import PassTimes
 from iprt.viewer.screenshots import default_folder
+from iprt.viewer.setting_fields import setting_groups
 from iprt.viewer.ui_state import UiState
 from iprt.viewer.viewport import Viewport
 
@@ -46,6 +46,8 @@ class DesktopState(UiState):
         Close the window after saving.
     cursor : (x, y) or None
         Mouse position in the last picture, as fractions of width and height.
+    search : str
+        Words that the shown settings have.
     pass_times : PassTimes
         Times of the last view frames.
     setting_groups : tuple
@@ -57,6 +59,7 @@ class DesktopState(UiState):
         self.viewport, self.folder = viewport, default_folder()
         self.mode: Mode = "move"
         self.readout = self.panels = True
+        self.search = ""
         self.help = self.browsing = self.leaving = self.closing = self.renaming = False
         self.cursor: tuple[float, float] | None = None
         self.pass_times, self.setting_groups = PassTimes(), setting_groups(self)

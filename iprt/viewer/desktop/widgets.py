@@ -28,10 +28,10 @@ RESET_EM = 2.4
 """Room for the button that resets a value."""
 
 
-def label(text: str, help_text: str = "") -> None:
-    """Draw the label of a row; the next item fills the rest."""
+def label(text: str, help_text: str = "", *, lit: bool = False) -> None:
+    """Draw the label of a row, lit or subdued; the next item fills the rest."""
     imgui.align_text_to_frame_padding()
-    imgui.text_colored(imgui.ImVec4(*QUIET), text)
+    imgui.text_colored(imgui.ImVec4(*(ACCENT if lit else QUIET)), text)
     if help_text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
         tooltip(help_text)
     imgui.same_line(LABEL_SHARE * imgui.get_window_width())
@@ -187,7 +187,7 @@ def choice(
 def draw_field(ui: UiState, field: Field) -> None:
     """Draw a row with an input, and write its changes."""
     words, now = field.label(), field.read()
-    label(words.name, words.about)
+    label(words.name, words.about, lit=field.changed)
     resettable = field.default is not None
     if resettable:
         imgui.set_next_item_width(-RESET_EM * imgui.get_font_size())

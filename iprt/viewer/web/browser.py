@@ -133,6 +133,12 @@ class Browser(BrowserState):
             LOG.error("a defect of iprt", exc_info=error)
             self.say(text, bad=True)
 
+    def _lead(self) -> None:
+        """Turn the browser's camera if its view was chosen, typed or turned by keyframes."""
+        view = self.viewport.view
+        if not _same(view, self._looked):
+            self._direct(view)
+
     def _direct(self, view: View) -> None:
         """Turn the browser's camera to a view."""
         self._directed = self._looked = view
@@ -225,6 +231,7 @@ class Browser(BrowserState):
 
     def _work(self) -> None:
         self.run_posted()
+        self._lead()
         camera = self._camera
         if camera is None or camera == self._followed:
             return
@@ -248,8 +255,7 @@ class Browser(BrowserState):
         """Send the newest picture; return True if there was one."""
         viewport = self.viewport
         displayed = viewport.poll()
-        if not _same(viewport.view, self._looked):  # another view, or keyframes turn it
-            self._direct(viewport.view)
+        self._lead()
         if displayed is None or self._closed:
             return False
         sent = self._sender.follow(

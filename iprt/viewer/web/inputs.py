@@ -42,6 +42,8 @@ class Inputs:
         Returns True while the column is shown.
     sparse : bool
         Hide disabled inputs.
+    shown : callable
+        Returns True if a field is shown.
     """
 
     def __init__(
@@ -51,8 +53,9 @@ class Inputs:
         *,
         visible: Callable[[], bool] = lambda: True,
         sparse: bool = False,
+        shown: Callable[[Field], bool] = lambda _: True,
     ) -> None:
-        self._ui, self._visible, self._sparse = ui, visible, sparse
+        self._ui, self._visible, self._sparse, self._shown = ui, visible, sparse, shown
         self._bound: list[Binding | Upload | Line] = []
         self._buttons: list[tuple[Action, Any]] = []
         self._maps: Any = None
@@ -82,6 +85,7 @@ class Inputs:
             show(self._maps, "visible", visible)
         for binding in self._bound:
             shown = visible and (binding.field.enabled() or not self._sparse)
+            shown = shown and self._shown(binding.field)
             show(binding.handle, "visible", shown)
             if shown:
                 binding.sync()
@@ -256,8 +260,11 @@ def _input(ui: BrowserState, field: Field) -> tuple[Any, Convert, Convert]:
 
 
 def _name(field: Field) -> str:
-    name = field.label().name
-    return name if not field.unit or field.unit in name else f"{name}, {field.unit}"
+    """Return the label with its unit, and a mark if the value is not the default."""
+    name, mark = field.label().name, "• " if field.changed else ""
+    return (
+        f"{mark}{name}" if not field.unit or field.unit in name else f"{mark}{name}, {field.unit}"
+    )
 
 
 def _step(slider: Slider) -> float:

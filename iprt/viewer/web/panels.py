@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,17 +11,14 @@ from typing import Any
 from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.actions import Action, actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
-from iprt.viewer.controls import preset_of
 from iprt.viewer.fields import (
     Field,
     attribute_switch,
     lens_fields,
+    look_fields,
     place_fields,
     playback_fields,
-    quality_field,
-    rate_field,
     selected_field,
-    setting_groups,
     view_field,
     visibility_field,
 )
@@ -40,6 +37,7 @@ from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.handles import do_on, show
 from iprt.viewer.web.inputs import QUIET, Inputs
 from iprt.viewer.web.profile_panel import ProfilePanel
+from iprt.viewer.web.settings_panel import SettingsPanel
 from iprt.viewer.web.status import status_html
 
 WIDTH_PX = 340
@@ -75,7 +73,7 @@ class Panels:
             self._add(*lens_fields(ui))
             gui.add_markdown("Click into the picture to read out a pixel, in linear units.")
         with tabs.add_tab("Settings"):
-            self._add_settings()
+            self._syncs.append(SettingsPanel(ui).sync)
         with tabs.add_tab("Profile"):
             self._syncs.append(ProfilePanel(ui).sync)
 
@@ -101,27 +99,42 @@ class Panels:
     def _add_scene(self) -> None:
         ui, gui, shared = self._ui, self._gui, actions(self._ui)
         self._add(view_field(ui))
-        timed = timeline_actions(ui)
-        with gui.add_folder("Views", expand_by_default=False):
-            self._add(view_name_field(ui), *(timed[n] for n in ("add view", "look", "remove view")))
+        self._add_object(shared)
         if len(ui.frames) > 1:
             with gui.add_folder("Video"):
                 self._add(*playback_fields(ui))
                 self._add_html(lambda: _counted(ui.viewport.counter or ""))
+        timed = timeline_actions(ui)
         with gui.add_folder("Keyframes", expand_by_default=False):
             self._add(timed["key"], record_field(ui), *key_fields(ui), timed["delete keys"])
-        self._add(shared["undo"], shared["redo"], shared["save"])
-        self._add_screenshots()
         self._add_visibility()
         self._add_upload()
+        self._add(shared["light"], shared["undo"], shared["redo"], shared["save"])
+        with gui.add_folder(PARTS["view"].name, expand_by_default=False):
+            self._add(view_name_field(ui), *look_fields(ui))
+            self._add(*(timed[name] for name in ("add view", "look", "remove view")))
+        self._add_screenshots()
+        for action in (timed["key"], *shared.values()):
+            if action.keys and action.name not in TAKEN:
+                self._bind_key(action)
+
+    def _add_object(self, shared: Mapping[str, Action]) -> None:
+        """Add the folder of the selected objects."""
+        ui, gui, selected = self._ui, self._gui, shared["remove"].visible
+        dragging = (
+            attribute_switch(ui, "snap", "snapping"),
+            attribute_switch(ui, "align", "align"),
+        )
         with gui.add_folder("Object"):
             self._add(selected_field(ui))
-            dragging = (
-                attribute_switch(ui, "snap", "snapping"),
-                attribute_switch(ui, "align", "align"),
-            )
-            selected = shared["remove"].visible
             self._add(name_field(ui), *place_fields(ui), *dragging, visible=selected, sparse=True)
+            for fields, has in ((material_fields, "materials"), (virtual_light_fields, "light")):
+
+                def visible(has: str = has) -> bool:
+                    return bool(getattr(ui.state, has, None))
+
+                self._add(*fields(ui), visible=visible, sparse=True)
+            self._add(shared["bare"], shared["remove"])
             arranging = gui.add_folder("Arrange", expand_by_default=False)
             with arranging:
                 self._add(
@@ -133,16 +146,6 @@ class Panels:
                     visible=selected,
                 )
             self._syncs.append(lambda: show(arranging, "visible", selected()))
-            for fields, has in ((material_fields, "materials"), (virtual_light_fields, "light")):
-
-                def visible(has: str = has) -> bool:
-                    return bool(getattr(ui.state, has, None))
-
-                self._add(*fields(ui), visible=visible, sparse=True)
-            self._add(shared["bare"], shared["remove"], shared["light"])
-        for action in (timed["key"], *shared.values()):
-            if action.keys and action.name not in TAKEN:
-                self._bind_key(action)
 
     def _bind_key(self, action: Action) -> None:
         """Bind the last of an action's keys."""
@@ -208,44 +211,11 @@ class Panels:
 
         upload.on_upload(uploaded)
 
-    # The tab of the settings ------------------------------------------------------------------
-
-    def _add_settings(self) -> None:
-        ui, gui = self._ui, self._gui
-        inputs = [Inputs(ui, [quality_field(ui)])]
-        about, shown = gui.add_html(""), object()
-        inputs.append(Inputs(ui, [rate_field(ui)]))
-        for words, fields in setting_groups(ui):
-            with gui.add_folder(words.name, expand_by_default=False):
-                inputs.append(Inputs(ui, fields))
-
-        def sync() -> None:
-            nonlocal shown
-            settings = ui.settings
-            if settings is shown and not any(column.touched for column in inputs):
-                return
-            shown = settings
-            preset = preset_of(settings)
-            show(about, "content", _differing(preset.text if preset.differing else ""))
-            for column in inputs:
-                column.sync()
-
-        self._syncs.append(sync)
-
 
 def _counted(text: str) -> str:
     """Return the counter beside the column of labels, at a fixed height."""
     style = "font-size:.8em;height:1.8em;padding:0 .8em 0 9em;font-variant-numeric:tabular-nums"
     return f"<div class='counter' style='{style}'>{escape(text)}</div>"
-
-
-def _differing(text: str) -> str:
-    """Return the difference from the preset at a fixed height, so that the inputs stay in place."""
-    style = (
-        "height:3em;line-height:1.5;font-size:.8em;margin:0 .8em;opacity:.7;overflow:hidden;"
-        "overflow-wrap:anywhere"
-    )
-    return f"<div class='preset' style='{style}' title='{escape(text)}'>{escape(text)}</div>"
 
 
 def _told(lines: Sequence[tuple[str, str]]) -> str:

@@ -217,7 +217,7 @@ def test_playing(place: Place) -> None:
     visitor, browser = place.visit()
     at_rest(visitor, browser)
     counter, playback = visitor.page.locator(".counter"), lambda: place.engine.playback
-    until(lambda: counter.inner_text() == "1 of 4", "it is not counted")
+    until(lambda: counter.inner_text() == "0 of 3", "it is not counted")
     for name in ("Every frame", "Loop", "Play"):
         box(visitor, name).click()
     until(lambda: playback().playing and playback().loop, "it does not play in a loop")
