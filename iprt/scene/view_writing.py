@@ -71,19 +71,24 @@ def write_keyframes(table: Any, keyframes: Sequence[Keyframe]) -> None:
     if isinstance(table, InlineTable) or (old is not None and not isinstance(old, AoT)):
         table["keyframes"] = keyframe_array(keyframes)
         return
-    new = tomlkit.aot()
+    tables = []
     parsed = [(entry, type(keyframes[0]).model_validate(entry.unwrap())) for entry in old or ()]
     for key in keyframes:
         at_time = [pair for pair in parsed if pair[1].time == key.time]
         equal = [p for p in parsed if p[1].model_copy(update={"time": key.time}) == key]
         pair = next(iter([*at_time, *equal]), None)
-        entry = tomlkit.table()
-        if pair is not None:
+        if pair is None:
+            entry = tomlkit.table()
+            before = (tables or [table])[-1].as_string()
+            entry.trivia.indent = "" if before.endswith("\n\n") else "\n"
+            _update(entry, None, key)
+            entry.add(tomlkit.nl())
+        else:
             parsed.remove(pair)
             entry = pair[0]
-        _update(entry, None if pair is None else pair[1], key)
-        new.append(entry)
-    table["keyframes"] = new
+            _update(entry, pair[1], key)
+        tables.append(entry)
+    table["keyframes"] = AoT(tables, "keyframes", parsed=True)  # adds no empty lines
 
 
 def _update(entry: Any, before: Keyframe | None, key: Keyframe) -> None:
