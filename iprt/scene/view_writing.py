@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import tomlkit
-from tomlkit.items import AoT, InlineTable
+from tomlkit.items import AoT, InlineTable, Table
 
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import Keyframe
@@ -71,7 +71,7 @@ def write_keyframes(table: Any, keyframes: Sequence[Keyframe]) -> None:
     if isinstance(table, InlineTable) or (old is not None and not isinstance(old, AoT)):
         table["keyframes"] = keyframe_array(keyframes)
         return
-    tables = []
+    tables: list[Table] = []
     parsed = [(entry, type(keyframes[0]).model_validate(entry.unwrap())) for entry in old or ()]
     for key in keyframes:
         at_time = [pair for pair in parsed if pair[1].time == key.time]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.object_edits import ObjectEdit
@@ -13,7 +15,9 @@ Changed = frozenset[tuple[str, str]]
 GESTURE_S = 0.5
 """Longest interval in seconds between changes of one gesture, which are undone together."""
 MOST_STEPS = 256
-PARTS = tuple(part.name for part in fields(ObjectEdit) if part.init and part.compare)
+PARTS = [part.name for part in fields(ObjectEdit) if part.init and part.compare]
+VIEW_PARTS = [part.name for part in fields(ViewEdit)]
+Edit = TypeVar("Edit", ObjectEdit, ViewEdit)
 
 
 @dataclass(frozen=True)
@@ -73,15 +77,21 @@ class History:
 
 def _changed(before: Edits, after: Edits) -> Changed:
     """Return the changed parts of the edits, with the names of objects and views."""
-    old, new = ({edit.name: edit for edit in edits.objects} for edits in (before, after))
-    objects = [
+    objects = _differing(before.objects, after.objects, ObjectEdit, PARTS)
+    views = _differing(before.views, after.views, ViewEdit, VIEW_PARTS)
+    light = (("", part) for part in before.light.differing(after.light))
+    return frozenset([*objects, *views, *light])
+
+
+def _differing(
+    before: Iterable[Edit], after: Iterable[Edit], empty: Callable[[str], Edit], parts: list[str]
+) -> list[tuple[str, str]]:
+    """Return the parts that differ, each after the name of its object or view."""
+    old, new = ({edit.name: edit for edit in edits} for edits in (before, after))
+    return [
         (name, part)
         for name in old.keys() | new.keys()
-        for part in PARTS
-        if getattr(old.get(name, ObjectEdit(name)), part)
-        != getattr(new.get(name, ObjectEdit(name)), part)
+        for part in parts
+        if getattr(old.get(name) or empty(name), part)
+        != getattr(new.get(name) or empty(name), part)
     ]
-    views = [(edit.name, "view") for edit in {*before.views} ^ {*after.views}]
-    return frozenset(
-        [*objects, *views, *(("", part) for part in before.light.differing(after.light))]
-    )

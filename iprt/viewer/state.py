@@ -129,9 +129,9 @@ class World:
         """Names of the objects and views, and keys of `[video]`, that differ from the files."""
         changed = set(self.edits) ^ set(self.saved)
         names = dict.fromkeys(e.name for e in (*self.edits, *self.saved) if e in changed)
-        others = set(self.views) ^ set(self.saved_views)
-        edits = (edit for edit in (*self.views, *self.saved_views) if edit in others)
-        views = dict.fromkeys(f"view {edit.shown_name}" for edit in edits)
+        known = {edit.name: edit.shown_name for edit in (*self.saved_views, *self.views)}
+        differing = {edit.name for edit in set(self.views) ^ set(self.saved_views)}
+        views = (f"view {shown}" for name, shown in known.items() if name in differing)
         return (*names, *views, *self.light.differing(self.saved_light))
 
     def edit_of(self, name: str) -> ObjectEdit:

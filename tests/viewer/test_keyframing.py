@@ -55,9 +55,9 @@ def test_a_key_of_a_pose_has_that_pose(seed: int, time: float) -> None:
 def test_keys_cannot_mirror() -> None:
     with pytest.raises(SceneError, match="cannot mirror"):
         object_key(ObjectMotion(np.eye(4)), np.diag([-1.0, 1.0, 1.0, 1.0]), 0.0)
+    far = np.eye(4)
+    far[0, 3] = 1e9
     with pytest.raises(SceneError, match="no key can be set there: translation"):
-        far = np.eye(4)
-        far[0, 3] = 1e9
         object_key(ObjectMotion(np.eye(4)), far, 0.0)
 
 
