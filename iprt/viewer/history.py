@@ -88,10 +88,18 @@ def _differing(
 ) -> list[tuple[str, str]]:
     """Return the parts that differ, each after the name of its object or view."""
     old, new = ({edit.name: edit for edit in edits} for edits in (before, after))
-    return [
-        (name, part)
-        for name in old.keys() | new.keys()
-        for part in parts
-        if getattr(old.get(name) or empty(name), part)
-        != getattr(new.get(name) or empty(name), part)
-    ]
+    found = []
+    for name in old.keys() | new.keys():
+        one, other = old.get(name) or empty(name), new.get(name) or empty(name)
+        for part in parts:
+            if getattr(one, part) != getattr(other, part):
+                found.append((name, part if part != "keyframes" else _keys(one, other)))
+    return found
+
+
+def _keys(one: Edit, other: Edit) -> str:
+    """Return the times of the keyframes that differ; a gesture changes the same ones."""
+    before, after = (tuple(edit.keyframes or ()) for edit in (one, other))
+    differing = [key.time for key in before if key not in after]
+    differing += [key.time for key in after if key not in before]
+    return f"keyframes {sorted(set(differing))}"

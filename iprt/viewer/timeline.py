@@ -91,8 +91,8 @@ class Timeline:
     @property
     def last_frame(self) -> int:
         """The last frame of the video, or of the last key if that is later."""
-        times = [row.keys[-1].time for row in self.rows if row.keys]
-        return max(self._engine.scene.frame_indices[-1], *(round(self.frame_of(t)) for t in times))
+        keyed = [round(self.frame_of(row.keys[-1].time)) for row in self.rows if row.keys]
+        return max([self._engine.scene.frame_indices[-1], *keyed])
 
     # Keys -------------------------------------------------------------------------------------
 

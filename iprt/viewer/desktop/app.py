@@ -125,7 +125,7 @@ class App:
         bars_height = (line if len(ui.frames) > 1 else 0) + line
         bars_height = bars_height if height > 2 * bars_height else 0
         keys_height = round(self.timeline.height)
-        keys_height = keys_height if height > 3 * (keys_height + bars_height) else 0
+        keys_height = keys_height if height > 2 * (keys_height + bars_height) else 0
         top = height - bars_height - keys_height
         self.picture_view.draw((0.0, 0.0, width - panel, top))
         if self._dropped:
