@@ -91,9 +91,8 @@ def _differing(
     found = []
     for name in old.keys() | new.keys():
         one, other = old.get(name) or empty(name), new.get(name) or empty(name)
-        for part in parts:
-            if getattr(one, part) != getattr(other, part):
-                found.append((name, part if part != "keyframes" else _keys(one, other)))
+        differing = (part for part in parts if getattr(one, part) != getattr(other, part))
+        found += [(name, _keys(one, other) if p == "keyframes" else p) for p in differing]
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from iprt.viewer.web.browser_state import BrowserState
 
-NAME = "/path"
+NAME, KEYS_NAME = "/path", "/keys"
 PATH_RGB, KEY_RGB = (237, 158, 61), (255, 255, 255)
 WIDTH_PX = 2.0
 KEY_SHARE = 0.01
@@ -46,7 +46,7 @@ class MotionPath:
         size = KEY_SHARE * float(np.linalg.norm(at_keys, axis=1).mean())
         self._handles.append(
             scene.add_point_cloud(
-                f"{NAME}/keys",
+                KEYS_NAME,
                 at_keys.astype(np.float32),
                 KEY_RGB,
                 point_size=size,
