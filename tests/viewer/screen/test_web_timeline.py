@@ -9,7 +9,7 @@ from iprt.viewer.web.browser import Browser
 from tests.viewer.screen.browsing import Visitor, until
 from tests.viewer.screen.web import Place, at_rest, box, button, choose
 
-SIZE = (700, 700)
+SIZE = (520, 400)
 PATH = "__viserMutable.nodeRefFromName['/path']"
 
 
