@@ -47,7 +47,10 @@ class Track:
         if key < 0 or key == last or self.held[key] or time_s == self.times[key]:
             return self._key(max(key, 0))
         duration = float(self.times[key + 1] - self.times[key])
-        part = float(time_s - self.times[key]) / duration
+        return self._between(key, float(time_s - self.times[key]) / duration, duration)
+
+    def _between(self, key: int, part: float, duration: float) -> Float:
+        """Interpolate from a key to the next one, at a part of the seconds between them."""
         if self.values.ndim == 3:
             return self._spline(key, part, duration)
         before, after = self.values[key], self.values[key + 1]

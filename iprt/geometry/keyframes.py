@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 import scipy
@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, PlainValidator, model_validator
 from iprt.files.toml_tables import Degrees, FieldOfView, Pitch, Point, Table
 from iprt.geometry.animation import Float, Track
 from iprt.geometry.camera import View
+from iprt.geometry.smooth_motion import Interpolation, smooth_track
 
 MAX_KEYFRAMES = 2**16
 """Limit for the keyframes of an object or a view."""
@@ -52,9 +53,11 @@ Clip = Annotated[str | int | None, PlainValidator(_clip)]
 """Name or index of an animation: `objects.animation`."""
 
 
-class _Keyframe(Table):
+class Keyframe(Table):
+    """A key of a motion."""
+
     time: Annotated[float, Field(ge=0.0, le=1e6)]
-    interpolation: Literal["linear", "step"] = "linear"
+    interpolation: Interpolation = "linear"
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -64,7 +67,7 @@ class _Keyframe(Table):
         return self
 
 
-class ObjectKeyframe(_Keyframe):
+class ObjectKeyframe(Keyframe):
     """A key of an object's motion, relative to its `to_world`; omitted quantities have no key."""
 
     translation: Point | None = None
@@ -74,7 +77,7 @@ class ObjectKeyframe(_Keyframe):
     scale: Annotated[list[float] | None, PlainValidator(_scale)] = None
 
 
-class ViewKeyframe(_Keyframe):
+class ViewKeyframe(Keyframe):
     """A key of a view's motion; omitted quantities have no key."""
 
     yaw_deg: Degrees | None = None
@@ -82,7 +85,7 @@ class ViewKeyframe(_Keyframe):
     fov_y_deg: FieldOfView | None = None
 
 
-Key = TypeVar("Key", bound=_Keyframe)
+Key = TypeVar("Key", bound=Keyframe)
 
 
 def _ascending(keyframes: list[Key]) -> list[Key]:
@@ -114,15 +117,19 @@ class ObjectMotion:
         Placement without keyframes.
     tracks : mapping of str to Track
         The keyframed ones of "translation" (metres), "rotation" and "scale".
+    keyframes : tuple of ObjectKeyframe
+        The keyframes that `tracks` follow.
     """
 
     to_world: Float
     tracks: Mapping[str, Track] = field(default_factory=dict)
+    keyframes: tuple[ObjectKeyframe, ...] = ()
 
     @classmethod
     def of(cls, to_world: Float, keyframes: Sequence[ObjectKeyframe]) -> ObjectMotion:
         """Build a motion from the keyframes of a scene file."""
-        return cls(to_world, _tracks(keyframes, ("translation", "rotation", "scale")))
+        tracks = _tracks(keyframes, ("translation", "rotation", "scale"))
+        return cls(to_world, tracks, tuple(keyframes))
 
     def describe(self) -> str | None:
         """Describe the keyframed quantities and times in words; None without keyframes."""
@@ -166,15 +173,19 @@ class ViewMotion:
     ----------
     tracks : mapping of str to Track
         The keyframed ones of "yaw_deg", "pitch_deg" and "fov_y_deg".
+    keyframes : tuple of ViewKeyframe
+        The keyframes that `tracks` follow.
     """
 
     view: View
-    tracks: Mapping[str, Track]
+    tracks: Mapping[str, Track] = field(compare=False)
+    keyframes: tuple[ViewKeyframe, ...]
 
     @classmethod
     def of(cls, view: View, keyframes: Sequence[ViewKeyframe]) -> ViewMotion:
         """Build a motion from the keyframes of a scene file."""
-        return cls(view, _tracks(keyframes, ("yaw_deg", "pitch_deg", "fov_y_deg")))
+        tracks = _tracks(keyframes, ("yaw_deg", "pitch_deg", "fov_y_deg"))
+        return cls(view, tracks, tuple(keyframes))
 
     def describe(self) -> str | None:
         """Describe the keyframed quantities and times in words; None without keyframes."""
@@ -194,17 +205,23 @@ def _described(tracks: Mapping[str, Track]) -> str | None:
     return f"keyframes of {', '.join(tracks)} from {first:g} to {last:g} s"
 
 
-def _tracks(keyframes: Sequence[_Keyframe], names: Sequence[str]) -> dict[str, Track]:
+def _tracks(keyframes: Sequence[Keyframe], names: Sequence[str]) -> dict[str, Track]:
     """Return a track for each quantity that has keys."""
     tracks = {}
     for name in names:
         giving = [keyframe for keyframe in keyframes if getattr(keyframe, name) is not None]
+        if not giving:
+            continue
         values = np.array([getattr(keyframe, name) for keyframe in giving], np.float64)
-        if giving:
-            tracks[name] = Track(
-                np.array([keyframe.time for keyframe in giving]),
-                values.reshape(len(giving), -1),
-                np.array([keyframe.interpolation == "step" for keyframe in giving]),
-                rotation=name == "rotation",
-            )
+        values = values.reshape(len(giving), -1)
+        times = np.array([keyframe.time for keyframe in giving])
+        how = [keyframe.interpolation for keyframe in giving]
+        rotation = name == "rotation"
+        if "smooth" in how[:-1]:
+            # Numbers beyond their keys' could be refused, such as a pitch of 91 degrees.
+            limited = name != "translation"
+            tracks[name] = smooth_track(times, values, how, rotation=rotation, limited=limited)
+        else:
+            held = np.array([each == "step" for each in how])
+            tracks[name] = Track(times, values, held, rotation=rotation)
     return tracks

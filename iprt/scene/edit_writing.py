@@ -40,6 +40,8 @@ from iprt.scene.manifest_writing import (
 from iprt.scene.material_maps import MAPS, MapName, map_suffix, write_map
 from iprt.scene.object_edits import ObjectEdit, renamed
 from iprt.scene.scene import Scene
+from iprt.scene.view_edits import ViewEdit
+from iprt.scene.view_writing import keyframe_array, new_view_texts, write_keyframes, write_views
 
 SAVED_VIEW = "saved"
 """Name of the view that saving keeps: the user's view, with all shown objects."""
@@ -71,6 +73,7 @@ def save_edits(
     edits: Iterable[ObjectEdit],
     *,
     light: LightEdit = UNEDITED,
+    views: Sequence[ViewEdit] = (),
     base: str | None = None,
     look: Look | None = None,
 ) -> dict[Path, Path]:
@@ -84,6 +87,7 @@ def save_edits(
     ----------
     light : LightEdit
         Edits of light and reflections.
+    views : sequence of ViewEdit
     base : str or None
         Text that the edits apply to; None for the file's current text.
 
@@ -98,20 +102,26 @@ def save_edits(
         The edits cannot be saved; nothing has been written.
     """
     with changing(scene.root):
-        return _save(scene, edits, light, base, look)
+        return _save(scene, edits, light, views, base, look)
 
 
 def _save(
     scene: Scene,
     edits: Iterable[ObjectEdit],
     light: LightEdit,
+    views: Sequence[ViewEdit],
     base: str | None,
     look: Look | None,
 ) -> dict[Path, Path]:
     path = scene.root / MANIFEST_NAME
     before = manifest_text(path)
     parse_manifest(before, str(path))  # it may have changed since it was read
-    document = tomlkit.parse(before if base is None else base)
+    text = before if base is None else base
+    objects = [table.name for table in parse_manifest(text, str(path)).objects]
+    if added := new_view_texts(views, objects):
+        text = extended(text, added)
+    document = tomlkit.parse(text)
+    write_views(document, views)
     write_light(document, light)
     edits = _rename(document, tuple(edits))
     edits = [edit for edit in edits if edit != ObjectEdit(edit.name)]
@@ -126,8 +136,12 @@ def _save(
             _remove(document, edit.name)
         elif edit.name in tables:
             tables[edit.name].update(_changed_keys(edit, scene, maps, tables[edit.name]))
+            if edit.keyframes is not None:
+                write_keyframes(tables[edit.name], edit.keyframes)
         elif (values := _new_values(edit, originals, meshes)) is not None:
             values |= _changed_keys(edit, scene, maps, values)
+            if edit.keyframes is not None:
+                values["keyframes"] = keyframe_array(edit.keyframes) if edit.keyframes else None
             new[edit.name] = object_text(**values)
     shown = [show_object(document, name) for name in new]
     texts = list(new.values())

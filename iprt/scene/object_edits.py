@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import SceneError
-from iprt.geometry.keyframes import ObjectMotion
+from iprt.geometry.keyframes import ObjectKeyframe, ObjectMotion
 from iprt.geometry.material import Material
 from iprt.scene.light_tables import LightTable
 from iprt.scene.manifest import allowed_transform
@@ -46,6 +46,8 @@ class ObjectEdit:
         Replaces the name of the object's group; "" for no group.
     locked : bool or None
         Replaces the object's lock.
+    keyframes : tuple of ObjectKeyframe or None
+        Replaces the object's own.
     maps : tuple of int
         Identities of the maps and variants of `material`, which comparisons of materials ignore.
     """
@@ -60,12 +62,22 @@ class ObjectEdit:
     copy_of: str | None = None
     group: str | None = None
     locked: bool | None = None
+    keyframes: tuple[ObjectKeyframe, ...] | None = field(default=None, hash=False)  # have lists
     maps: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         keys = () if self.material is None else (*MAPS, "variants")
         maps = tuple(id(getattr(self.material, key)) for key in keys)
         object.__setattr__(self, "maps", maps)
+
+    def moved(self, motion: ObjectMotion) -> ObjectMotion:
+        """Return a motion with the edit's placement and keyframes."""
+        if self.to_world is not None:
+            to_world = np.reshape(np.array(self.to_world, np.float64), (4, 4))
+            motion = replace(motion, to_world=to_world)
+        if self.keyframes is not None and self.keyframes is not motion.keyframes:
+            motion = ObjectMotion.of(motion.to_world, self.keyframes)
+        return motion
 
     def besides(self, saved: ObjectEdit | None) -> ObjectEdit | None:
         """Return what the edit changes besides a saved one of the object; None if nothing."""
@@ -77,7 +89,7 @@ class ObjectEdit:
         return None if self == saved else replace(self, **same)
 
 
-VALUES = ("to_world", "material", "light", "group", "locked")
+VALUES = ("to_world", "material", "light", "group", "locked", "keyframes")
 """Attributes of an edit that replace a value of the object; None leaves it."""
 
 
@@ -148,12 +160,10 @@ def _edited(entry: SceneObject, edit: ObjectEdit | None) -> SceneObject | None:
     entry = replace(
         entry,
         name=edit.name,
+        motion=edit.moved(entry.motion),
         group=entry.group if edit.group is None else edit.group,
         locked=entry.locked if edit.locked is None else edit.locked,
     )
-    if edit.to_world is not None:
-        to_world = np.reshape(np.array(edit.to_world, np.float64), (4, 4))
-        entry = replace(entry, motion=replace(entry.motion, to_world=to_world))
     if edit.light is not None and entry.light is not None:
         light = replace(entry.light, table=edit.light)
         entry = replace(entry, light=light, mesh=light.mesh())

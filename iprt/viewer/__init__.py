@@ -5,8 +5,8 @@
 - A `viewport` is one window on it: camera, `lens`, comparisons and pixel read-out.
   `motion_quality` decides how much quality to give up for a frame rate.
 - `fields` and `actions` describe the inputs and buttons of panels, `gizmo` the geometry that is
-  drawn over the picture, and `ui_state` the selection. `desktop` and `web` only draw them, the one
-  by imgui, the other by viser. Each runs without the other.
+  drawn over the picture, `ui_state` the selection, and `timeline` its keyframes. `desktop` and
+  `web` only draw them, the one by imgui, the other by viser. Each runs without the other.
 - `render_queue` renders to files, by a process `iprt render` for each `render_order`. `render_form`
   and `render_fields` describe its panel.
 - `windows` is what both have in common for `program`, by which other programs control them.

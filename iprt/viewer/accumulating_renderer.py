@@ -39,6 +39,8 @@ class Stage:
     settings : Settings
     exposure : float
         The scene's exposure.
+    time_s : float
+        Time of the frame (`Scene.time_of`).
     """
 
     number: int
@@ -48,6 +50,7 @@ class Stage:
     footage: Footage
     settings: Settings
     exposure: float
+    time_s: float
 
 
 class AccumulatingRenderer:

@@ -13,6 +13,7 @@ from iprt.measure import metrics
 from iprt.output.display import Bytes, display
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
+from iprt.scene.view_edits import ViewEdit
 from iprt.viewer import labels
 from iprt.viewer.lens import BUFFERS, ERROR_LEVELS, Lens
 from iprt.viewer.motion_quality import Preview
@@ -24,6 +25,7 @@ Radiance = NDArray[np.float32]
 STALE = (
     "the truth shows the scene as it was when the truth was made; objects have been edited since"
 )
+TURNED = "the truth shows where the view looked when the truth was made; it has been edited since"
 OUTDATED = f"{STALE}, says scene.toml: once the truth is made again, remove truth_outdated there"
 
 
@@ -113,6 +115,7 @@ class PictureDeveloper:
         baseline: Shown | None,
         snapshot: Snapshot | None,
         edits: Sequence[ObjectEdit],
+        views: Sequence[ViewEdit] = (),
     ) -> DevelopedPicture:
         """Develop a picture for display.
 
@@ -124,6 +127,7 @@ class PictureDeveloper:
             Newest picture of the compared method.
         snapshot : Snapshot or None
         edits : sequence of ObjectEdit
+        views : sequence of ViewEdit
             Edits since the scene's files were read.
         """
         exposure, picture = scene.exposure, shown.picture
@@ -144,7 +148,10 @@ class PictureDeveloper:
                 return DevelopedPicture(left, buffer, f"{words}: the snapshot does not have it")
             right = lens.color(buffer, snapshot.picture.aovs[buffer], exposure)
         pixels = lens.compare(left, right)
-        warning = _warning(scene, name, shown, edits) if lens.against == "truth" else ""
+        warning = ""
+        if lens.against == "truth":
+            turned = any(edit.shown_name == name and edit.looks_elsewhere for edit in views)
+            warning = TURNED if turned else _warning(scene, name, shown, edits)
         against = labels.comparisons()[lens.against].name
         caption = f"{words} | {against}"
         sides: tuple[str, str] | None = (words, against)

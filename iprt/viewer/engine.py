@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Self
 
 from iprt.device.compute import ComputeDevice
 from iprt.footage.sun import Sun
 from iprt.footage.video.video_table import VideoTable
+from iprt.geometry.keyframes import ObjectKeyframe, ViewKeyframe
 from iprt.measure.tradeoff import Tradeoff, shipped
 from iprt.scene.edit_writing import Look
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.scene import Scene
+from iprt.scene.scene_view import SceneView
+from iprt.scene.view_edits import ViewEdit, edited_views
 from iprt.settings.model import Settings
 from iprt.viewer.client import Client
 from iprt.viewer.core import Core
@@ -25,6 +28,7 @@ from iprt.viewer.scene_editor import SceneEditor
 from iprt.viewer.scene_snapshot import EditedScene
 from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import Playback, PlaybackMode, Request, Status, World
+from iprt.viewer.view_editor import ViewEditor
 
 LEAVING_S = 5.0
 """Longest wait for a thread to end; kernels, compilers and decoders cannot be interrupted."""
@@ -55,6 +59,8 @@ class Engine:
     ----------
     editor : SceneEditor
         Edits of the objects.
+    view_editor : ViewEditor
+        Edits of the views.
     renders : RenderQueue
         Pictures and videos that are rendered to files.
     """
@@ -77,6 +83,8 @@ class Engine:
         self._shared = SharedState(World(settings or Settings(), playback), clock)
         self._core = Core(self._shared, scene, device, clock=clock, allow_outside=allow_outside)
         self.editor = SceneEditor(self._shared, self._core)
+        self.view_editor = ViewEditor(self._shared, lambda: self.views)
+        self._views: tuple[Scene, tuple[ViewEdit, ...], dict[str, SceneView]] | None = None
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
 
@@ -164,6 +172,15 @@ class Engine:
         return bool(self._core.jobs.running)
 
     @property
+    def views(self) -> Mapping[str, SceneView]:
+        """The views with all edits, by name."""
+        origin, edits, known = self._origin, self.world.views, self._views
+        if known is None or known[0] is not origin or known[1] != edits:
+            objects = tuple(table.name for table in origin.manifest.objects)
+            self._views = known = origin, edits, edited_views(origin.views, edits, objects)
+        return known[2]
+
+    @property
     def plain_frame(self) -> PlainFrame | None:
         """The color of the newest video frame, or None before the first is read."""
         return self._core.plain.frame
@@ -232,6 +249,22 @@ class Engine:
         """Render with other settings, which may need compilation."""
         return self._shared.change(lambda world: replace(world, settings=settings))
 
+    def animate(
+        self,
+        objects: Mapping[str, tuple[ObjectKeyframe, ...]],
+        views: Mapping[str, tuple[ViewKeyframe, ...]],
+    ) -> int:
+        """Replace the keyframes of objects and views, by name."""
+
+        def change(world: World) -> World:
+            for name, keyframes in objects.items():
+                world = world.edited(name, keyframes=keyframes)
+            for name, keys in views.items():
+                world = world.view_edited(name, keyframes=keys)
+            return world
+
+        return self._shared.edit(change)
+
     # Its light --------------------------------------------------------------------------------
 
     @property
@@ -241,8 +274,13 @@ class Engine:
 
     @property
     def _own_video(self) -> VideoTable:
+        return self._origin.manifest.video
+
+    @property
+    def _origin(self) -> Scene:
+        """The scene without any edits, saved or not."""
         loaded = self._core.files.loaded
-        return (self._scene if loaded is None else loaded.origin).manifest.video
+        return self._scene if loaded is None else loaded.origin
 
     @property
     def sun(self) -> Sun | None:
@@ -264,7 +302,8 @@ class Engine:
     def set_edits(self, world: World) -> int:
         """Replace all edits by those of another world, as one step of undo."""
         return self._shared.edit(
-            lambda now: replace(now, edits=world.edits, light=world.light), alone=True
+            lambda now: replace(now, edits=world.edits, light=world.light, views=world.views),
+            alone=True,
         )
 
     # All edits --------------------------------------------------------------------------------

@@ -94,11 +94,11 @@ def view_field(ui: UiState) -> Field:
     """Build the choice of the scene's views, with an entry for any other view."""
 
     def options() -> Mapping[str, Label]:
-        names = list(ui.engine.scene.views)
+        names = list(ui.engine.views)
         return {name: Label(name, "") for name in (*names, *([] if known() else [elsewhere()]))}
 
     def known() -> bool:
-        return ui.viewport.name in ui.engine.scene.views  # a reloaded scene may lack it
+        return ui.viewport.name in ui.engine.views  # a reloaded scene may lack it
 
     def elsewhere() -> str:
         return "(panorama)" if ui.viewport.view.projection == "equirect" else TURNED
@@ -107,7 +107,7 @@ def view_field(ui: UiState) -> Field:
         return ui.viewport.name or "" if known() else elsewhere()
 
     def write(name: str) -> None:
-        if name in ui.engine.scene.views:
+        if name in ui.engine.views:
             ui.go_to(name)
 
     return Field("view", "choice", lambda: PARTS["view"], read, write, options)

@@ -53,6 +53,25 @@ def box_edges(state: ObjectState, view: View, centre: Float) -> Float:
     return view.project(np.reshape(ends, (-1, 2, 3)))
 
 
+def path_segments(points: Float, view: View, centre: Float) -> Float:
+    """Return the parts of a line through points (N, 3) of the world that are before the camera.
+
+    Returns
+    -------
+    (M, 2, 2) float64
+        Both ends of each part in pixels of the view.
+    """
+    seen = points - centre
+    ends = np.stack([seen[:-1], seen[1:]], axis=1)
+    depth = -(ends @ view.world_from_view[:, 2])
+    ends, depth = ends[(depth > NEAR_M).any(axis=1)], depth[(depth > NEAR_M).any(axis=1)]
+    for end, other in ((0, 1), (1, 0)):
+        behind = depth[:, end] < NEAR_M
+        share = (NEAR_M - depth[behind, end]) / (depth[behind, other] - depth[behind, end])
+        ends[behind, end] += share[:, None] * (ends[behind, other] - ends[behind, end])
+    return view.project(ends)
+
+
 def turn_of(state: ObjectState) -> Float:
     """Return an object's rotation (3, 3)."""
     return polar(state.to_world[:3, :3])[0]

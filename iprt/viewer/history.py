@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.object_edits import ObjectEdit
+from iprt.scene.view_edits import ViewEdit
 
 Changed = frozenset[tuple[str, str]]
 
 GESTURE_S = 0.5
 """Longest interval in seconds between changes of one gesture, which are undone together."""
 MOST_STEPS = 256
-PARTS = tuple(part.name for part in fields(ObjectEdit) if part.init and part.compare)
+PARTS = [part.name for part in fields(ObjectEdit) if part.init and part.compare]
+VIEW_PARTS = [part.name for part in fields(ViewEdit)]
+Edit = TypeVar("Edit", ObjectEdit, ViewEdit)
 
 
 @dataclass(frozen=True)
@@ -21,6 +26,7 @@ class Edits:
 
     objects: tuple[ObjectEdit, ...]
     light: LightEdit
+    views: tuple[ViewEdit, ...] = ()
 
 
 class History:
@@ -74,13 +80,29 @@ class History:
 
 
 def _changed(before: Edits, after: Edits) -> Changed:
-    """Return the changed parts of the edits, with the names of objects; light has none."""
-    old, new = ({edit.name: edit for edit in edits.objects} for edits in (before, after))
-    objects = [
-        (name, part)
-        for name in old.keys() | new.keys()
-        for part in PARTS
-        if getattr(old.get(name, ObjectEdit(name)), part)
-        != getattr(new.get(name, ObjectEdit(name)), part)
-    ]
-    return frozenset([*objects, *(("", part) for part in before.light.differing(after.light))])
+    """Return the changed parts of the edits, with the names of objects and views."""
+    objects = _differing(before.objects, after.objects, ObjectEdit, PARTS)
+    views = _differing(before.views, after.views, ViewEdit, VIEW_PARTS)
+    light = (("", part) for part in before.light.differing(after.light))
+    return frozenset([*objects, *views, *light])
+
+
+def _differing(
+    before: Iterable[Edit], after: Iterable[Edit], empty: Callable[[str], Edit], parts: list[str]
+) -> list[tuple[str, str]]:
+    """Return the parts that differ, each after the name of its object or view."""
+    old, new = ({edit.name: edit for edit in edits} for edits in (before, after))
+    found = []
+    for name in old.keys() | new.keys():
+        one, other = old.get(name) or empty(name), new.get(name) or empty(name)
+        differing = (part for part in parts if getattr(one, part) != getattr(other, part))
+        found += [(name, _keys(one, other) if p == "keyframes" else p) for p in differing]
+    return found
+
+
+def _keys(one: Edit, other: Edit) -> str:
+    """Return the times of the keyframes that differ; a gesture changes the same ones."""
+    before, after = (tuple(edit.keyframes or ()) for edit in (one, other))
+    differing = [key.time for key in before if key not in after]
+    differing += [key.time for key in after if key not in before]
+    return f"keyframes {sorted(set(differing))}"

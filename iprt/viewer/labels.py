@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from iprt.geometry.material import MaterialKind
+from iprt.geometry.smooth_motion import Interpolation
 from iprt.output.display import Curve
 from iprt.settings.methods import methods
 from iprt.viewer.state import PlaybackMode
@@ -66,6 +67,12 @@ PLAYBACK: Mapping[PlaybackMode, Label] = {
     "every frame": Label(
         "Every frame", "Shows each frame before the next, at full quality, slower if need be."
     ),
+}
+
+INTERPOLATIONS: Mapping[Interpolation, Label] = {
+    "linear": Label("Linear", "Straight and evenly to the next key."),
+    "smooth": Label("Smooth", "Without corners, and from and to rest at the ends."),
+    "step": Label("Step", "Stays until the next key."),
 }
 
 BY_HAND = "by hand"
@@ -200,6 +207,21 @@ PARTS: Mapping[str, Label] = {
     "select all": Label("Select all", "All objects that are not locked."),
     "hide": Label("Hide", "Hides the selected objects in this window."),
     "show all": Label("Show all", "Shows all hidden objects."),
+    "key": Label(
+        "Set key",
+        "Keeps where the selected objects are in this frame; without any, where the view looks.",
+    ),
+    "keys": Label("Key", "By frame. Of the selected object; of the view if nothing is selected."),
+    "key_frame": Label("At frame", "Moves the chosen key."),
+    "interpolation": Label("Then", "How the motion goes on to the next key."),
+    "delete keys": Label("Delete keys", "Deletes the chosen keys."),
+    "recording": Label("Record", "Moving an object sets a key. Otherwise its whole motion moves."),
+    "view_name": Label(
+        "Name", "Of the view, as in scene.toml. A name that is taken gets a number."
+    ),
+    "add view": Label("Add view", "A view that looks as this window does."),
+    "look": Label("Look as now", "The view without keyframes gets the direction of this window."),
+    "remove view": Label("Remove view", "Removes the view. Undo brings it back."),
     "position": Label("Position", "Centre of the bottom: x to the right, y up, z backwards."),
     "rotation": Label("Rotation", "About x, y (up) and z; y turns first."),
     "size": Label("Size", "Length of the longest side."),

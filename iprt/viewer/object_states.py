@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from iprt.geometry.keyframes import ObjectMotion
+from iprt.geometry.keyframes import ObjectKeyframe, ObjectMotion
 from iprt.geometry.material import Material
 from iprt.geometry.mesh import Instance, Mesh
 from iprt.scene.light_tables import LightTable
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.placement import bounds
+from iprt.viewer.keyframing import object_key, with_key
 
 Float = NDArray[np.float64]
 CORNERS = np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)])
@@ -105,13 +106,23 @@ class ObjectState:
         """Return the argument of `Engine.place` that leads to `to_world` in this frame."""
         return self.motion.before(to_world, self.time_s)
 
+    def keyed(self, to_world: Float) -> tuple[ObjectKeyframe, ...]:
+        """Return the keyframes that lead to `to_world` in this frame.
+
+        Raises
+        ------
+        SceneError
+            The scene format does not allow them.
+        """
+        key = object_key(self.motion, to_world, self.time_s)
+        return with_key(self.motion.keyframes, key)
+
     def edited(self, edit: ObjectEdit) -> ObjectState | None:
         """Return the state with an edit; None if the object is removed."""
         if edit.removed:
             return None
-        state = self
-        if edit.to_world is not None:
-            motion = replace(state.motion, to_world=np.reshape(np.array(edit.to_world), (4, 4)))
+        state, motion = self, edit.moved(self.motion)
+        if motion is not self.motion:
             state = replace(state, motion=motion, to_world=motion.at(state.time_s))
         if edit.material is not None:
             state = replace(state, materials=(edit.material,))

@@ -96,9 +96,8 @@ class RenderForm:
         scene, view, name = self._ui.engine.scene, self._ui.viewport.view, self._ui.viewport.name
         if self.around:
             return scene.source.size
-        if name in scene.views:
-            view = scene.views[name].view
-            return view.width, view.height
+        if (entry := self._ui.engine.views.get(name or "")) is not None:
+            return entry.view.width, entry.view.height
         return max(view.width // 2 * 2, 2), max(view.height // 2 * 2, 2)
 
     def resize(self, *, width: int | None = None, height: int | None = None) -> None:
@@ -258,7 +257,7 @@ class RenderForm:
     def _name(self) -> str | None:
         """Return the scene's view to render; None for a fixed one, or the whole panorama."""
         viewport, scene = self._ui.viewport, self._ui.engine.scene
-        entry = scene.views.get(viewport.name or "")
+        entry = self._ui.engine.views.get(viewport.name or "")
         if entry is None or self.around:
             return None
         # A view that moves is shown as it was when it was chosen.

@@ -13,6 +13,7 @@ from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.objects import SceneObject
 from iprt.scene.scene import Scene
+from iprt.scene.view_edits import views_besides
 from iprt.viewer.background_jobs import BackgroundJobs
 from iprt.viewer.file_watch import Stamp, Watch
 from iprt.viewer.scene_snapshot import EditedScene
@@ -131,7 +132,10 @@ class SceneFiles:
             edits = tuple(e for e in world.edits if kept or e not in world.saved)
             known = [e if e.path is None else self._at_home(e, e.path) for e in edits]
             light = world.light if kept else world.light.besides(world.saved_light)
-            self._meshes |= save_edits(here.origin, known, light=light, base=here.text, look=look)
+            views = world.views if kept else views_besides(world.views, world.saved_views)
+            self._meshes |= save_edits(
+                here.origin, known, light=light, views=views, base=here.text, look=look
+            )
             now = self._reloaded()
             self._text = now.text
             if not kept:
@@ -156,7 +160,7 @@ class SceneFiles:
         if loaded is None:
             return None
         edits = [e if e.path is None else self._at_home(e, e.path) for e in world.edits]
-        return EditedScene(loaded.origin, loaded.text, tuple(edits), world.light)
+        return EditedScene(loaded.origin, loaded.text, tuple(edits), world.light, world.views)
 
     def _reread(self) -> None:
         """Reload after another program has written files of the scene."""

@@ -13,6 +13,7 @@ from iprt.scene.light_edits import LightEdit
 from iprt.scene.manifest import MANIFEST_NAME, manifest_text
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
+from iprt.scene.view_edits import ViewEdit
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +28,14 @@ class EditedScene:
         Its scene.toml.
     edits : tuple of ObjectEdit
     light : LightEdit
+    views : tuple of ViewEdit
     """
 
     origin: Scene
     text: str
     edits: tuple[ObjectEdit, ...]
     light: LightEdit
+    views: tuple[ViewEdit, ...] = ()
 
     def write(self, folder: Path, view: str | None, shown: tuple[str, ...] | None) -> None:
         """Write the edited scene to a new folder, as saving would; its other files become links.
@@ -56,7 +59,7 @@ class EditedScene:
         path = folder / MANIFEST_NAME
         path.unlink(missing_ok=True)
         path.write_text(self.text, "utf-8")
-        save_edits(_opened(folder), self.edits, light=self.light)
+        save_edits(_opened(folder), self.edits, light=self.light, views=self.views)
         scene = _opened(folder)
         names = {table.name for table in scene.manifest.objects}
         wanted = names if shown is None else names.intersection(shown)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from platformdirs import user_pictures_path
 
+from iprt.files.atomic import require_writable
 from iprt.output.metadata import picture_metadata
+from iprt.output.picture import check_output, write_picture, write_pixels
+from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.engine import Engine
 from iprt.viewer.session import Shown
 
@@ -61,3 +64,20 @@ def metadata_of(engine: Engine, shown: Shown) -> dict[str, str]:
         frames=shown.frames,
         device=shown.device,
     )
+
+
+def write_screenshot(path: Path, displayed: DisplayedFrame, metadata: Mapping[str, str]) -> None:
+    """Write displayed pixels to PNG, or the linear picture and its buffers to EXR.
+
+    Raises
+    ------
+    IprtError
+        The file cannot be written.
+    """
+    check_output(path)
+    require_writable(path)
+    if path.suffix.lower() == ".png":
+        write_pixels(path, displayed.pixels, metadata=metadata)
+    else:
+        picture = displayed.shown.picture
+        write_picture(path, picture.color, aovs=picture.aovs, metadata=metadata)

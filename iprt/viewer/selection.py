@@ -36,12 +36,14 @@ class Selection:
         The sun is selected in place of objects.
     whole_groups : bool
         Select all objects of a group with any of them.
+    recording : bool
+        Moving objects sets keys at the displayed frame, instead of moving their whole motions.
     """
 
     def __init__(self, engine: Engine, say: Callable[..., None]) -> None:
         self._engine, self._say = engine, say
         self.names: tuple[str, ...] = ()
-        self.sun, self.whole_groups = False, True
+        self.sun, self.whole_groups, self.recording = False, True, False
 
     # What is selected -------------------------------------------------------------------------
 
@@ -87,7 +89,7 @@ class Selection:
         found = (self._engine.object_state(name) for name in self.names)
         return [state for state in found if state is not None]
 
-    def _unlocked(self) -> list[ObjectState]:
+    def unlocked(self) -> list[ObjectState]:
         """Return the selected objects that may be changed; say so if there is none."""
         states = self.states
         free = [state for state in states if not state.locked]
@@ -102,13 +104,14 @@ class Selection:
         try:
             require_place(state.name, to_world)
             moved = to_world @ np.linalg.inv(state.to_world)
-            places = {
-                other.name: other.placed(
-                    to_world if other.name == state.name else moved @ other.to_world
-                )
-                for other in self._unlocked()
-            }
-            self._engine.editor.place(places)
+            places = [
+                (other, to_world if other.name == state.name else moved @ other.to_world)
+                for other in self.unlocked()
+            ]
+            if self.recording:
+                self._engine.animate({o.name: o.keyed(place) for o, place in places}, {})
+            else:
+                self._engine.editor.place({o.name: o.placed(place) for o, place in places})
         except IprtError as error:
             self._say(str(error), bad=True)
 
@@ -117,14 +120,14 @@ class Selection:
         self._engine.editor.paint(
             {
                 state.name: state.materials[0].edited(**part)
-                for state in self._unlocked()
+                for state in self.unlocked()
                 if state.light is None
             }
         )
 
     def remove(self) -> None:
         """Remove the objects."""
-        if names := [state.name for state in self._unlocked()]:
+        if names := [state.name for state in self.unlocked()]:
             self._engine.editor.remove(names)
             back = "it" if len(names) == 1 else "them"
             self._say(f"{listed(names)} removed; Ctrl+Z brings {back} back")
@@ -156,7 +159,7 @@ class Selection:
     def settle(self, *, align: bool) -> None:
         """Lower or lift each object onto the surface below it; see `SceneEditor.settle`."""
         self._engine.editor.settle(
-            [state for state in self._unlocked() if state.light is None], align=align
+            [state for state in self.unlocked() if state.light is None], align=align
         )
 
     # Copies -----------------------------------------------------------------------------------

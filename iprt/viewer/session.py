@@ -136,6 +136,7 @@ class Session:
         begin = time.perf_counter()
         known = self._renderers[0] if self._renderers else None
         self._changing = None
+        request = request.at(stage.time_s)
         try:
             renderer = self._renderer(device, stage, request)
             # A request for other buffers alone needs no rendering.

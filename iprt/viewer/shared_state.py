@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from iprt.scene.light_edits import UNEDITED
+from iprt.scene.view_edits import views_besides
 from iprt.viewer.history import Edits, History
 from iprt.viewer.session import Shown
 from iprt.viewer.state import Playback, Request, Status, World
@@ -143,14 +144,19 @@ class SharedState:
     def _go(self, step: Callable[[Edits], Edits]) -> int:
         def change(world: World) -> World:
             edits = step(_edits(world))
-            return replace(world, edits=edits.objects, light=edits.light)
+            return replace(world, edits=edits.objects, light=edits.light, views=edits.views)
 
         return self.change(change)
 
     def saved(self, written: World) -> int:
         """Record that the files contain the edits of a world; return the number of the change."""
         return self.change(
-            lambda world: replace(world, saved=written.edits, saved_light=written.light)
+            lambda world: replace(
+                world,
+                saved=written.edits,
+                saved_light=written.light,
+                saved_views=written.views,
+            )
         )
 
     def reread(self) -> int:
@@ -160,14 +166,20 @@ class SharedState:
         """
 
         def change(world: World) -> World:
-            if not world.saved and not world.saved_light.parts:
+            if not world.saved and not world.saved_light.parts and not world.saved_views:
                 return world
             self.history.clear()
             saved = {edit.name: edit for edit in world.saved}
             rest = (edit.besides(saved.get(edit.name)) for edit in world.edits)
-            edits = tuple(edit for edit in rest if edit is not None)
-            light = world.light.besides(world.saved_light)
-            return replace(world, edits=edits, light=light, saved=(), saved_light=UNEDITED)
+            return replace(
+                world,
+                edits=tuple(edit for edit in rest if edit is not None),
+                light=world.light.besides(world.saved_light),
+                views=views_besides(world.views, world.saved_views),
+                saved=(),
+                saved_light=UNEDITED,
+                saved_views=(),
+            )
 
         return self.change(change)
 
@@ -237,4 +249,4 @@ class SharedState:
 
 
 def _edits(world: World) -> Edits:
-    return Edits(world.edits, world.light)
+    return Edits(world.edits, world.light, world.views)

@@ -93,7 +93,9 @@ class Staging:
         self.objects = object_states(objects, instances, time_s, self.objects)
         self.edits = world.edits
         exposure = loaded.scene.exposure
-        self.stage = Stage(self._settled, frame, objects, instances, footage, settings, exposure)
+        self.stage = Stage(
+            self._settled, frame, objects, instances, footage, settings, exposure, time_s
+        )
         return self.stage
 
     def _edited(self, loaded: Loaded, world: World) -> Objects:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from iprt.geometry.camera import View
+from iprt.geometry.keyframes import ViewMotion
 from iprt.scene.light_edits import UNEDITED, LightEdit
 from iprt.scene.object_edits import ObjectEdit
+from iprt.scene.view_edits import ViewEdit
 from iprt.settings.model import Settings
 
 REST_FRAMES = 64
@@ -32,6 +34,8 @@ class Request:
         Read back `Shown.geometry`, for picking.
     frames : int
         View frames to which the picture is refined at rest; at least 1.
+    motion : ViewMotion or None
+        Turns the view as the video plays. The request of a picture has its view at that time.
     """
 
     view: View
@@ -40,6 +44,14 @@ class Request:
     aovs: tuple[str, ...] = ()
     geometry: bool = True
     frames: int = REST_FRAMES
+    motion: ViewMotion | None = field(default=None, hash=False)
+
+    def at(self, time_s: float) -> Request:
+        """Return the request with its view at a time of the video."""
+        if self.motion is None:
+            return self
+        view = self.motion.at(time_s).resized(self.view.width, self.view.height)
+        return replace(self, view=view)
 
 
 PlaybackMode = Literal["real time", "every frame"]
@@ -93,25 +105,34 @@ class World:
         Differences from the scene's files as first read; at most one per object.
     light : LightEdit
         Differences of light and reflections.
+    views : tuple of ViewEdit
+        Differences of views; at most one per view.
     saved : tuple of ObjectEdit
         Edits that the files already contain.
     saved_light : LightEdit
         The same of light and reflections.
+    saved_views : tuple of ViewEdit
+        The same of views.
     """
 
     settings: Settings
     playback: Playback
     edits: tuple[ObjectEdit, ...] = ()
     light: LightEdit = UNEDITED
+    views: tuple[ViewEdit, ...] = ()
     saved: tuple[ObjectEdit, ...] = ()
     saved_light: LightEdit = UNEDITED
+    saved_views: tuple[ViewEdit, ...] = ()
 
     @property
     def unsaved(self) -> tuple[str, ...]:
-        """Names of the objects, and keys of `[video]`, that differ from the files."""
+        """Names of the objects and views, and keys of `[video]`, that differ from the files."""
         changed = set(self.edits) ^ set(self.saved)
         names = dict.fromkeys(e.name for e in (*self.edits, *self.saved) if e in changed)
-        return (*names, *self.light.differing(self.saved_light))
+        known = {edit.name: edit.shown_name for edit in (*self.saved_views, *self.views)}
+        differing = {edit.name for edit in set(self.views) ^ set(self.saved_views)}
+        views = (f"view {shown}" for name, shown in known.items() if name in differing)
+        return (*names, *views, *self.light.differing(self.saved_light))
 
     def edit_of(self, name: str) -> ObjectEdit:
         """Return the edit of an object; an empty one by default."""
@@ -125,6 +146,17 @@ class World:
         """Return the world with another edit of an object."""
         others = {known.name: known for known in self.edits}
         return replace(self, edits=tuple((others | {edit.name: edit}).values()))
+
+    def view_edited(self, name: str, **parts: Any) -> World:
+        """Return the world with other values of these parts of the edit of a view, as named now."""
+        known = (e for e in self.views if e.shown_name == name and not e.removed)
+        edit = replace(next(known, ViewEdit(name)), **parts)
+        others = {other.name: other for other in self.views}
+        if edit.new and edit.removed:
+            others.pop(edit.name)
+        else:
+            others[edit.name] = edit
+        return replace(self, views=tuple(others.values()))
 
     def without(self, name: str) -> World:
         """Return the world without the edit of an object."""

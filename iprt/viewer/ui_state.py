@@ -26,6 +26,7 @@ from iprt.viewer.lens import Lens
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.selection import Selection
 from iprt.viewer.sun_arrow import ArrowPlace, SunArrow
+from iprt.viewer.timeline import Timeline
 from iprt.viewer.viewport import Viewport
 
 FIRST_LIGHT = PointTable(kind="point", power=1.0)
@@ -45,6 +46,7 @@ class UiState(ABC):
     engine : Engine
     viewport : Viewport
     selection : Selection
+    timeline : Timeline
     align : bool
         Align the +Y axis of placed objects with the surface normal.
     stepped : bool
@@ -62,6 +64,9 @@ class UiState(ABC):
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self.selection = Selection(engine, self.say)
+        self.timeline = Timeline(
+            engine, self.selection, lambda: self.viewport, lambda name: self.go_to(name), self.say
+        )
         self._arrow_place = ArrowPlace()
         self.align = self.stepped = False
         self.step_m, self.step_deg = 0.1, 15.0
@@ -298,8 +303,7 @@ class UiState(ABC):
     @property
     def frame(self) -> int:
         """The requested video frame, or the displayed one during playback."""
-        playback, shown = self.engine.playback, self.displayed
-        return playback.frame if not playback.playing or shown is None else shown.shown.frame
+        return self.viewport.frame
 
     @property
     def playing(self) -> bool:

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iprt.errors import IprtError
-from iprt.files.atomic import require_writable
 from iprt.geometry.camera import View
 from iprt.geometry.pose import view_from
-from iprt.output.picture import check_output, write_picture, write_pixels
 from iprt.scene.edit_writing import Look
 from iprt.scene.placement import set_on
+from iprt.scene.scene_view import SceneView
 from iprt.viewer.client import Client
 from iprt.viewer.controls import with_value
 from iprt.viewer.displayed_frame import DisplayedFrame, PictureDeveloper
@@ -27,7 +26,7 @@ from iprt.viewer.lens import Lens
 from iprt.viewer.motion_quality import MotionQuality
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.picking import Picking, Readout
-from iprt.viewer.screenshots import free_path, metadata_of
+from iprt.viewer.screenshots import free_path, metadata_of, write_screenshot
 from iprt.viewer.session import Shown
 from iprt.viewer.snapshot import Snapshot
 from iprt.viewer.state import REST_FRAMES, Request
@@ -63,7 +62,9 @@ class Viewport:
     view : View
         Current view, with the window's size.
     name : str or None
-        Name of the scene's view, until the user turns away.
+        Name of the scene's view, until the user turns away. Until then its keyframes turn the view.
+    last_name : str or None
+        Name of the scene's view that was shown last.
     motion : MotionQuality
         Quality during motion.
     picking : Picking
@@ -86,18 +87,17 @@ class Viewport:
     ) -> None:
         self._engine, self._time = engine, clock
         self.view, self.name = _fitted(view, view.width, view.height), self._name_of(view, objects)
-        self._objects, self._frames = objects, frames
+        self.last_name, self._objects, self._frames = self.name, objects, frames
         self._lens, self.motion = Lens(), MotionQuality(target_fps, engine.tradeoff, clock)
-        self._edits = engine.world.edits, engine.world.light
+        self._edits = engine.world.edits, engine.world.light, engine.world.views
         self._developer, self._surroundings = PictureDeveloper(), SurroundingsDeveloper(engine)
         self._displayed: DisplayedFrame | None = None
         self._made_of: tuple[object, ...] = ()
         self._latency_s: float | None = None
         self._asked: deque[tuple[int, float]] = deque(maxlen=256)  # number and time of inputs
-        self.picking = Picking()
+        self.picking, self._frame_rate = Picking(), FrameRate(clock)
         self.snapshot: Snapshot | None = None
         self.pins: list[tuple[float, float]] = []
-        self._frame_rate = FrameRate(clock)
         self._show_added()
         self._wanted = self._request()
         self._client = engine.client(self._wanted)
@@ -139,26 +139,38 @@ class Viewport:
 
     def resize(self, width: int, height: int) -> None:
         """Resize to the window's size, in pixels; 0 counts as 1."""
-        view = _fitted(self.view, max(width, 1), max(height, 1))
-        if view != self.view:
+        if (view := _fitted(self.view, max(width, 1), max(height, 1))) != self.view:
             self.view = view
             self.motion.stir()
             self._input()
 
     def go_to(self, name: str) -> None:
         """Switch to a view of the scene and its objects, at the displayed video frame."""
-        scene = self._engine.scene
-        entry = scene.views[name]
-        frame = self._client.shown.frame if self._client.shown else scene.frame_indices[0]
-        view = entry.at(scene.time_of(frame))
-        self.view, self.name = view.resized(self.view.width, self.view.height), name
-        self._objects = entry.objects
+        self.name = self.last_name = name
+        self._turn_as_the_video_plays()
+        self._objects = self._engine.views[name].objects
         self._show_added()
         self._input()
 
+    def _turn_as_the_video_plays(self) -> None:
+        """Turn to where the scene's view looks at the frame, unless the user turned away."""
+        if self._entry is not None:
+            now = self._entry.at(self._engine.scene.time_of(self.frame))
+            self.view = now.resized(self.view.width, self.view.height)
+
+    @property
+    def _entry(self) -> SceneView | None:
+        return None if self.name is None else self._engine.views.get(self.name)
+
+    @property
+    def frame(self) -> int:
+        """The requested video frame, or the displayed one during playback."""
+        playback, shown = self._engine.playback, self._client.shown
+        return playback.frame if not playback.playing or shown is None else shown.frame
+
     def _name_of(self, view: View, objects: tuple[str, ...] | None) -> str | None:
         """Return the scene's view with this direction, preferably with the same objects."""
-        views = self._engine.scene.views.values()
+        views = self._engine.views.values()
         found = [entry for entry in views if entry.view.resized(view.width, view.height) == view]
         return min(found, key=lambda entry: entry.objects != objects).name if found else None
 
@@ -207,8 +219,8 @@ class Viewport:
     def _follow(self) -> None:
         """Send a new request after changes by others, and between motion and rest."""
         world = self._engine.world
-        if (world.edits, world.light) != self._edits:
-            self._edits = world.edits, world.light
+        if (world.edits, world.light, world.views) != self._edits:
+            self._edits = world.edits, world.light, world.views
             self._show_added()
             self.motion.stir()
         if self._request() != self._wanted:
@@ -245,7 +257,8 @@ class Viewport:
         if lens.against == "input" and "background" not in aovs:
             aovs.append("background")
         settings = None if level is None else level.settings
-        return Request(view, self.objects, settings, tuple(aovs), frames=self._frames)
+        motion = None if self._entry is None else self._entry.motion
+        return Request(view, self.objects, settings, tuple(aovs), True, self._frames, motion)
 
     # The picture ------------------------------------------------------------------------------
 
@@ -256,17 +269,25 @@ class Viewport:
             self.motion.observe(shown)
             self.picking.follow(shown)
             self._frame_rate.follow(self._engine.playback.since_s, shown.frame)
+        self._turn_as_the_video_plays()
         self._follow()
         if shown is None:
             return None
         other = None if self._baseline is None else self._baseline.shown
-        edits, lively = self._engine.world.edits, self.motion.lively
+        (edits, _, views), lively = self._edits, self.motion.lively
         state = self.snapshot, self._lens, self.name, self._developer.scores
-        made_of = (shown, other, *state, edits, lively)
+        made_of = (shown, other, *state, self._edits, lively)
         if self._displayed is None or made_of != self._made_of:
             self._clock(shown)
             found = self._developer.develop(
-                self._engine.scene, self.name, self._lens, shown, other, self.snapshot, edits
+                self._engine.scene,
+                self.name,
+                self._lens,
+                shown,
+                other,
+                self.snapshot,
+                edits,
+                views,
             )
             self._made_of = made_of
             self._displayed = DisplayedFrame(
@@ -286,21 +307,17 @@ class Viewport:
     @property
     def counter(self) -> str | None:
         """The frame's number and the last one's, with the rate; None for a single frame."""
-        scene, playback = self._engine.scene, self._engine.playback
-        frames, shown = scene.frame_indices, self._client.shown
-        if len(frames) == 1:
+        scene = self._engine.scene
+        if len(scene.frame_indices) == 1:
             return None
-        frame = shown.frame if shown is not None and playback.playing else playback.frame
-        text = f"{frame} of {frames[-1]}"
-        fps = self._frame_rate.value if playback.playing else None
+        text = f"{self.frame} of {scene.frame_indices[-1]}"
+        fps = self._frame_rate.value if self._engine.playback.playing else None
         return text if fps is None else f"{text}, {fps:.2g} of {scene.source.fps:g} fps"
 
     @property
     def truth_problem(self) -> str | None:
         """Reason why no truth is available here; None if one is."""
-        shown, scene = self._client.shown, self._engine.scene
-        frame = scene.frame_indices[0] if shown is None else shown.frame
-        return truth_problem(scene, self.name, frame)
+        return truth_problem(self._engine.scene, self.name, self.frame)
 
     def _clock(self, shown: Shown) -> None:
         while self._asked and self._asked[0][0] <= shown.number:
@@ -353,19 +370,9 @@ class Viewport:
         self._engine.save(done, Look(self.view, None if everything else self._objects))
 
     def screenshot(self, suffix: str, folder: Path | None = None) -> Path:
-        """Write the displayed pixels to PNG, or the linear picture and its buffer to EXR.
+        """Write the displayed pixels (`.png`), or the linear picture and its buffer (`.exr`).
 
-        Parameters
-        ----------
-        suffix : str
-            `.png` or `.exr`.
-        folder : Path or None
-            None for `iprt.viewer.screenshots.default_folder()`.
-
-        Returns
-        -------
-        Path
-            Absolute path of the new file.
+        Returns the absolute path of a new file in a folder, by default `default_folder()`.
 
         Raises
         ------
@@ -376,14 +383,7 @@ class Viewport:
         if displayed is None:
             raise IprtError("there is no picture yet")
         path = free_path(self._engine.scene.name, self.name, suffix, folder)
-        shown = displayed.shown
-        metadata = metadata_of(self._engine, shown)
-        check_output(path)
-        require_writable(path)
-        if path.suffix.lower() == ".png":
-            write_pixels(path, displayed.pixels, metadata=metadata)
-        else:
-            write_picture(path, shown.picture.color, aovs=shown.picture.aovs, metadata=metadata)
+        write_screenshot(path, displayed, metadata_of(self._engine, displayed.shown))
         return path
 
 

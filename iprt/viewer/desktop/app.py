@@ -11,6 +11,7 @@ from iprt.viewer.desktop import bars, panels, profile_panel, render_panel, setti
 from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
+from iprt.viewer.desktop.timeline import TimelineStrip
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import KeyPress, Window
 from iprt.viewer.engine import Engine
@@ -64,6 +65,7 @@ class App(Windows):
         self.window = Window(engine.scene.name, (view.width, view.height), self._drop)
         self.ui = DesktopState(engine, viewport)
         self.picture_view = PictureView(self.ui, self.window)
+        self.timeline = TimelineStrip(self.ui)
         self._browser = MeshBrowser(Path.cwd())
         self._dropped: list[Path] = []
         self._drawn: tuple[object, ...] = ()
@@ -152,10 +154,15 @@ class App(Windows):
         line = round(imgui.get_frame_height() + 2.0 * imgui.get_style().item_spacing.y)
         bars_height = (line if len(ui.frames) > 1 else 0) + line
         bars_height = bars_height if height > 2 * bars_height else 0
-        self.picture_view.draw((0.0, 0.0, width - panel, height - bars_height))
+        keys_height = round(self.timeline.height)
+        keys_height = keys_height if height > 2 * (keys_height + bars_height) else 0
+        top = height - bars_height - keys_height
+        self.picture_view.draw((0.0, 0.0, width - panel, top))
         if self._dropped:
             dropped, self._dropped = self._dropped, []
             ui.add_all(dropped)
+        if keys_height:
+            self.timeline.draw((0.0, top, width - panel, keys_height), _PANEL)
         if bars_height:
             self._draw_bars(height - bars_height, width - panel, bars_height)
         if panel:

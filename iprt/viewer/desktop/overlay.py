@@ -14,7 +14,7 @@ from iprt.viewer.desktop.gizmo import Matrix, Mode, Rectangle
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET, TEXT, Color, packed
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import toggle, tooltip
-from iprt.viewer.gizmo import box_edges
+from iprt.viewer.gizmo import NEAR_M, box_edges, path_segments
 from iprt.viewer.labels import PARTS
 from iprt.viewer.object_states import ObjectState
 from iprt.viewer.sun_arrow import COLOR, SunArrow
@@ -222,6 +222,20 @@ def outline(
         return None
     low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def motion_path(ui: DesktopState, state: ObjectState, view: View, rectangle: Rectangle) -> None:
+    """Draw the path that keyframes move an object along, with dots at the keys."""
+    points, at_keys = ui.timeline.path(state)
+    left, top, width, height = rectangle
+    scale = np.array([width / view.width, height / view.height])
+    draw, color = imgui.get_window_draw_list(), packed(ACCENT, 0.8)
+    for start, end in path_segments(points, view, ui.centre) * scale + (left, top):
+        draw.add_line(imgui.ImVec2(*start), imgui.ImVec2(*end), color, 2.0)
+    seen = at_keys - ui.centre
+    before = seen[seen @ view.world_from_view[:, 2] < -NEAR_M]
+    for place in view.project(before) * scale + (left, top):
+        draw.add_circle_filled(imgui.ImVec2(*place), 4.0, packed(TEXT))
 
 
 def sun_arrow(arrow: SunArrow, view: View, centre: Matrix, rectangle: Rectangle) -> None:

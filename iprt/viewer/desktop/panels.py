@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from iprt.viewer.actions import Action, actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
-from iprt.viewer.desktop import looking_panel
+from iprt.viewer.desktop import looking_panel, views
 from iprt.viewer.desktop.style import ACCENT, QUIET, TEXT
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import (
@@ -106,8 +106,9 @@ def _files(ui: DesktopState) -> None:
 
 def _view(ui: DesktopState) -> None:
     viewport = ui.viewport
-    if ui.engine.scene.views:
+    if ui.engine.views:
         draw_field(ui, view_field(ui))
+    views.draw(ui)
     if viewport.view.projection == "equirect":
         quiet("The whole panorama: choose a view to look around.")
         return

@@ -222,6 +222,7 @@ class PictureView:
         lit = self.gesture in ("slide", "gizmo")
         for other in ui.selection.states[:-1]:
             overlay.outline(other, view, ui.centre, self.rectangle, lit=False)
+        overlay.motion_path(ui, state, view, self.rectangle)
         box = overlay.outline(state, view, ui.centre, self.rectangle, lit=lit)
         if self.gesture in ("look", "slide") or state.locked:
             return box

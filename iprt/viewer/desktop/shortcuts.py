@@ -10,6 +10,7 @@ from iprt.viewer.actions import Action, actions
 from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.window import KeyPress
 from iprt.viewer.labels import Label
+from iprt.viewer.timeline_fields import timeline_actions
 
 ELSEWHERE = (
     ("F11", "full screen"),
@@ -19,6 +20,9 @@ ELSEWHERE = (
     ("Ctrl+click", "select several objects"),
     ("Shift+click", "pin the values of a pixel"),
     ("drag an object", "slide the selected one over surfaces"),
+    ("drag a key", "move it; with Ctrl, a copy"),
+    ("double-click", "timeline: go to the frame"),
+    ("right-click a key", "linear, smooth or step"),
     ("drop a file", "add a mesh at the cursor"),
 )
 """Inputs that are handled elsewhere."""
@@ -45,10 +49,10 @@ def shortcuts(ui: DesktopState) -> tuple[Action, ...]:
         key("X", "gizmo: in steps", toggle("stepped")),
         key("F2", "rename the selected object", put("renaming", True)),
         key("A", "add a mesh", ui.browse),
-        *(action for action in shared.values() if action.keys),
+        *(action for action in (*timeline_actions(ui).values(), *shared.values()) if action.keys),
         key("←", "a frame back", lambda: ui.step(-1), repeats=True),
         key("→", "a frame on", lambda: ui.step(1), repeats=True),
-        key("I", "values at the cursor", toggle("readout")),
+        key("V", "values at the cursor", toggle("readout")),
         key("P", "panels", toggle("panels")),
         key("F12", "screenshot, PNG", lambda: ui.screenshot(".png")),
         key("Shift+F12", "screenshot, EXR", lambda: ui.screenshot(".exr")),
@@ -64,8 +68,10 @@ def act_on_keys(ui: DesktopState, presses: Sequence[KeyPress]) -> None:
         return
     for press in presses:
         for action in shortcuts(ui):
-            if press.keys in action.keys.split(", ") and (action.repeats or not press.repeated):
+            held = press.repeated and not action.repeats
+            if press.keys in action.keys.split(", ") and action.enabled() and not held:
                 action.act()
+                break  # keys are deleted rather than their objects
 
 
 def _escape(ui: DesktopState) -> None:

@@ -19,6 +19,7 @@ from iprt.viewer.web.browser_state import BrowserState
 from iprt.viewer.web.camera import look_of, position_of
 from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import ObjectGizmo, SunGizmo
+from iprt.viewer.web.motion_path import MotionPath
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
 from iprt.viewer.windows import Start
@@ -69,6 +70,7 @@ class Browser(BrowserState):
         self._followed: Camera | None = None
         self._defects: set[str] = set()
         self._directed: View | None = None
+        self._looked = start.view  # the view that the browser's camera has, or is sent
         self._directed_s = self._again_s = 0.0
         self._camera_came(client.camera)
         self._thread = threading.Thread(
@@ -113,19 +115,16 @@ class Browser(BrowserState):
             LOG.error("a defect of iprt", exc_info=error)
             self.say(text, bad=True)
 
-    def go_to(self, name: str) -> None:
-        """Switch to a view of the scene."""
-        super().go_to(name)
-        self._direct(self.viewport.view)
-
-    def look(self, view: View) -> None:
-        """Turn to any view, at the window's size."""
-        super().look(view)
-        self._direct(self.viewport.view)
+    def _lead(self) -> None:
+        """Turn the browser's camera if its view was chosen, typed or turned by keyframes."""
+        view = self.viewport.view
+        if not _same(view, self._looked):
+            self._direct(view)
 
     def _direct(self, view: View) -> None:
         """Turn the browser's camera to a view."""
-        self._directed, self._directed_s = view, time.monotonic()
+        self._directed = self._looked = view
+        self._directed_s = time.monotonic()
         self._send_camera(view)
 
     def _send_camera(self, view: View) -> None:
@@ -167,7 +166,7 @@ class Browser(BrowserState):
         self._direct(self.viewport.view)
         divider = Divider(self.client, self._divide)
         self._sender, panels = PictureSender(self.client, divider), Panels(self)
-        self.gizmos = ObjectGizmo(self), SunGizmo(self)
+        self.gizmos = ObjectGizmo(self), SunGizmo(self), MotionPath(self)
         self._listen()
         due_s = 0.0
         while not self._closed:
@@ -215,6 +214,7 @@ class Browser(BrowserState):
 
     def _work(self) -> None:
         self.run_posted()
+        self._lead()
         camera = self._camera
         if camera is None or camera == self._followed:
             return
@@ -232,13 +232,15 @@ class Browser(BrowserState):
         self._followed = camera
         if not _same(view, viewport.view):
             viewport.look(view)
+        self._looked = viewport.view
 
     def _show(self) -> bool:
         """Send the newest picture; return True if there was one."""
-        displayed = self.viewport.poll()
+        viewport = self.viewport
+        displayed = viewport.poll()
+        self._lead()
         if displayed is None or self._closed:
             return False
-        viewport = self.viewport
         sent = self._sender.follow(
             displayed, viewport.surroundings, viewport.view.height, viewport.lens.split
         )

@@ -28,6 +28,12 @@ from iprt.viewer.looking import pin
 from iprt.viewer.looking_fields import range_fields
 from iprt.viewer.material_fields import material_fields
 from iprt.viewer.render_fields import TAB
+from iprt.viewer.timeline_fields import (
+    key_fields,
+    record_field,
+    timeline_actions,
+    view_name_field,
+)
 from iprt.viewer.ui_state import require_mesh
 from iprt.viewer.virtual_light_fields import virtual_light_fields
 from iprt.viewer.web.browser_state import BrowserState
@@ -122,13 +128,17 @@ class Panels:
             with gui.add_folder("Video"):
                 self._add(*playback_fields(ui))
                 self._add_html(lambda: _counted(ui.viewport.counter or ""))
+        timed = timeline_actions(ui)
+        with gui.add_folder("Keyframes", expand_by_default=False):
+            self._add(timed["key"], record_field(ui), *key_fields(ui), timed["delete keys"])
         self._add_visibility()
         self._add_upload()
         self._add(shared["light"], shared["undo"], shared["redo"], shared["save"])
-        with gui.add_folder("Direction", expand_by_default=False):
-            self._add(*look_fields(ui))
+        with gui.add_folder(PARTS["view"].name, expand_by_default=False):
+            self._add(view_name_field(ui), *look_fields(ui))
+            self._add(*(timed[name] for name in ("add view", "look", "remove view")))
         self._add_screenshots()
-        for action in shared.values():
+        for action in (timed["key"], *shared.values()):
             if action.keys and action.name not in TAKEN:
                 self._bind_key(action)
 

@@ -225,20 +225,20 @@ def test_quick_chords(user: User, order: str, drawn_after: int) -> None:
 def test_keys_that_are_held_down(user: User) -> None:
     """Frames go on and on; what is switched is switched once."""
     user.at_rest()
-    user.screen.hold("i", down=True)
+    user.screen.hold("v", down=True)
     user.until(lambda: not user.ui.readout)
     user.screen.hold("Right", down=True)
     user.until(lambda: user.ui.frame == 3)
     user.screen.hold("Right", down=False)
     user.screen.hold("Left", down=True)
-    user.screen.hold("i", down=False)
+    user.screen.hold("v", down=False)
     user.until(lambda: user.ui.frame == 0)
     user.screen.hold("Left", down=False)
-    user.screen.hold("i", down=True)
+    user.screen.hold("v", down=True)
     switched = imgui.get_io().key_repeat_delay + 4.0 * imgui.get_io().key_repeat_rate
     end = time.monotonic() + 2.0 * switched
     user.until(lambda: time.monotonic() > end)
-    user.screen.hold("i", down=False)
+    user.screen.hold("v", down=False)
     user.wait()
     assert user.ui.readout, "off and on again"
 

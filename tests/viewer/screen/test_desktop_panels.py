@@ -126,10 +126,10 @@ def assert_values_beside(wide: User) -> None:
         wide.move(x, y)
         wide.wait(6)
         seen = wide.picture().astype(int)
-        wide.key("i")
+        wide.key("v")
         wide.wait(6)
         changed = np.abs(wide.picture() - seen).max(axis=2) > 8
-        wide.key("i")
+        wide.key("v")
         rows, columns = np.nonzero(changed)
         assert rows.size > 500
         first, last = np.array([columns.min(), rows.min()]), np.array([columns.max(), rows.max()])

@@ -181,7 +181,8 @@ class User:
         ui, engine = self.ui, self.engine
         ui.selected, ui.help, ui.readout = None, False, True
         ui.mode, ui.align, ui._notice = "move", False, None
-        while (engine.world.edits or engine.world.light.parts) and engine.can_undo:
+        ui.selection.recording = False
+        while engine.can_undo:
             engine.undo()
         engine.pause()
         engine.seek(0)
