@@ -148,7 +148,8 @@ def test_manifests_as_they_are_written(
     files = {"color": "c.%04d.exr", "depth": "d.%d.exr"}
     video = _video_table(files, DepthCode(depth_scale), (frames[0], frames[1]))
     text = manifest_of(name, video)
-    manifest = parse_manifest(text + object_text(name, mesh, to_world, material), "scene.toml")
+    table = object_text(name=name, mesh=mesh, to_world=to_world, material=material)
+    manifest = parse_manifest(text + table, "scene.toml")
     assert manifest.name == manifest.objects[0].name == name
     assert manifest.objects[0].mesh == mesh
     assert np.allclose(np.reshape(manifest.objects[0].to_world, (4, 4)), to_world, rtol=1e-6)

@@ -22,7 +22,7 @@ def test_everything_has_a_name_and_a_tooltip() -> None:
     groups = (
         (BUFFERS, AOVS),
         (labels.CURVES, get_args(Curve)),
-        (labels.comparisons(), ["input", "truth", *methods()]),
+        (labels.comparisons(), ["input", "truth", "snapshot", *methods()]),
         (labels.MATERIALS, get_args(MaterialKind)),
         (labels.PLAYBACK, get_args(PlaybackMode)),
     )
