@@ -107,3 +107,10 @@ def actions(ui: UiState) -> dict[str, Action]:
         Action("play", PARTS["play"], ui.toggle_playing, "Space"),
     )
     return {action.name: action for action in found}
+
+
+def offer_actions(ui: UiState) -> tuple[Action, ...]:
+    """Return the answers to the offer of unsaved edits that an earlier viewer left."""
+    autosaver = ui.engine.autosaver
+    acts = {"restore": autosaver.restore, "discard": autosaver.discard, "later": autosaver.postpone}
+    return tuple(Action(name, PARTS[name], act) for name, act in acts.items())

@@ -16,6 +16,7 @@ from iprt.scene.edit_writing import Look
 from iprt.scene.light_edits import LightEdit
 from iprt.scene.scene import Scene
 from iprt.settings.model import Settings
+from iprt.viewer.autosaver import Autosaver
 from iprt.viewer.client import Client
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
@@ -55,6 +56,8 @@ class Engine:
     ----------
     editor : SceneEditor
         Edits of the objects.
+    autosaver : Autosaver
+        Keeps unsaved edits, and offers edits that earlier viewers left.
     renders : RenderQueue
         Pictures and videos that are rendered to files.
     """
@@ -77,6 +80,8 @@ class Engine:
         self._shared = SharedState(World(settings or Settings(), playback), clock)
         self._core = Core(self._shared, scene, device, clock=clock, allow_outside=allow_outside)
         self.editor = SceneEditor(self._shared, self._core)
+        core = self._core
+        self.autosaver = Autosaver(self._shared, core.files, core.jobs, core.note_problem)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
 
@@ -87,7 +92,11 @@ class Engine:
         self.close()
 
     def close(self) -> None:
-        """Cancel all renders, and end the thread; it is abandoned after `LEAVING_S`."""
+        """Cancel all renders, keep unsaved edits for the next start, and end the thread.
+
+        The thread is abandoned after `LEAVING_S`.
+        """
+        self.autosaver.close()
         until_s = time.monotonic() + LEAVING_S
         self.renders.close()
         self._shared.close()

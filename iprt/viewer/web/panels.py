@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.viewer.actions import Action, actions
+from iprt.viewer.actions import Action, actions, offer_actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
 from iprt.viewer.fields import (
     Field,
@@ -57,6 +57,7 @@ class Panels:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH_PX)
         self._add_html(lambda: status_html(ui))
+        self._add_offer()
         tabs = gui.add_tab_group()
         with tabs.add_tab("Scene"):
             self._add_scene()
@@ -91,6 +92,20 @@ class Panels:
     def _add_html(self, content: Callable[[], str]) -> None:
         handle = self._gui.add_html("")
         self._syncs.append(lambda: show(handle, "content", content()))
+
+    def _add_offer(self) -> None:
+        """Add the question about unsaved edits of an earlier viewer."""
+        ui, part = self._ui, PARTS["offer"]
+        folder = self._gui.add_folder(part.name, visible=False)
+
+        def lines() -> str:
+            offer = ui.engine.autosaver.offer
+            return "" if offer is None else _told([("", offer.text), ("", part.about)])
+
+        with folder:
+            self._add_html(lines)
+            self._add(*offer_actions(ui))
+        self._syncs.append(lambda: show(folder, "visible", ui.engine.autosaver.offer is not None))
 
     # The tab of the scene ---------------------------------------------------------------------
 
