@@ -10,7 +10,7 @@ from __future__ import annotations
 import filecmp
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from iprt.files.safe_reading import require_inside
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.light_edits import PARTS, LightEdit
 from iprt.scene.manifest import MANIFEST_NAME, Manifest, ObjectTable
+from iprt.scene.manifest_writing import free_name
 from iprt.scene.object_edits import VALUES, ObjectEdit
 from iprt.scene.objects import own_material
 from iprt.scene.scene import Scene
@@ -59,6 +60,8 @@ def table_edits(
 ) -> tuple[TableEdit, ...]:
     """Return the edits of objects that `now` does not have yet.
 
+    A new object whose name is taken gets another one.
+
     Parameters
     ----------
     root : Path
@@ -72,29 +75,28 @@ def table_edits(
         The scene no longer has an edited object.
     """
     old, new, known = ({t.name: t for t in m.objects} for m in (before, after, now))
-    removed = [name for name in old if name not in new]
-    found = [TableEdit(name) for name in removed if name in known]
-    places = _places(new, old)
-    renamed = {name: place for name, place in _places(old, new).items() if name in removed}
+    found = [TableEdit(name) for name in old if name not in new and name in known]
+    originals = _Originals(old, new)
     for name, table in new.items():
-        base = old.get(name)
+        base, mine = old.get(name), known.get(name)
         if table == base:
             continue
-        if base is None and (name not in known or not _alike(root, table, known[name])):
-            base = _original(table, old, renamed, places[name])
+        if base is None and (mine is None or not _alike(root, table, mine)):
+            base = originals.of(table)
+            if mine is not None:
+                name = free_name(name, known.keys() | new.keys())
             if base is None:
                 given = tuple(part for part in VALUES if getattr(table, part))
                 found.append(TableEdit(name, table, None, given))
                 continue
-            renamed.pop(base.name, None)
-        original = known.get(name if base is None else base.name)
-        if original is None:
+            mine = known.get(base.name)
+        if mine is None:
             raise SceneError(
                 f"{name}: {MANIFEST_NAME} no longer has the object that was edited; put it back"
             )
-        parts = tuple(_changed(table, original, base))
-        if parts or original.name != name:
-            found.append(TableEdit(name, table, original, parts))
+        parts = tuple(_changed(table, mine, base))
+        if parts or mine.name != name:
+            found.append(TableEdit(name, table, mine, parts))
     return tuple(found)
 
 
@@ -160,30 +162,42 @@ def _alike(root: Path, one: ObjectTable, other: ObjectTable) -> bool:
         return False
 
 
+class _Originals:
+    """The objects that new ones are copies of, as edits that write the same text have it.
+
+    Renamed objects are copies of removed ones at the same place. Other new ones come last.
+    """
+
+    def __init__(self, old: Tables, new: Tables) -> None:
+        self._old, self._places = old, _places(new, old)
+        places = _places(old, new).items()
+        self._removed = {name: place for name, place in places if name not in new}
+
+    def of(self, table: ObjectTable) -> ObjectTable | None:
+        """Return the original of the next new object, rather a removed one; None without one."""
+        place, removed = self._places[table.name], self._removed
+        candidates = [
+            other
+            for other in self._old.values()
+            if removed.get(other.name, place) == place and _copies(table, other)
+        ]
+        renamed = next((other for other in candidates if other.name in removed), None)
+        for name in list(removed):
+            if renamed is not None and name == renamed.name:
+                del removed[name]
+                break
+            removed[name] = -1  # a later object renames none of those before
+        return renamed or max(candidates, key=partial(_likeness, table), default=None)
+
+
 def _places(tables: Tables, others: Tables) -> dict[str, int]:
     """Return how many objects come before each that the others have, too."""
     shared = accumulate((name in others for name in tables), initial=0)
     return dict(zip(tables, shared, strict=False))
 
 
-def _original(
-    table: ObjectTable, old: Tables, removed: Mapping[str, int], place: int
-) -> ObjectTable | None:
-    """Return the object that a new one is a copy of.
-
-    That is rather a removed one, which it renames, if both are at the same place.
-    """
-    candidates = [
-        other
-        for other in old.values()
-        if removed.get(other.name, place) == place and _copies(table, other)
-    ]
-
-    def likeness(other: ObjectTable) -> tuple[bool, int]:
-        same = sum(getattr(table, part) == getattr(other, part) for part in VALUES)
-        return other.name in removed, same
-
-    return max(candidates, key=likeness, default=None)
+def _likeness(one: ObjectTable, other: ObjectTable) -> int:
+    return sum(getattr(one, part) == getattr(other, part) for part in VALUES)
 
 
 def _copies(table: ObjectTable, other: ObjectTable) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iprt.errors import FormatError, SceneError
@@ -70,12 +70,11 @@ def restored(scene: Scene, folder: Path) -> tuple[tuple[ObjectEdit, ...], LightE
     return edits, light_edit(found.before, found.after, now)
 
 
-materials = st.builds(
-    Material,
-    st.sampled_from(["diffuse", "plastic", "conductor"]),
-    st.tuples(*[st.floats(0.0, 1.0)] * 3),
-    alpha=st.floats(0.0, 1.0),
+colors = st.tuples(*[st.floats(0.0, 1.0)] * 3)
+shiny = st.builds(
+    Material, st.sampled_from(["plastic", "conductor"]), colors, alpha=st.floats(0.0, 1.0)
 )
+materials = shiny | st.builds(Material, st.just("diffuse"), colors)
 values = {
     "to_world": st.floats(-2.0, 2.0).map(lambda x: flat(placed(x))),
     "group": st.sampled_from(["", "one"]),
@@ -114,10 +113,9 @@ def edits(draw: st.DrawFn, elsewhere: Path) -> tuple[ObjectEdit, ...]:
 
 
 @settings(
-    max_examples=40,
+    max_examples=30,
     derandomize=True,
     deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(data=st.data())
 def test_what_is_restored_is_what_was_edited(scene: Scene, data: st.DataObject) -> None:
@@ -135,8 +133,9 @@ def test_what_is_restored_is_what_was_edited(scene: Scene, data: st.DataObject) 
     one, other = (edited_objects(scene.objects, some, nits) for some in (made, again))
     assert [entry.name for entry in other] == [entry.name for entry in one]
     for a, b in zip(one, other, strict=True):
-        np.testing.assert_allclose(b.motion.to_world, a.motion.to_world, rtol=1e-6, atol=1e-7)
-        assert b.motion.keyframes == a.motion.keyframes if a.motion.moves else not b.motion.moves
+        for time_s in (0.0, 2.0):
+            places = (entry.motion.at(time_s) for entry in (b, a))
+            np.testing.assert_allclose(*places, rtol=1e-6, atol=1e-7)
         assert same_mesh(a.bound, b.bound), a.name
         assert (b.light, b.group, b.locked) == (a.light, a.group, a.locked)
 
@@ -172,7 +171,7 @@ def test_edits_are_those_of_the_scene_as_others_left_it(own: Scene, tmp_path: Pa
     now = Scene.open(now.root)
     assert restored(now, folder)[0] == ()
     assert [table.locked for table in now.manifest.objects] == [False, False, True, False]
-    with pytest.raises(SceneError, match="last: scene.toml no longer has the object") as told:
+    with pytest.raises(SceneError, match=r"last: scene\.toml no longer has the object") as told:
         restored(changed(now, lambda text: text.replace('"last"', '"first"')), folder)
     assert "\n" not in str(told.value)
 
@@ -241,7 +240,7 @@ OUTSIDE = 'name = "spy"\nmesh = "link.obj"\nto_world = [1,0,0,0, 0,1,0,0, 0,0,1,
         (lambda text: texts(text, text)[:-20], "is damaged: json_invalid"),
         (lambda text: '{"format": 2}', "is damaged"),
         (
-            lambda text: texts(text, text).replace("}", ', "code": "x"}'),
+            lambda text: texts(text, text)[:-1] + ', "code": "x"}',
             "is damaged: extra_forbidden",
         ),
         (lambda text: "[" * 100_000, "is damaged"),
