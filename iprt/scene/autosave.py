@@ -33,6 +33,7 @@ from iprt.scene.manifest import AUTOSAVE_NAME, Manifest, parse_manifest
 EDITS = "edits.json"
 MOST_BYTES = 8 * MAX_BYTES
 """Limit for the size of `EDITS`: JSON takes up to six bytes for a byte of a text."""
+TAKEN = "has these edits; save or discard them there"
 MOST_FOLDERS = 256
 """Limit for the folders that are looked at, newest first."""
 
@@ -64,7 +65,7 @@ class Autosave:
             raise FormatError(f"{folder}: a link leads there; delete it")
         self.folder = folder
         self._lock = ExitStack()
-        self._lock.enter_context(locked(folder))
+        self._lock.enter_context(locked(folder, TAKEN))
 
     @classmethod
     def new(cls, root: Path) -> Self:

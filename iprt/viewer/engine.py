@@ -96,10 +96,10 @@ class Engine:
 
         The thread is abandoned after `LEAVING_S`.
         """
-        self.autosaver.close()
         until_s = time.monotonic() + LEAVING_S
         self.renders.close()
         self._shared.close()
+        self.autosaver.close()
         self._thread.join(LEAVING_S)
         self._core.jobs.close(until_s)
 

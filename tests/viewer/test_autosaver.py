@@ -234,7 +234,7 @@ def test_one_viewer_restores_at_a_time(left: Scene) -> None:
         told: list[str | None] = []
         engine.autosaver.restore(told.append)
         until(lambda: bool(told))
-        assert "wait for it" in str(told[0])
+        assert "has these edits" in str(told[0])
         assert not engine.unsaved
         held.close()
     assert len(kept(left)) == 1
