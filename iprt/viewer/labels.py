@@ -224,10 +224,8 @@ PARTS: Mapping[str, Label] = {
     "undo": Label("Undo", "Undoes the last edit of an object or of the light."),
     "redo": Label("Redo", "Redoes the last undone edit."),
     "save": Label("Save", "Writes the edits to scene.toml. Comments stay."),
-    "offer": Label(
-        "Unsaved edits", "The viewer that had them ended without saving. Undo takes them back."
-    ),
-    "restore": Label("Restore", "Makes them unsaved edits again."),
+    "offer": Label("Unsaved edits", "The viewer that had them ended without saving."),
+    "restore": Label("Restore", "Makes them unsaved edits again. Undo takes them back at once."),
     "discard": Label("Discard", "Deletes them."),
     "later": Label("Later", "Offers them again at the next start."),
     "play": Label("Play", "Plays the video, or pauses it."),

@@ -126,7 +126,7 @@ class Viewer(Control):
             self._end()
 
     def close(self) -> None:
-        """End the viewer; unsaved edits are lost."""
+        """End the viewer, and discard unsaved edits."""
         self._engine.autosaver.abandon()
         self._end()
 
