@@ -12,7 +12,6 @@ import tyro
 from iprt.commands.flag_types import Size
 from iprt.commands.setting_flags import BALANCED, ChosenSettings
 from iprt.errors import IprtError
-from iprt.files.termination import at_termination
 
 if TYPE_CHECKING:
     from iprt.viewer.engine import Engine
@@ -51,7 +50,8 @@ def view(
     Parameters
     ----------
     scene
-        Scene folder. Edits are written to its scene.toml when you save.
+        Scene folder. Edits are written to its scene.toml when you save. Unsaved edits of a viewer
+        that was killed are offered at the next start.
     view
         Name of the view to start from, or `equirect` for the whole panorama. Default: `saved`, the
         view at the last save if there is one, or else the scene's first view.
@@ -108,10 +108,7 @@ def view(
     found, objects = moving_view(opened, view, yaw=yaw, pitch=pitch, fov=fov)
     look = (found if isinstance(found, View) else found.view).resized(*(size or WINDOW))
     start = Start(look, objects, fps or None)
-    with (
-        engine_of(opened, settings, device) as engine,
-        at_termination(lambda: lost_edits(engine)),
-    ):
+    with engine_of(opened, settings, device) as engine:
         if web:
             from iprt.viewer.web import serve
 
@@ -138,9 +135,3 @@ def _hosted(engine: Engine, host: Host) -> Iterator[None]:
         print(f"open {host.url} in a browser; Ctrl+C ends", flush=True)
         print(f"from another machine: {host.ssh}", flush=True)
         yield
-
-
-def lost_edits(engine: Engine) -> str | None:
-    """Return the warning about unsaved edits when a signal ends the viewer; None without any."""
-    names = ", ".join(engine.unsaved)
-    return f"unsaved edits are lost: {names}" if names else None

@@ -1,4 +1,4 @@
-"""A lock that allows one render at a time into a folder.
+"""A lock that allows one render at a time into a folder, and one viewer to an autosave.
 
 Two renders into one folder would mix their pictures, and overwrite equal names. A render therefore
 locks its output folder, and a second one is refused at once. The operating system's file lock
@@ -19,15 +19,17 @@ from iprt.errors import FormatError
 from iprt.files.termination import at_termination
 
 NAME = ".iprt.lock"
+RENDERS = "renders into this folder; wait for it or name another one"
 NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 """Errors of file systems without locks, on which renders are not kept apart."""
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path, taken: str = RENDERS) -> Iterator[None]:
     """Lock `folder`, which is created if missing, during the block.
 
-    Afterwards the lock file is removed, and so are created folders that are still empty.
+    Afterwards the lock file is removed, and so are created folders that are still empty. `taken`
+    tells what another process does that holds the folder, and what the user can do.
 
     Raises
     ------
@@ -38,7 +40,7 @@ def locked(folder: Path) -> Iterator[None]:
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = _acquire(folder, folder / NAME)
+        handle = _acquire(folder, folder / NAME, taken)
     except OSError as error:
         raise FormatError(f"{folder}: cannot be locked: {error.strerror}") from error
 
@@ -58,7 +60,7 @@ def locked(folder: Path) -> Iterator[None]:
             release()
 
 
-def _acquire(folder: Path, path: Path) -> int:
+def _acquire(folder: Path, path: Path, taken: str) -> int:
     """Open and lock the lock file; return its descriptor."""
     while True:
         if path.is_symlink() or (path.exists() and not path.is_file()):
@@ -69,9 +71,7 @@ def _acquire(folder: Path, path: Path) -> int:
         except BlockingIOError:
             holder = os.pread(handle, 200, 0).decode(errors="replace") or "another process"
             os.close(handle)
-            raise FormatError(
-                f"{folder}: {holder} renders into this folder; wait for it or name another one"
-            ) from None
+            raise FormatError(f"{folder}: {holder} {taken}") from None
         except OSError as error:
             if error.errno not in NO_LOCKS:
                 os.close(handle)

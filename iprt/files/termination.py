@@ -118,7 +118,7 @@ def _run_actions() -> list[str]:
     """
     _lock.acquire()
     notes = []
-    for action in reversed(_actions.values()):
+    for action in reversed(tuple(_actions.values())):  # actions may register others
         with suppress(Exception):  # the other actions must run
             notes.append(action())
     return [note for note in notes if note]

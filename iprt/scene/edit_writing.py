@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -47,8 +48,6 @@ SAVED_VIEW = "saved"
 """Name of the view that saving keeps: the user's view, with all shown objects."""
 COLORS: Mapping[MaterialKind, str] = {"conductor": "reflectance", "dielectric": "transmittance"}
 """Keys of colors other than `albedo`, in scene.toml."""
-NewMaps = dict[Path, tuple[MapName, NDArray[np.float32]]]
-"""Maps to be written, by file."""
 MAPS_LOST = "clear coat, sheen, specular reflection or transmission"
 """Maps that the table of a material does not have."""
 LOG = logging.getLogger("iprt.scene")
@@ -116,72 +115,127 @@ def _save(
     path = scene.root / MANIFEST_NAME
     before = manifest_text(path)
     parse_manifest(before, str(path))  # it may have changed since it was read
-    text = before if base is None else base
-    objects = [table.name for table in parse_manifest(text, str(path)).objects]
-    if added := new_view_texts(views, objects):
-        text = extended(text, added)
-    document = tomlkit.parse(text)
+    new = NewFiles(scene, scene.root)
+    text = edited_text(new, edits, light, before if base is None else base, look, views)
+    with new.sources() as copies:
+        write_manifest(scene.root, text, f"{path}: the edits do not fit into it", copies)
+    return {source: scene.root / target for source, target in new.targets.items()}
+
+
+def edited_text(
+    new: NewFiles,
+    edits: Iterable[ObjectEdit],
+    light: LightEdit,
+    base: str,
+    look: Look | None = None,
+    views: Sequence[ViewEdit] = (),
+) -> str:
+    """Return the text of `scene.toml` with edits, as `save_edits` writes it.
+
+    Parameters
+    ----------
+    new : NewFiles
+        Takes the files that the text names besides the scene's.
+    light, base, look, views
+        See `save_edits`.
+
+    Raises
+    ------
+    SceneError, FormatError
+        The edits cannot be saved.
+    """
+    objects = [table.name for table in parse_manifest(base, MANIFEST_NAME).objects]
+    if texts := new_view_texts(views, objects):
+        base = extended(base, texts)
+    document = tomlkit.parse(base)
     write_views(document, views)
     write_light(document, light)
     edits = _rename(document, tuple(edits))
     edits = [edit for edit in edits if edit != ObjectEdit(edit.name)]
     tables = {str(table["name"]): table for table in document.get("objects", ())}
     originals = {name: table.unwrap() for name, table in tables.items()}
-    maps: NewMaps = {}
     outdate_truths(document, [e.name for e in edits if e.name in tables or not e.removed])
-    meshes = MeshCopies(scene)
-    new: dict[str, str] = {}  # texts of new objects
+    added: dict[str, str] = {}  # texts of new objects
     for edit in edits:
         if edit.removed:
             _remove(document, edit.name)
         elif edit.name in tables:
-            tables[edit.name].update(_changed_keys(edit, scene, maps, tables[edit.name]))
+            tables[edit.name].update(_changed_keys(edit, new, tables[edit.name]))
             if edit.keyframes is not None:
                 write_keyframes(tables[edit.name], edit.keyframes)
-        elif (values := _new_values(edit, originals, meshes)) is not None:
-            values |= _changed_keys(edit, scene, maps, values)
+        elif (values := _new_values(edit, originals, new)) is not None:
+            values |= _changed_keys(edit, new, values)
             if edit.keyframes is not None:
                 values["keyframes"] = keyframe_array(edit.keyframes) if edit.keyframes else None
-            new[edit.name] = object_text(**values)
-    shown = [show_object(document, name) for name in new]
-    texts = list(new.values())
+            added[edit.name] = object_text(**values)
+    shown = [show_object(document, name) for name in added]
+    texts = list(added.values())
     if look is not None and look.view.projection == "perspective":
         texts += _keep(document, look, needed=not all(shown))
-    for copy in (*meshes.copies, *maps):
-        require_inside(copy, scene.within)
-    text = extended(tomlkit.dumps(document), texts) if texts else tomlkit.dumps(document)
-    with TemporaryDirectory() as folder:
-        copies = dict(meshes.copies)
-        for file, (key, image) in maps.items():
-            copies[file] = Path(folder) / file.name
-            write_map(copies[file], image, key)
-        write_manifest(scene.root, text, f"{path}: the edits do not fit into it", copies)
-    return {source: scene.root / target for source, target in meshes.targets.items()}
+    new.require_inside()
+    return extended(tomlkit.dumps(document), texts) if texts else tomlkit.dumps(document)
 
 
-class MeshCopies:
-    """Mesh files of new objects, which objects may share.
+class NewFiles:
+    """Files of edits that a scene does not have yet: meshes, which objects may share, and maps.
+
+    Parameters
+    ----------
+    scene : Scene
+    home : Path
+        The folder in the scene's that gets them.
 
     Attributes
     ----------
-    copies : dict of Path to Path
-        Files to copy (target -> source).
     targets : dict of Path to str
         Paths of the meshes in the scene's folder, by their source.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self._root = scene.root
-        self.copies: dict[Path, Path] = {}
+    def __init__(self, scene: Scene, home: Path) -> None:
+        self._scene, self._home = scene, home
+        self._copies: dict[Path, Path] = {}
+        self._maps: dict[Path, tuple[MapName, NDArray[np.float32]]] = {}
         self.targets: dict[Path, str] = {}
 
-    def target(self, source: Path, name: str) -> str:
+    def mesh(self, source: Path, name: str) -> str:
         """Return the path in the scene's folder of the mesh of an object with this name."""
         if source not in self.targets:
             file = MeshFile(source, None)
-            files, self.targets[source] = mesh_copies(self._root, file, name, self.copies)
-            self.copies |= files
+            files, target = mesh_copies(self._scene.root, file, name, self._copies, self._home)
+            self._copies |= files
+            self.targets[source] = target
         return self.targets[source]
+
+    def map(self, name: str, key: MapName, image: NDArray[np.float32]) -> str:
+        """Return the path in the scene's folder of a map of an object with this name.
+
+        A new file is named by its contents.
+        """
+        scene = self._scene
+        for table, entry in zip(scene.manifest.objects, scene.objects, strict=True):
+            maps = {} if table.material is None else table.material.maps
+            known = getattr(entry.bound.materials[0], key) if key in maps else None
+            if known is not None and np.array_equal(known, image):
+                return maps[key]
+        digest = hashlib.blake2b(image.tobytes(), digest_size=4).hexdigest()
+        file = self._home / "textures" / f"{name}-{key}-{digest}{map_suffix(image, key)}"
+        self._maps[file] = key, image
+        return file.relative_to(scene.root).as_posix()
+
+    def require_inside(self) -> None:
+        """Raise FormatError if a link leads out of the scene's folder."""
+        for target in (*self._copies, *self._maps):
+            require_inside(target, self._scene.within)
+
+    @contextmanager
+    def sources(self) -> Iterator[dict[Path, Path]]:
+        """Yield the files (target -> source); maps are temporary ones."""
+        with TemporaryDirectory() as folder:
+            copies = dict(self._copies)
+            for target, (key, image) in self._maps.items():
+                copies[target] = Path(folder) / target.name
+                write_map(copies[target], image, key)
+            yield copies
 
 
 def _rename(document: Any, edits: Sequence[ObjectEdit]) -> list[ObjectEdit]:
@@ -200,7 +254,7 @@ def _rename(document: Any, edits: Sequence[ObjectEdit]) -> list[ObjectEdit]:
 
 
 def _new_values(
-    edit: ObjectEdit, originals: Mapping[str, Mapping[str, Any]], meshes: MeshCopies
+    edit: ObjectEdit, originals: Mapping[str, Mapping[str, Any]], new: NewFiles
 ) -> dict[str, Any] | None:
     """Return the table of a new object without its other edits; None if there is no such object.
 
@@ -221,7 +275,7 @@ def _new_values(
     if edit.to_world is None:
         return None
     if edit.path is not None:
-        return {"name": edit.name, "mesh": meshes.target(edit.path, edit.name)}
+        return {"name": edit.name, "mesh": new.mesh(edit.path, edit.name)}
     return None if edit.light is None else {"name": edit.name}
 
 
@@ -260,7 +314,7 @@ def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
     return [table_text("views", name=SAVED_VIEW, **values)]
 
 
-def _changed_keys(edit: ObjectEdit, scene: Scene, maps: NewMaps, table: Any) -> dict[str, Any]:
+def _changed_keys(edit: ObjectEdit, new: NewFiles, table: Any) -> dict[str, Any]:
     """Return the edited keys of an object, and remove what it no longer has from its table."""
     changed: dict[str, Any] = {}
     if edit.light is not None:
@@ -268,7 +322,7 @@ def _changed_keys(edit: ObjectEdit, scene: Scene, maps: NewMaps, table: Any) -> 
     if edit.to_world is not None:
         changed["to_world"] = matrix_array(np.reshape(edit.to_world, (4, 4)))
     if edit.material is not None:
-        changed["material"] = inline(_material_table(edit, scene, maps))
+        changed["material"] = inline(_material_table(edit, new))
     for key, value in (("group", edit.group), ("locked", edit.locked)):
         if value:
             changed[key] = value
@@ -277,7 +331,7 @@ def _changed_keys(edit: ObjectEdit, scene: Scene, maps: NewMaps, table: Any) -> 
     return changed
 
 
-def _material_table(edit: ObjectEdit, scene: Scene, new: NewMaps) -> dict[str, Any]:
+def _material_table(edit: ObjectEdit, new: NewFiles) -> dict[str, Any]:
     """Return the new `material` table; maps that are in no file of the scene go to `new`.
 
     Of values that vary over the surface, it has the means, with a warning.
@@ -308,7 +362,7 @@ def _material_table(edit: ObjectEdit, scene: Scene, new: NewMaps) -> dict[str, A
     for key in MAPS:
         image = getattr(material, key)
         if image is not None and _has_use_of(material, key):
-            written[key] = _map_file(edit.name, key, image, scene, new)
+            written[key] = new.map(edit.name, key, image)
     return written
 
 
@@ -342,18 +396,3 @@ def _transmission(material: Material) -> dict[str, Any]:
     if material.priority != 0:
         written["priority"] = material.priority
     return written
-
-
-def _map_file(
-    name: str, key: MapName, image: NDArray[np.float32], scene: Scene, new: NewMaps
-) -> str:
-    """Return the file of a map, as named in the scene; a new one is named by its contents."""
-    for table, entry in zip(scene.manifest.objects, scene.objects, strict=True):
-        maps = {} if table.material is None else table.material.maps
-        known = getattr(entry.bound.materials[0], key) if key in maps else None
-        if known is not None and np.array_equal(known, image):
-            return maps[key]
-    digest = hashlib.blake2b(image.tobytes(), digest_size=4).hexdigest()
-    file = f"textures/{name}-{key}-{digest}{map_suffix(image, key)}"
-    new[scene.root / file] = key, image
-    return file

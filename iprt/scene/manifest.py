@@ -64,6 +64,8 @@ from iprt.scene.material_tables import (
 )
 
 MANIFEST_NAME = "scene.toml"
+AUTOSAVE_NAME = ".iprt-autosave"
+"""Folder in the scene's in which viewers keep unsaved edits; it is no part of the scene."""
 MAX_VIEWS = 4096
 
 

@@ -22,7 +22,7 @@ from iprt.files.termination import undisturbed
 from iprt.files.toml_text import parse_toml
 from iprt.footage.real_material import RealMaterial
 from iprt.geometry.mesh_files import MeshFile
-from iprt.scene.manifest import MANIFEST_NAME, manifest_text, parse_manifest
+from iprt.scene.manifest import AUTOSAVE_NAME, MANIFEST_NAME, manifest_text, parse_manifest
 
 VIEW_SIZE = (1024, 768)
 
@@ -204,7 +204,11 @@ def show_object(document: Any, name: str) -> bool:
 
 
 def mesh_copies(
-    root: Path, file: MeshFile, name: str, others: Mapping[Path, Path] | None = None
+    root: Path,
+    file: MeshFile,
+    name: str,
+    others: Mapping[Path, Path] | None = None,
+    home: Path | None = None,
 ) -> tuple[dict[Path, Path], str]:
     """Return the files to copy (target -> source), and the mesh's path in the manifest.
 
@@ -216,12 +220,20 @@ def mesh_copies(
         The object's name.
     others : mapping of Path to Path or None
         Other files that will be copied (target -> source).
+    home : Path or None
+        The folder in the scene's that gets the copies; by default the scene's.
     """
     mesh, references = file.path, dict.fromkeys(file.references.values())
-    if mesh.resolve().is_relative_to(root.resolve()):
-        return {}, mesh.resolve().relative_to(root.resolve()).as_posix()
+    home = root if home is None else home
+    real, scene = mesh.resolve(), root.resolve()
+    # Autosaved files do not last, except for the autosave that they belong to.
+    passing = real.is_relative_to(scene / AUTOSAVE_NAME)
+    if passing and home != root:
+        passing = not real.is_relative_to(home.resolve())
+    if real.is_relative_to(scene) and not passing:
+        return {}, real.relative_to(scene).as_posix()
     # Files that refer to each other share a folder, apart from equally named files of other meshes.
-    folder, others = root / "meshes", others or {}
+    folder, others = home / "meshes", others or {}
     there = {target: target for target in folder.iterdir()} if folder.is_dir() else {}
     there |= others
     inside = (target.relative_to(folder) for target in there if target.is_relative_to(folder))

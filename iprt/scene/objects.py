@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -24,10 +24,12 @@ from iprt.geometry.meshes import load_mesh
 from iprt.geometry.solids import OPEN, solids, swollen, with_solids
 from iprt.scene.light_tables import LightTable, PointTable
 from iprt.scene.manifest import Manifest, ObjectTable
-from iprt.scene.material_maps import read_map, with_maps
+from iprt.scene.material_maps import MapName, read_map, with_maps
 
 LOG = logging.getLogger(__name__)
 AnyMesh = Mesh | AnimatedMesh
+ReadMap = Callable[[Path, MapName], NDArray[np.float32]]
+"""`read_map`, which may remember what it has read."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
     FormatError
         A file cannot be read, or all together are too large.
     """
-    read = cache(lambda key, name: read_map(root / name, key))
+    read = cache(read_map)
 
     @cache  # objects may share meshes
     def mesh(name: str, animation: str | int | None, material: Material | None) -> AnyMesh:
@@ -143,14 +145,10 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
 
     def shaped(table: ObjectTable) -> AnyMesh:
         assert table.mesh is not None
-        own = table.material
+        own = own_material(root, table, read)
         loaded = mesh(table.mesh, table.animation, None if own is None else DEFAULT_MATERIAL)
         if own is not None:
-            maps = {key: read(key, name) for key, name in own.maps.items()}
-            try:
-                loaded = painted(loaded, with_maps(own.finished(own.material()), maps))
-            except FormatError as error:
-                raise FormatError(f"{root}: objects.{table.name}.material: {error}") from error
+            loaded = painted(loaded, own)
             if OPEN in _bound(loaded).warnings:
                 LOG.warning("%s: %s", root / table.mesh, OPEN)
         return loaded
@@ -167,6 +165,24 @@ def load_objects(root: Path, manifest: Manifest, within: Path) -> tuple[SceneObj
         objects.append(SceneObject(table.name, made, motion, light, group, table.locked))
         _require_readable(manifest.name, [entry.bound for entry in objects])
     return tuple(_overlapping(objects))
+
+
+def own_material(root: Path, table: ObjectTable, read: ReadMap = read_map) -> Material | None:
+    """Return the material that an object's table has, with its maps; None without one.
+
+    Raises
+    ------
+    FormatError
+        A map cannot be read, or the maps do not fit together.
+    """
+    own = table.material
+    if own is None:
+        return None
+    maps = {key: read(root / name, key) for key, name in own.maps.items()}
+    try:
+        return with_maps(own.finished(own.material()), maps)
+    except FormatError as error:
+        raise FormatError(f"{root}: objects.{table.name}.material: {error}") from error
 
 
 def _overlapping(objects: list[SceneObject]) -> list[SceneObject]:

@@ -7,6 +7,7 @@
 - `fields` and `actions` describe the inputs and buttons of panels, `gizmo` the geometry that is
   drawn over the picture, `ui_state` the selection, and `timeline` its keyframes. `desktop` and
   `web` only draw them, the one by imgui, the other by viser. Each runs without the other.
+- `autosaver` keeps unsaved edits beside the scene, and offers edits that earlier viewers left.
 - `render_queue` renders to files, by a process `iprt render` for each `render_order`. `render_form`
   and `render_fields` describe its panel.
 - `windows` is what both have in common for `program`, by which other programs control them.

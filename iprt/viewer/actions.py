@@ -126,6 +126,9 @@ def _looking(ui: UiState) -> tuple[Action, ...]:
     def taken() -> bool:
         return viewport.snapshot is not None
 
+    def on_snapshot(name: str, act: Callable[[], object], keys: str) -> Action:
+        return Action(name, PARTS[name], act, keys, enabled=taken)
+
     def auto_range() -> None:
         viewport.lens = viewport.lens.ranged(None, None)
 
@@ -137,8 +140,8 @@ def _looking(ui: UiState) -> tuple[Action, ...]:
 
     return (
         Action("snapshot", PARTS["snapshot"], lambda: take_snapshot(ui), "C"),
-        Action("flip", PARTS["flip"], lambda: flip(ui), "B", enabled=taken),
-        Action("restore", PARTS["restore"], lambda: restore(ui), "Ctrl+B", enabled=taken),
+        on_snapshot("flip", lambda: flip(ui), "B"),
+        on_snapshot("back to snapshot", lambda: restore(ui), "Ctrl+B"),
         Action("brighter", PARTS["brighter"], lambda: expose(ui, STEP_EV), "E", repeats=True),
         Action("darker", PARTS["darker"], lambda: expose(ui, -STEP_EV), "Shift+E", repeats=True),
         Action("reset exposure", PARTS["reset exposure"], lambda: expose(ui, None), "0"),
@@ -146,3 +149,10 @@ def _looking(ui: UiState) -> tuple[Action, ...]:
         Action("auto range", PARTS["auto range"], auto_range, visible=ranged),
         Action("unpin", PARTS["unpin"], lambda: unpin(ui), "Shift+U", visible=pins),
     )
+
+
+def offer_actions(ui: UiState) -> tuple[Action, ...]:
+    """Return the answers to the offer of unsaved edits that an earlier viewer left."""
+    autosaver = ui.engine.autosaver
+    acts = {"restore": autosaver.restore, "discard": autosaver.discard, "later": autosaver.postpone}
+    return tuple(Action(name, PARTS[name], act) for name, act in acts.items())

@@ -38,7 +38,7 @@ from iprt.world.shared import Worlds
 LOG = logging.getLogger("iprt.viewer")
 Objects = tuple[SceneObject, ...]
 NOTE_S = 20.0
-"""Duration of notes about unreadable parts of a mesh, in seconds; the user cannot act on them."""
+"""Duration of notes that the user cannot act on, in seconds."""
 MOST_PROGRAMS = 96
 """Limit for cached built programs; a scene needs about 40 at a time."""
 
@@ -87,12 +87,7 @@ class Core:
         self._abandoned = 0  # count of consecutive abandoned pictures
         self.jobs = BackgroundJobs(shared.stir)
         self.files = SceneFiles(
-            scene,
-            shared,
-            self.jobs,
-            self._problems,
-            clock=clock,
-            allow_outside=allow_outside,
+            scene, shared, self.jobs, self._problems, clock=clock, allow_outside=allow_outside
         )
         self.video = VideoPlayer(shared, self._problems, clock)
         self.light = SceneLight(self.jobs, self._problems, clock)
@@ -356,7 +351,7 @@ class Core:
 
         def report(problem: str) -> None:
             # Files that browsers upload lie in the server's temporary folder.
-            self._note_problem(problem.replace(str(path), path.name))
+            self.note_problem(problem.replace(str(path), path.name))
             done(problem)
 
         self.jobs.start(f"loading {path.name}", job, report)
@@ -386,7 +381,7 @@ class Core:
 
             return finish
 
-        self.jobs.start("looking for the surface below", job, self._note_problem)
+        self.jobs.start("looking for the surface below", job, self.note_problem)
 
     def _surfaces_of(self, frame: Frame) -> RealSurfaces:
         """Return the real surfaces of a frame; called by jobs."""
@@ -395,6 +390,7 @@ class Core:
             self._surfaces = known = frame, RealSurfaces(frame)
         return known[1]
 
-    def _note_problem(self, problem: str) -> None:
+    def note_problem(self, problem: str) -> None:
+        """Show a problem for a while; only the engine's thread may call it."""
         self._problems["mesh"] = problem
         self._noted_s = self._clock()

@@ -19,6 +19,7 @@ from iprt.scene.scene import Scene
 from iprt.scene.scene_view import SceneView
 from iprt.scene.view_edits import ViewEdit, edited_views
 from iprt.settings.model import Settings
+from iprt.viewer.autosaver import Autosaver
 from iprt.viewer.client import Client
 from iprt.viewer.core import Core
 from iprt.viewer.object_states import ObjectState
@@ -61,6 +62,8 @@ class Engine:
         Edits of the objects.
     view_editor : ViewEditor
         Edits of the views.
+    autosaver : Autosaver
+        Keeps unsaved edits, and offers edits that earlier viewers left.
     renders : RenderQueue
         Pictures and videos that are rendered to files.
     """
@@ -85,6 +88,8 @@ class Engine:
         self.editor = SceneEditor(self._shared, self._core)
         self.view_editor = ViewEditor(self._shared, lambda: self.views)
         self._views: tuple[Scene, tuple[ViewEdit, ...], dict[str, SceneView]] | None = None
+        core = self._core
+        self.autosaver = Autosaver(self._shared, core.files, core.jobs, core.note_problem)
         self._thread = threading.Thread(target=self._run, name="iprt viewer", daemon=True)
         self._thread.start()
 
@@ -95,10 +100,14 @@ class Engine:
         self.close()
 
     def close(self) -> None:
-        """Cancel all renders, and end the thread; it is abandoned after `LEAVING_S`."""
+        """Cancel all renders, keep unsaved edits for the next start, and end the thread.
+
+        The thread is abandoned after `LEAVING_S`.
+        """
         until_s = time.monotonic() + LEAVING_S
         self.renders.close()
         self._shared.close()
+        self.autosaver.close()
         self._thread.join(LEAVING_S)
         self._core.jobs.close(until_s)
 

@@ -97,6 +97,11 @@ class SceneFiles:
 
         self._read(f"loading {scene.name}", "scene", first)
 
+    @property
+    def text(self) -> str | None:
+        """Text of scene.toml as last read or written; None before that."""
+        return self._text
+
     def poll(self) -> None:
         """Reload if it is time to look and files have changed."""
         now = self._clock()

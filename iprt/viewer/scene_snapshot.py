@@ -10,7 +10,7 @@ import tomlkit
 
 from iprt.scene.edit_writing import save_edits
 from iprt.scene.light_edits import LightEdit
-from iprt.scene.manifest import MANIFEST_NAME, manifest_text
+from iprt.scene.manifest import AUTOSAVE_NAME, MANIFEST_NAME, manifest_text
 from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.scene.view_edits import ViewEdit
@@ -81,7 +81,11 @@ def _link_files(scene: Scene, folder: Path) -> None:
     for place, folders, files in os.walk(root, followlinks=True):
         here, real = Path(place), Path(os.path.realpath(place))
         # Links to folders above have no end.
-        folders[:] = [f for f in folders if not real.is_relative_to(os.path.realpath(here / f))]
+        folders[:] = [
+            name
+            for name in folders
+            if not real.is_relative_to(os.path.realpath(here / name)) and name != AUTOSAVE_NAME
+        ]
         target = folder / here.relative_to(root)
         target.mkdir()
         for name in files:

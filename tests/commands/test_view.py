@@ -1,15 +1,12 @@
-"""`iprt view`: what its flags refuse, and what it tells when a signal ends it."""
+"""`iprt view`: what its flags refuse."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from iprt import cli
-from iprt.commands.view import lost_edits
 from tests.clips import write_clip
 
 
@@ -34,10 +31,3 @@ def test_flags_that_cannot_be(
     assert out == ""
     assert told in err
     assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize("names", [(), ("cube", "ball")])
-def test_lost_edits_are_told(names: tuple[str, ...]) -> None:
-    engine: Any = SimpleNamespace(unsaved=names)
-    note = lost_edits(engine)
-    assert note == ("unsaved edits are lost: cube, ball" if names else None)

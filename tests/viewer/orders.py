@@ -1,4 +1,4 @@
-"""Orders of renders, and waiting for them."""
+"""Orders of renders and waiting for them, and edits of viewers that were killed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from typing import Any
 import pytest
 
 from iprt.files.progress_line import ProgressLine
+from iprt.scene.autosave import Autosave
+from iprt.scene.edit_writing import NewFiles, edited_text
 from iprt.scene.light_edits import UNEDITED
+from iprt.scene.manifest import AUTOSAVE_NAME
+from iprt.scene.object_edits import ObjectEdit
 from iprt.scene.scene import Scene
 from iprt.viewer.render_order import RenderOrder
 from iprt.viewer.render_queue import Render, RenderQueue
@@ -55,3 +59,12 @@ def temporary(folder: Path, patch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     patch.setattr(tempfile, "tempdir", str(folder))
     return folder
+
+
+def leave_edits(scene: Scene, folder: str, **parts: Any) -> None:
+    """Leave edits of the cube in a folder, as a viewer does that is killed."""
+    autosave = Autosave(scene.root / AUTOSAVE_NAME / folder)
+    base = (scene.root / "scene.toml").read_text()
+    edit = ObjectEdit("cube", **parts)
+    autosave.write(base, edited_text(NewFiles(scene, autosave.folder), [edit], UNEDITED, base))
+    autosave._lock.close()

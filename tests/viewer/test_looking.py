@@ -79,7 +79,7 @@ def test_the_state_of_a_snapshot_comes_back(ui: Ui) -> None:
     ui.selection.paint(albedo=(0.0, 0.1, 0.9))
     ui.settings = with_value(ui.settings, "trace.rays", 3)
     blue = show(ui)
-    do["restore"].act()
+    do["back to snapshot"].act()
     assert ui.settings == settings
     assert ui.engine.world.edits == world.edits
     np.testing.assert_allclose(show(ui).astype(int), red, atol=2)

@@ -102,7 +102,7 @@ def test_a_named_view_with_unsaved_edits(ui: Ui) -> None:
     form.quality, form.accumulate = "draft", 2
     elsewhere = rendered(ui, form, "elsewhere.png")
     assert (ui.engine.scene.root / "scene.toml").read_bytes() == text
-    assert len(list(ui.engine.scene.root.iterdir())) == 7
+    assert len(list(ui.engine.scene.root.glob("[!.]*"))) == 7
     saved(ui)
     flags, draft = ["--frames", "2", "--accumulate", "2"], with_preset(FEWEST, "draft")
     assert same(elsewhere, by_command(ui, "elsewhere.png", *flags, settings=draft))

@@ -8,6 +8,7 @@ import numpy as np
 
 from iprt.scene.edit_writing import save_edits
 from iprt.scene.light_edits import UNEDITED, LightEdit
+from iprt.scene.manifest import AUTOSAVE_NAME
 from iprt.scene.object_edits import ObjectEdit, flat
 from iprt.scene.scene import Scene
 from iprt.scene.scene_files import fingerprint
@@ -40,10 +41,12 @@ def test_it_is_the_scene_as_saved(tmp_path: Path) -> None:
     """Also to a video that goes on. Nothing is written to the scene, not even by links."""
     scene = Scene.open(write_clip(tmp_path / "clip", 2))
     edits, light = (ObjectEdit("cube", placed(0.5)),), LightEdit(gloss="declared")
+    (scene.root / AUTOSAVE_NAME).mkdir()
     before = {path: path.stat().st_mtime_ns for path in scene.root.iterdir()}
     snapshot = written(edited(scene, *edits, light=light), tmp_path / "copy")
     assert {path: path.stat().st_mtime_ns for path in scene.root.iterdir()} == before
     assert not (tmp_path / "copy" / "scene.toml").is_symlink()
+    assert not (tmp_path / "copy" / AUTOSAVE_NAME).exists()
     save_edits(scene, edits, light=light)
     saved = Scene.open(scene.root)
     assert snapshot.manifest == saved.manifest

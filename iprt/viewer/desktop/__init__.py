@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 from typing import TYPE_CHECKING
 
+from iprt.files.termination import at_termination
 from iprt.viewer.requirements import require_window
 
 if TYPE_CHECKING:
@@ -35,5 +36,9 @@ def run(engine: Engine, start: Start, during: While[App]) -> None:
     from iprt.viewer.viewport import Viewport
 
     viewport = Viewport(engine, start.view, objects=start.objects, target_fps=start.target_fps)
-    with closing(App(engine, viewport)) as app, during(app):
+    with (
+        closing(App(engine, viewport)) as app,
+        during(app),
+        at_termination(engine.autosaver.keep),
+    ):
         app.run()

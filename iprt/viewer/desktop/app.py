@@ -8,7 +8,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from iprt.viewer.desktop import bars, panels, profile_panel, render_panel, settings_panel
-from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving
+from iprt.viewer.desktop.dialogs import MeshBrowser, draw_help, draw_leaving, draw_offer
 from iprt.viewer.desktop.picture_view import PictureView
 from iprt.viewer.desktop.shortcuts import act_on_keys
 from iprt.viewer.desktop.timeline import TimelineStrip
@@ -87,11 +87,11 @@ class App(Windows):
 
     def leave(self) -> None:
         """Close the window soon, and discard unsaved edits."""
+        self.ui.post("leave", self._discard)
 
-        def leave() -> None:
-            self._discarding = self.window.closing = True
-
-        self.ui.post("leave", leave)
+    def _discard(self) -> None:
+        self._engine.autosaver.abandon()
+        self._discarding = self.window.closing = True
 
     def close(self) -> None:
         """Close the window; the engine stays open."""
@@ -128,8 +128,8 @@ class App(Windows):
             ui.engine.renders.cancel_all()
             self.window.closing, ui.closing = True, False
         # The view counts too: drags change it during drawing, too late for the parts above.
-        renders = ui.engine.renders.renders
-        new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view, renders)
+        renders, offer = ui.engine.renders.renders, ui.engine.autosaver.offer
+        new = (displayed, status, ui.notice, ui.leaving, ui.viewport.view, renders, offer)
         if new != self._drawn:
             self._drawn, self._unsettled = new, SETTLING
         typing = imgui.get_io().want_text_input  # its cursor blinks
@@ -169,8 +169,9 @@ class App(Windows):
             self._draw_panel(width - panel, panel, height)
         draw_help(ui)
         self._browser.draw(ui)
+        draw_offer(ui)
         if draw_leaving(ui):
-            self._discarding = self.window.closing = True
+            self._discard()
 
     def _draw_panel(self, left: float, width: float, height: float) -> None:
         imgui.set_next_window_pos(imgui.ImVec2(left, 0.0))

@@ -9,10 +9,12 @@ from imgui_bundle import imgui
 
 from iprt.errors import IprtError
 from iprt.geometry.mesh_files import MESH_SUFFIXES
+from iprt.viewer.actions import offer_actions
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, shortcuts
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
 from iprt.viewer.desktop.ui_state import MIDDLE, DesktopState
 from iprt.viewer.desktop.widgets import button, quiet
+from iprt.viewer.labels import PARTS
 
 _FIXED = (
     imgui.WindowFlags_.no_resize
@@ -81,6 +83,25 @@ def draw_leaving(ui: DesktopState) -> bool:
         ui.leaving = False
     imgui.end()
     return leave
+
+
+def draw_offer(ui: DesktopState) -> None:
+    """Ask what becomes of the unsaved edits of an earlier viewer."""
+    offer = ui.engine.autosaver.offer
+    if offer is None or ui.leaving:
+        return
+    _centre()
+    imgui.begin(PARTS["offer"].name, None, _FIXED)
+    imgui.push_text_wrap_pos(30.0 * imgui.get_font_size())
+    imgui.text_unformatted(offer.text)
+    imgui.pop_text_wrap_pos()
+    quiet(PARTS["offer"].about, wrap_em=30.0)
+    imgui.spacing()
+    for action in offer_actions(ui):
+        if button(action.label.name, action.hint):
+            action.act()
+        imgui.same_line()
+    imgui.end()
 
 
 def _centre() -> None:

@@ -22,7 +22,7 @@ CROSS_PX = 5.0
 SNAPSHOTS = (
     ("snapshot", icons.ICON_FA_CAMERA),
     ("flip", icons.ICON_FA_RIGHT_LEFT),
-    ("restore", icons.ICON_FA_CLOCK_ROTATE_LEFT),
+    ("back to snapshot", icons.ICON_FA_CLOCK_ROTATE_LEFT),
 )
 
 

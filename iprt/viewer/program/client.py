@@ -112,6 +112,8 @@ class RemoteViewer:
     undo = _forwarded(Control.undo)
     redo = _forwarded(Control.redo)
     save = _forwarded(Control.save)
+    restore = _forwarded(Control.restore)
+    discard = _forwarded(Control.discard)
     play = _forwarded(Control.play)
     pause = _forwarded(Control.pause)
     seek = _forwarded(Control.seek)

@@ -13,6 +13,7 @@ from iprt.errors import IprtError
 from iprt.files.message_text import printable
 from iprt.scene.edit_writing import Look as SavedLook
 from iprt.scene.mesh_pose import MeshPose
+from iprt.viewer.autosaver import Offer
 from iprt.viewer.pose_parts import moved, resized, turned
 from iprt.viewer.program.arguments import (
     Look,
@@ -25,7 +26,7 @@ from iprt.viewer.program.arguments import (
 )
 from iprt.viewer.program.checked import checked
 from iprt.viewer.program.control_base import LOADING_S, ControlBase
-from iprt.viewer.program.pictures import wait_ready
+from iprt.viewer.program.pictures import wait_ready, wait_until
 from iprt.viewer.ui_state import require_mesh
 
 
@@ -170,6 +171,35 @@ class EditControl(ControlBase):
     def redo(self) -> None:
         """Redo the last undone edit."""
         self._engine.redo()
+
+    @checked
+    def restore(self) -> list[str]:
+        """Restore the newest unsaved edits that an earlier viewer of the scene left.
+
+        Returns
+        -------
+        list of str
+            Names of the objects, and keys of `[video]`; empty if there are none.
+        """
+        until_s = time.monotonic() + LOADING_S
+        offer, done = self._offer(until_s), Future[str | None]()
+        if offer is None:
+            return []
+        self._engine.autosaver.restore(done.set_result)
+        self._finish(done, until_s, "restore")
+        return list(offer.names)
+
+    @checked
+    def discard(self) -> list[str]:
+        """Delete the edits that `restore` would restore, and return the same names."""
+        offer = self._offer(time.monotonic() + LOADING_S)
+        self._engine.autosaver.discard()
+        return [] if offer is None else list(offer.names)
+
+    def _offer(self, until_s: float) -> Offer | None:
+        autosaver = self._engine.autosaver
+        wait_until(self._engine, lambda: autosaver.looked, until_s, "unsaved edits")
+        return autosaver.offer
 
     @checked
     def save(self) -> None:

@@ -119,11 +119,19 @@ class Viewer(Control):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._end()
 
     def close(self) -> None:
-        """End the viewer; unsaved edits are lost."""
+        """End the viewer, and discard unsaved edits."""
+        self._engine.autosaver.abandon()
+        self._end()
+
+    def _end(self) -> None:
+        """End the viewer; unsaved edits are kept for the next one."""
         self._closed = True
         _open.discard(self)
         try:
@@ -157,7 +165,7 @@ _open: set[Viewer] = set()
 
 def _close_all() -> None:
     for viewer in tuple(_open):
-        viewer.close()
+        viewer._end()
 
 
 # `atexit` is too late: it follows the wait for executors' threads, and one of them decodes video

@@ -98,12 +98,14 @@ class Host(Windows):
     def wait(self) -> None:
         """Wait until it is closed."""
         # In turns, because some systems cannot interrupt a wait without a timeout.
-        with at_termination(self._folder.cleanup):
+        # Uploaded meshes are kept with the edits before they are deleted.
+        with at_termination(self._folder.cleanup), at_termination(self._engine.autosaver.keep):
             while not self._ended.wait(0.5):
                 pass
 
     def leave(self) -> None:
-        """Let `wait` return."""
+        """Let `wait` return, and discard unsaved edits."""
+        self._engine.autosaver.abandon()
         self._ended.set()
 
     def close(self) -> None:
@@ -115,6 +117,7 @@ class Host(Windows):
         for browser in browsers:
             browser.join(LEAVING_S)
         self._viser.stop()
+        self._engine.autosaver.keep()  # with uploaded meshes
         self._folder.cleanup()
 
     def _set_up(self) -> None:

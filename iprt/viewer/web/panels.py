@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from iprt.geometry.mesh_files import MESH_SUFFIXES
-from iprt.viewer.actions import Action, actions
+from iprt.viewer.actions import Action, actions, offer_actions
 from iprt.viewer.arranging_fields import array_fields, group_field, name_field, step_fields
 from iprt.viewer.fields import (
     Field,
@@ -66,6 +66,7 @@ class Panels:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH_PX)
         self._add_html(lambda: status_html(ui))
+        self._add_offer()
         tabs = gui.add_tab_group()
         with tabs.add_tab("Scene"):
             self._add_scene()
@@ -100,6 +101,20 @@ class Panels:
         handle = self._gui.add_html("")
         self._syncs.append(lambda: show(handle, "content", content()))
 
+    def _add_offer(self) -> None:
+        """Add the question about unsaved edits of an earlier viewer."""
+        ui, part = self._ui, PARTS["offer"]
+        folder = self._gui.add_folder(part.name, visible=False)
+
+        def lines() -> str:
+            offer = ui.engine.autosaver.offer
+            return "" if offer is None else _told([("", offer.text), ("", part.about)])
+
+        with folder:
+            self._add_html(lines)
+            self._add(*offer_actions(ui))
+        self._syncs.append(lambda: show(folder, "visible", ui.engine.autosaver.offer is not None))
+
     # The tab of the picture -------------------------------------------------------------------
 
     def _add_picture(self) -> None:
@@ -110,7 +125,7 @@ class Panels:
                 pin(ui, *ui.read_at)
 
         self._add(*lens_fields(ui))
-        self._add(shared["snapshot"], shared["flip"], shared["restore"])
+        self._add(shared["snapshot"], shared["flip"], shared["back to snapshot"])
         self._add_html(lambda: distribution_html(ui))
         self._add(*range_fields(ui), sparse=True)
         self._add(shared["auto range"])

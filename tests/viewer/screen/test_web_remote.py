@@ -31,7 +31,10 @@ def started(scene: Path) -> subprocess.Popen[str]:
     """`iprt view --web`, once it can be reached."""
     words = ["view", str(scene), "--web", "--port", "0", "--quality", "draft", "--device", DEVICE]
     process = subprocess.Popen(
-        [sys.executable, "-m", "iprt", *words], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "iprt", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     assert process.stdout.readline().startswith("open http://localhost:")
@@ -103,3 +106,20 @@ def test_a_killed_viewer_does_not_hide_the_next(
     finally:
         other.kill()
         other.communicate(timeout=DEADLINE_S)
+
+
+def test_unsaved_edits_outlive_a_signal(viewer: subprocess.Popen[str], tmp_path: Path) -> None:
+    """The line that ends the viewer says so, and the next one has them."""
+    (tmp_path / "thing.obj").write_text(CUBE)
+    assert remote("load", str(tmp_path / "thing.obj"), "--pitch", "-40") == "thing\n"
+    viewer.send_signal(signal.SIGTERM)
+    _, errors = viewer.communicate(timeout=DEADLINE_S)
+    told = "unsaved edits are kept, and offered at the next start: thing"
+    assert errors == f"iprt: terminated by SIGTERM; {told}\n"
+    with iprt.view(tmp_path / "clip", device=DEVICE) as again:
+        assert again.restore() == ["thing"]
+        assert again.restore() == []
+        assert again.status()["unsaved"] == ["thing"]
+        again.undo()
+        assert again.discard() == []
+    assert sorted(path.name for path in (tmp_path / "clip").glob(".iprt*")) == []

@@ -41,7 +41,8 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Queue[int]]:
 
 
 def hosting() -> Host:
-    engine: Any = SimpleNamespace(scene=SimpleNamespace(name="test"))
+    autosaver = SimpleNamespace(keep=lambda: None)
+    engine: Any = SimpleNamespace(scene=SimpleNamespace(name="test"), autosaver=autosaver)
     return Host(engine, Start(View(8, 8)), 0)
 
 
