@@ -103,6 +103,8 @@ def actions(ui: UiState) -> dict[str, Action]:
         Action("save", PARTS["save"], ui.save, "Ctrl+S", enabled=lambda: bool(engine.unsaved)),
         Action("select all", PARTS["select all"], selection.select_all, "Ctrl+A"),
         on_selected("duplicate", "Ctrl+D", ui.duplicate),
+        on_selected("copy", "Ctrl+C", ui.copy),
+        Action("paste", PARTS["paste"], ui.paste, "Ctrl+V"),
         on_selected("settle", "End", lambda: selection.settle(align=ui.align)),
         on_selected("lock", "K", lock),
         on_selected("hide", "H", lambda: ui.show(selection.names, False)),

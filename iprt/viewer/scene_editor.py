@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iprt.geometry.material import Material
+from iprt.scene.clipboard import Copied, copied_objects, copy_objects, default_folder
 from iprt.scene.light_tables import LightTable
 from iprt.scene.manifest_writing import free_name
 from iprt.scene.mesh_pose import MeshPose
@@ -113,6 +115,56 @@ class SceneEditor:
 
         self._shared.edit(change)
         return names
+
+    def copy(self, names: Sequence[str], done: Callable[[], None] = lambda: None) -> None:
+        """Put objects on the clipboard (`iprt.scene.clipboard`), in the background."""
+        edited = self._core.files.edited()
+        if edited is None:
+            return
+
+        def job() -> Callable[[], None]:
+            copy_objects(edited.origin, edited.text, edited.edits, names, default_folder())
+            return done
+
+        self._core.jobs.start("copying", job, self._core.note_problem)
+
+    def paste(
+        self, place: Array | None, done: Callable[[Sequence[str]], object] = lambda _: None
+    ) -> None:
+        """Add the objects of the clipboard, in the background.
+
+        Parameters
+        ----------
+        place : (3,) float64 or None
+            Point in the world for the centre of their bottom; None keeps their own place.
+        done : callable
+            Called by the engine's thread with the names of the new objects.
+        """
+        loaded = self._core.files.loaded
+        nits = 1.0 if loaded is None else loaded.origin.manifest.nits
+
+        def job() -> Callable[[], None]:
+            copied = copied_objects(default_folder(), nits)
+            moved = np.zeros(3) if place is None else place - copied.foot
+            return lambda: self._add_copied(copied, moved, done)
+
+        self._core.jobs.start("pasting", job, self._core.note_problem)
+
+    def _add_copied(
+        self, copied: Copied, moved: Array, done: Callable[[Sequence[str]], object]
+    ) -> None:
+        groups = {edit.group: self.free_group(edit.group) for edit in copied.edits if edit.group}
+        added = []
+        for edit in copied.edits:
+            to_world = np.reshape(np.array(edit.to_world), (4, 4))
+            to_world[:3, 3] += moved
+            name = self._free_name(edit.name)
+            group = groups.get(edit.group or "")
+            added.append(replace(edit, name=name, to_world=flat(to_world), group=group))
+        self._shared.edit(lambda world: reduce(World.having, added, world))
+        if copied.lost:
+            self._core.note_problem(f"pasted without animation: {', '.join(copied.lost)}")
+        done([edit.name for edit in added])
 
     def settle(self, states: Sequence[ObjectState], *, align: bool) -> None:
         """Lower or lift objects onto the real surface below each; `status` reports problems.

@@ -24,11 +24,13 @@ from iprt.viewer.engine import Engine
 from iprt.viewer.labels import BY_HAND
 from iprt.viewer.lens import Lens
 from iprt.viewer.object_states import ObjectState
-from iprt.viewer.selection import Selection
+from iprt.viewer.selection import Selection, listed
 from iprt.viewer.sun_arrow import ArrowPlace, SunArrow
 from iprt.viewer.timeline import Timeline
 from iprt.viewer.viewport import Viewport
 
+MIDDLE = 0.5, 0.6
+"""Position in the picture of objects that are not dropped on a place of it."""
 FIRST_LIGHT = PointTable(kind="point", power=1.0)
 ABOVE_M = 0.8
 """Height of a new light above the surface."""
@@ -241,6 +243,22 @@ class UiState(ABC):
             self.selected = self.engine.editor.add_light(
                 FIRST_LIGHT, hanging(surface.point, ABOVE_M)
             )
+
+    def copy(self) -> None:
+        """Put the selected objects on the clipboard."""
+        names = [state.name for state in self.selection.states]
+        if names:
+            words = f"copied: {listed(names)}"
+            self.engine.editor.copy(names, lambda: self.post("copied", lambda: self.say(words)))
+
+    def paste(self) -> None:
+        """Add the objects of the clipboard in the middle of the picture, and select them."""
+        surface = self.viewport.picking.ground(*MIDDLE, 0.0)
+
+        def pasted(names: Sequence[str]) -> None:
+            self.post("pasted", lambda: self.selection.select(*names))
+
+        self.engine.editor.paste(None if surface is None else surface.point, pasted)
 
     def duplicate(self) -> None:
         """Add a copy of each selected object to its right, and select the copies."""

@@ -10,11 +10,14 @@ import pytest
 
 from iprt.geometry.camera import View
 from iprt.geometry.keyframes import ObjectKeyframe, ViewKeyframe
-from iprt.scene.edit_writing import save_edits
+from iprt.scene.edit_writing import NewFiles, edited_text, save_edits
+from iprt.scene.light_edits import UNEDITED
+from iprt.scene.manifest import parse_manifest
 from iprt.scene.object_edits import ObjectEdit, edited_objects, flat
 from iprt.scene.objects import objects_at
 from iprt.scene.scene import Scene
 from iprt.scene.view_edits import ViewEdit, edited_views, views_besides
+from iprt.scene.view_reading import view_edits
 from tests.scene.files import MANIFEST, VIEW, write_rgb, write_scene
 
 PLACE = flat(np.eye(4))
@@ -158,3 +161,27 @@ def test_what_is_left_after_saving() -> None:
     more = replace(saved, keyframes=PAN)
     assert views_besides([more], [saved]) == (ViewEdit("new", keyframes=PAN),)
     assert views_besides([more], []) == (more,)
+
+
+def test_edits_are_read_back_from_the_text_that_they_made(scene: Scene) -> None:
+    """Turned, keyed, renamed, removed and new views; what the scene has by now is no edit."""
+    before = scene.manifest
+    name = before.views[0].name
+    edits = (
+        ViewEdit(name, new_name="other", look=View(64, 48, 10.0, -5.0, 50.0), keyframes=PAN),
+        ViewEdit("true", removed=True),
+        ViewEdit("new", look=View(64, 48, 3.0), objects=("cube",), new=True),
+    )
+    made = edited_text(NewFiles(scene, scene.root), (), UNEDITED, text(scene), views=edits)
+    after = parse_manifest(made, "scene.toml")
+    found = {edit.name: edit for edit in view_edits(before, after, before)}
+    assert set(found) == {name, "true", "new"}
+    for edit in edits:
+        same = replace(found[edit.name], look=edit.look)
+        assert same == edit
+        if edit.look is not None:
+            seen = found[edit.name].look
+            assert seen is not None
+            assert seen.resized(64, 48) == edit.look
+    assert view_edits(before, before, before) == ()
+    assert [edit for edit in view_edits(before, after, after) if edit.new or edit.removed] == []

@@ -12,9 +12,10 @@ from iprt.geometry.mesh_files import MESH_SUFFIXES
 from iprt.viewer.actions import offer_actions
 from iprt.viewer.desktop.shortcuts import ELSEWHERE, shortcuts
 from iprt.viewer.desktop.style import ACCENT, BAD, QUIET
-from iprt.viewer.desktop.ui_state import MIDDLE, DesktopState
+from iprt.viewer.desktop.ui_state import DesktopState
 from iprt.viewer.desktop.widgets import button, quiet
 from iprt.viewer.labels import PARTS
+from iprt.viewer.ui_state import MIDDLE
 
 _FIXED = (
     imgui.WindowFlags_.no_resize

@@ -14,11 +14,9 @@ from iprt.viewer.render_fields import TAB
 from iprt.viewer.render_form import RenderForm
 from iprt.viewer.screenshots import default_folder
 from iprt.viewer.setting_fields import setting_groups
-from iprt.viewer.ui_state import UiState
+from iprt.viewer.ui_state import MIDDLE, UiState
 from iprt.viewer.viewport import Viewport
 
-MIDDLE = 0.5, 0.6
-"""Position in the picture of meshes that are not dropped on a place of it."""
 NOTICE_S = 6.0
 """Seconds for which a notice is shown."""
 

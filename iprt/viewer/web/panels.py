@@ -46,9 +46,9 @@ from iprt.viewer.web.settings_panel import SettingsPanel
 from iprt.viewer.web.status import status_html
 
 WIDTH_PX = 340
-ARRANGING = ("duplicate", "settle", "group", "ungroup", "lock", "hide", "show all")
+ARRANGING = ("duplicate", "copy", "paste", "settle", "group", "ungroup", "lock", "hide", "show all")
 """Actions that arrange the selected objects."""
-TAKEN = ("save", "brighter", "darker")
+TAKEN = ("save", "copy", "paste", "brighter", "darker")
 """Actions whose keys browsers, or viser's camera, keep for themselves."""
 
 
