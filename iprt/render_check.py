@@ -1,4 +1,4 @@
-"""Checks of what is to be rendered to a file, before anything is rendered."""
+"""Checks of a render to a file, before it begins."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Reading of edits from two texts of `scene.toml`, without and with them.
 
-The edits become those of the scene as it is now, which other programs may have changed since. It
+The edits apply to the present scene, which other programs may have changed since. It
 is the opposite of `iprt.scene.edit_writing`. An attribute of `ObjectEdit` that replaces a value of
 an object is read once it is in `object_edits.VALUES`, and `_edited_value` converts it.
 """

@@ -315,7 +315,7 @@ def _keep(document: Any, look: Look, *, needed: bool) -> list[str]:
 
 
 def _changed_keys(edit: ObjectEdit, new: NewFiles, table: Any) -> dict[str, Any]:
-    """Return the edited keys of an object, and remove what it no longer has from its table."""
+    """Return the edited keys of an object, and remove its cleared keys from the table."""
     changed: dict[str, Any] = {}
     if edit.light is not None:
         changed["light"] = inline(written_light(edit.light))

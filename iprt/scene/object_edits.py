@@ -80,7 +80,7 @@ class ObjectEdit:
         return motion
 
     def besides(self, saved: ObjectEdit | None) -> ObjectEdit | None:
-        """Return what the edit changes besides a saved one of the object; None if nothing."""
+        """Return the changes besides a saved edit of the object, or None without any."""
         if saved is None:
             return self
         same: dict[str, Any] = {

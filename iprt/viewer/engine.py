@@ -309,7 +309,7 @@ class Engine:
         return self._shared.edit(lambda world: replace(world, light=replace(world.light, **parts)))
 
     def set_edits(self, world: World) -> int:
-        """Replace all edits by those of another world, as one step of undo."""
+        """Take all edits from another world, as one step of undo."""
         return self._shared.edit(
             lambda now: replace(now, edits=world.edits, light=world.light, views=world.views),
             alone=True,

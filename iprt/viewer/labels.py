@@ -107,7 +107,9 @@ PARTS: Mapping[str, Label] = {
     "objects": Label("Objects", "Click one to select it, here or in the picture."),
     "preset": Label("Preset", "Sets the settings with the most effect on cost; all others stay."),
     "search": Label("Search settings", "Words of names, keys and tooltips."),
-    "presets": Label("Compare presets", "The settings in which presets differ, and those of now."),
+    "presets": Label(
+        "Compare presets", "The settings in which presets differ, with the present values."
+    ),
     "fps": Label(
         "Frame rate",
         "Frames per second to hold in this window while something moves, at a lower resolution if "

@@ -37,7 +37,7 @@ def flipped(ui: UiState) -> bool:
 
 
 def restore(ui: UiState) -> None:
-    """Set settings and edits to those of the snapshot; the edits can be undone."""
+    """Restore the settings and edits of the snapshot; the edits can be undone."""
     snapshot = ui.viewport.snapshot
     if snapshot is not None:
         ui.settings = snapshot.world.settings

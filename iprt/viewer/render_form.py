@@ -1,4 +1,4 @@
-"""The form of a render: what is to be rendered to which file."""
+"""The form of a render: frames, size, quality and file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STILL_ENDINGS = (".png", ".exr")
 
 
 class RenderForm:
-    """What the user has entered for a render; the rest follows what the window shows.
+    """The user's entries for a render; the rest follows the window.
 
     Attributes
     ----------

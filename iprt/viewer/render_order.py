@@ -1,4 +1,4 @@
-"""Orders to render what a viewer shows to a file, by `iprt render`."""
+"""Orders to render a viewer's picture to a file, by `iprt render`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from iprt.viewer.scene_snapshot import EditedScene
 
 @dataclass(frozen=True, eq=False)
 class RenderOrder:
-    """What to render to a file, as it is when it is ordered.
+    """A render to a file, of the state in which it was ordered.
 
     Attributes
     ----------

@@ -184,7 +184,7 @@ class SceneFiles:
         self._read(f"loading {self._first.root}", "scene", read, then)
 
     def _again(self) -> tuple[Loaded, bool]:
-        """Reload what other programs have written, and apply their changes to the origin.
+        """Reload the files, and apply changes by other programs to the origin.
 
         Returns
         -------

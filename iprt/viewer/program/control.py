@@ -158,7 +158,7 @@ class Control(EditControl):
         split: float | None = None,
         error: bool | None = None,
     ) -> None:
-        """Change how all windows display pictures; what is not given stays.
+        """Change how all windows display pictures; omitted values stay.
 
         Parameters
         ----------

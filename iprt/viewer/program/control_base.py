@@ -1,4 +1,4 @@
-"""What the methods of `Control` share: acting in windows, and finding objects."""
+"""The common parts of the methods of `Control`: acting in windows, and finding objects."""
 
 from __future__ import annotations
 

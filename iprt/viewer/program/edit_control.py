@@ -101,7 +101,7 @@ class EditControl(ControlBase):
         size: Positive | None = None,
         to_world: Matrix | None = None,
     ) -> None:
-        """Move an object; what is not given stays.
+        """Move an object; omitted values stay.
 
         Parameters
         ----------
