@@ -26,8 +26,8 @@ from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import World
 
 LOG = logging.getLogger("iprt.viewer")
-INTERVAL_S = 60.0
-"""Least seconds between two autosaves."""
+INTERVAL_S = 55.0
+"""Least seconds between two autosaves: with the time that they take, a minute is lost at most."""
 POLL_S = 0.5
 """Longest seconds from an edit to its autosave, if there was none for long."""
 LEAVING_S = 2.0
