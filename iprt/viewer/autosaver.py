@@ -129,10 +129,12 @@ class Autosaver:
             if self._abandoned or not names:
                 self._forget()
                 return None
+            earlier = self._kept is not None
             try:
                 self._save(world)
-            except (IprtError, OSError) as error:
-                return f"unsaved edits are lost: {names}: {error}"
+            except Exception as error:  # the viewer must end properly
+                lost = "the last minute of unsaved edits is" if earlier else "unsaved edits are"
+                return f"{lost} lost: {names}: {error}"
             return f"unsaved edits are kept, and offered at the next start: {names}"
 
     # The thread -------------------------------------------------------------------------------
