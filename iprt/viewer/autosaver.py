@@ -28,8 +28,8 @@ from iprt.viewer.shared_state import SharedState
 from iprt.viewer.state import World
 
 LOG = logging.getLogger("iprt.viewer")
-INTERVAL_S = 60.0
-"""Least seconds between two autosaves."""
+INTERVAL_S = 55.0
+"""Least seconds between two autosaves: with the time that they take, a minute is lost at most."""
 POLL_S = 0.5
 """Longest seconds from an edit to its autosave, if there was none for long."""
 LEAVING_S = 2.0
@@ -131,10 +131,12 @@ class Autosaver:
             if self._abandoned or not names:
                 self._forget()
                 return None
+            earlier = self._kept is not None
             try:
                 self._save(world)
-            except (IprtError, OSError) as error:
-                return f"unsaved edits are lost: {names}: {error}"
+            except Exception as error:  # the viewer must end properly
+                lost = "the last minute of unsaved edits is" if earlier else "unsaved edits are"
+                return f"{lost} lost: {names}: {error}"
             return f"unsaved edits are kept, and offered at the next start: {names}"
 
     # The thread -------------------------------------------------------------------------------

@@ -277,7 +277,7 @@ for turn in range(rounds):
         edit(write)
     os.close(write)
     os.read(read, 1)  # it has begun
-    time.sleep(interval_s + random.Random(turn).uniform(0.3, 0.8))
+    time.sleep(interval_s + random.Random(turn).uniform(0.4, 0.8))
     os.kill(child, signal.SIGKILL)
     ended = time.time()
     os.waitpid(child, 0)
@@ -293,12 +293,14 @@ for turn in range(rounds):
 
 
 def test_a_viewer_that_is_killed_at_any_moment_loses_the_last_interval(scene: Scene) -> None:
-    interval_s = 0.2
+    interval_s = 0.1
     done = run_python("-c", KILLED, str(scene.root), "10", str(interval_s))
     assert done.returncode == 0, done.stderr
     rounds = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(rounds) == 10
-    for number, made, objects, lost_s in rounds:
-        assert 1 <= number <= made + 2
-        assert objects == 2 + (number - 1) // 20 or objects == 1 + (number - 1) // 20
-        assert lost_s < 2.0 * interval_s + 1.0, "on a busy machine, an autosave takes a while"
+    for number, made, objects, _ in rounds:
+        assert 1 < number <= made + 2
+        lights = 1 + (number - 1) // 20
+        assert objects - 1 in (lights, lights - 1), "the newest may be added a moment later"
+    times = sorted(lost_s for *_, lost_s in rounds)
+    assert times[7] < 5.0 * interval_s, "a busy machine may stop for a while"

@@ -118,6 +118,7 @@ def test_several_viewers_of_a_scene(tmp_path: Path) -> None:
 
 
 def test_a_viewer_that_nobody_closes_ends_with_the_process(tmp_path: Path) -> None:
+    """Its edits are kept for the next one."""
     folder = write_clip(tmp_path / "clip", 3)
     lines = (
         "import iprt",
@@ -126,7 +127,8 @@ def test_a_viewer_that_nobody_closes_ends_with_the_process(tmp_path: Path) -> No
         "viewer.remove('cube')",  # the video's thread has begun
     )
     done = run_python("-c", "\n".join(lines))
-    assert (done.returncode, done.stdout, done.stderr) == (0, "clip\n", "")
+    told = "unsaved edits are kept, and offered at the next start: cube\n"
+    assert (done.returncode, done.stdout, done.stderr) == (0, "clip\n", told)
 
 
 def test_what_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
