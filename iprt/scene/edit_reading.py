@@ -207,5 +207,5 @@ def _copies(table: ObjectTable, other: ObjectTable) -> bool:
     if table.material is None and other.material is not None:
         return False
     profiles = (getattr(one.light, "profile", None) for one in (table, other))
-    same = all(getattr(table, k) == getattr(other, k) for k in ("mesh", "animation", "keyframes"))
+    same = all(getattr(table, k) == getattr(other, k) for k in ("mesh", "animation"))
     return same and len(set(profiles)) == 1

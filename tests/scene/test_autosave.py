@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from iprt.errors import FormatError, SceneError
 from iprt.files.toml_text import MAX_BYTES
 from iprt.footage.video.video_table import SunTable
+from iprt.geometry.keyframes import ObjectKeyframe
 from iprt.geometry.material import Material
 from iprt.geometry.meshes import load_mesh
 from iprt.scene.autosave import EDITS, Autosave, Found, left
@@ -70,6 +71,10 @@ def restored(scene: Scene, folder: Path) -> tuple[tuple[ObjectEdit, ...], LightE
     return edits, light_edit(found.before, found.after, now)
 
 
+KEYS = (
+    ObjectKeyframe(time=0.0, translation=[0.1, 0.2, 0.3]),
+    ObjectKeyframe(time=1.5, scale=2.0, interpolation="smooth"),
+)
 colors = st.tuples(*[st.floats(0.0, 1.0)] * 3)
 shiny = st.builds(
     Material, st.sampled_from(["plastic", "conductor"]), colors, alpha=st.floats(0.0, 1.0)
@@ -79,6 +84,7 @@ values = {
     "to_world": st.floats(-2.0, 2.0).map(lambda x: flat(placed(x))),
     "group": st.sampled_from(["", "one"]),
     "locked": st.booleans(),
+    "keyframes": st.sampled_from([(), KEYS]),
 }
 lights = st.builds(PointTable, kind=st.just("point"), power=st.floats(0.1, 9.0))
 
