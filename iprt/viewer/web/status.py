@@ -7,7 +7,7 @@ from html import escape
 from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.web.browser_state import BrowserState
 
-LINES, LINE_EM = 5, 1.5
+LINES, LINE_EM = 6, 1.5
 """Height of the status panel."""
 
 
@@ -28,7 +28,7 @@ def status_html(ui: BrowserState) -> str:
     if ui.read is not None:
         (_, place), *values = ui.read.rows()
         text = "; ".join([place, *(f"{name} {value}" for name, value in values)])
-        lines.insert(1, _line("pixel", text, lines=LINES - 1))
+        lines.append(_line("pixel", text, lines=LINES - 1))
     style = (
         f"height:{LINES * LINE_EM}em;overflow-y:auto;box-sizing:content-box;font-size:.8em;"
         f"line-height:{LINE_EM}em;padding:.4em .6em;overflow-wrap:anywhere"
