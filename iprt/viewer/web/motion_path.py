@@ -11,7 +11,7 @@ from iprt.viewer.web.browser_state import BrowserState
 NAME, KEYS_NAME = "/path", "/keys"
 PATH_RGB, KEY_RGB = (237, 158, 61), (255, 255, 255)
 WIDTH_PX = 2.0
-KEY_SHARE = 0.01
+KEY_SHARE = 0.005
 """Size of the dots at keys, relative to their distance."""
 
 
