@@ -152,7 +152,8 @@ def test_manifests_as_they_are_written(
     manifest = parse_manifest(text + table, "scene.toml")
     assert manifest.name == manifest.objects[0].name == name
     assert manifest.objects[0].mesh == mesh
-    assert np.allclose(np.reshape(manifest.objects[0].to_world, (4, 4)), to_world, rtol=1e-6)
+    written, dirt = np.reshape(manifest.objects[0].to_world, (4, 4)), 1e-9 * np.abs(to_world).max()
+    np.testing.assert_allclose(written, to_world, rtol=1e-6, atol=dirt)
     assert manifest.video.depth_scale == depth_scale
     assert manifest.video.frames == frames
     assert manifest.objects[0].material is not None

@@ -81,8 +81,7 @@ def test_surfaces_come_at_rest(scene: Scene, device: ComputeDevice) -> None:
         assert rested is not None
         cube = np.array(scene.objects[0].motion.to_world)
         cube[0, 3] += 0.1
-        world = driver.shared.world
-        moved = world.edited(replace(world.edit_of("cube"), to_world=flat(cube)))
+        moved = driver.shared.world.edited("cube", to_world=flat(cube))
         shown = driver.answer(client, driver.change(edits=moved.edits))
         assert shown.frames == 1
         assert shown.geometry is rested
