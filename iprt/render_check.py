@@ -21,7 +21,7 @@ MAX_FRAMES = 2**20
 STILL_FRAMES, VIDEO_FRAMES = 64, 4
 """View frames per picture, if nothing is said: of a still, and of each frame of a video."""
 MOST_STILL_FRAMES = 2048
-"""The same of a still that is rendered until it has converged: at most."""
+"""Most view frames of a still that is rendered until it has converged."""
 
 
 def default_frames(quality: Quality, *, video: bool) -> int:

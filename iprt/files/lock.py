@@ -29,7 +29,7 @@ def locked(folder: Path, taken: str = RENDERS) -> Iterator[None]:
     """Lock `folder`, which is created if missing, during the block.
 
     Afterwards the lock file is removed, and so are created folders that are still empty. `taken`
-    tells what another process does that holds the folder, and what the user can do.
+    tells what another process does that holds the folder, and the advice.
 
     Raises
     ------

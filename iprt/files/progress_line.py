@@ -18,7 +18,7 @@ class ProgressLine:
     done, total : int
         Finished frames, and all.
     note : str
-        What is done, or was reached: `: compiling march.cl`, `, noise 0.02`.
+        Present activity, or the result: `: compiling march.cl`, `, noise 0.02`.
     """
 
     done: int

@@ -63,7 +63,7 @@ def _look(view: View) -> dict[str, float]:
 
 
 def write_keyframes(table: Any, keyframes: Sequence[Keyframe]) -> None:
-    """Replace the keyframes of an object or a view, and keep the comments of those that stay."""
+    """Replace the keyframes of an object or a view, and keep the comments of the others."""
     old = table.get("keyframes")
     if not keyframes:
         table.pop("keyframes", None)

@@ -128,7 +128,7 @@ PARTS: Mapping[str, Label] = {
     "darker": Label("Darker", "Half a stop less exposure."),
     "reset exposure": Label("Scene's exposure", "Sets the exposure back to the scene's own."),
     "flip curve": Label("Tone curve", "Switches between the tone curves."),
-    "pin": Label("Pin pixel", "Keeps the values of the last clicked pixel in sight."),
+    "pin": Label("Pin pixel", "Keeps the values of the last clicked pixel on display."),
     "unpin": Label("Remove pins", "Removes all pinned pixels."),
     "against": Label("Compare with", "A second picture of the same view."),
     "split": Label("Divide at", "The picture is on the left, the compared one on the right."),

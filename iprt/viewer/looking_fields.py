@@ -8,6 +8,7 @@ from typing import Any
 from iprt.viewer.controls import Slider
 from iprt.viewer.fields import Field
 from iprt.viewer.labels import PARTS
+from iprt.viewer.lens import BUFFERS
 from iprt.viewer.ui_state import UiState
 
 
@@ -16,7 +17,7 @@ def range_fields(ui: UiState) -> tuple[Field, ...]:
 
     def field(key: str) -> Field:
         def read() -> float:
-            found = ui.distribution
+            found = ui.distribution if scaled() else None
             return 0.0 if found is None else float(f"{getattr(found, key):.4g}")
 
         def write(value: float) -> None:
@@ -24,8 +25,8 @@ def range_fields(ui: UiState) -> tuple[Field, ...]:
             ui.viewport.lens = replace(ui.viewport.lens, **change)
 
         def scaled() -> bool:
-            found = ui.distribution
-            return found is not None and found.scaled
+            name = None if ui.displayed is None else ui.displayed.buffer
+            return name is not None and BUFFERS[name].scaled and ui.distribution is not None
 
         label, slider = PARTS[key], Slider(0.0, 1000.0, False, 0.01)
         return Field(

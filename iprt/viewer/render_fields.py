@@ -21,7 +21,7 @@ from iprt.viewer.render_form import ENDINGS, STILL_ENDINGS, RenderForm, What
 from iprt.viewer.render_queue import Render
 from iprt.viewer.ui_state import UiState
 
-TAB = Label("Render", "Renders what this window shows to a file, with all unsaved edits.")
+TAB = Label("Render", "Renders this window's picture to a file, with all unsaved edits.")
 QUEUE = Label("Queue", "")
 WHAT: Mapping[What, Label] = {
     "frame": Label("This frame", "One picture of the current frame."),

@@ -32,7 +32,7 @@ COMMAND = (sys.executable, "-P", "-m", "iprt", "render")
 PATIENCE_S = 2.0
 """Longest wait for a process that was asked to end."""
 NICENESS = 10
-"""Of renders, so that the interface and a viewer on the same processor come first."""
+"""Niceness of renders: the interface and a viewer on the same processor come first."""
 NOTHING = ProgressLine(0, 0)
 LONGEST = 400
 """Most characters of a problem."""

@@ -45,7 +45,7 @@ class Selection:
         self.names: tuple[str, ...] = ()
         self.sun, self.whole_groups, self.recording = False, True, False
 
-    # What is selected -------------------------------------------------------------------------
+    # Selected objects -------------------------------------------------------------------------
 
     @property
     def primary(self) -> str | None:
@@ -90,7 +90,7 @@ class Selection:
         return [state for state in found if state is not None]
 
     def unlocked(self) -> list[ObjectState]:
-        """Return the selected objects that may be changed; say so if there is none."""
+        """Return the selected objects that are not locked; report if all are."""
         states = self.states
         free = [state for state in states if not state.locked]
         if states and not free:

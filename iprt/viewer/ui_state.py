@@ -101,17 +101,22 @@ class UiState(ABC):
 
     @property
     def distribution(self) -> Distribution | None:
-        """Distribution of the displayed values; None without any, or without an order."""
+        """Distribution of the displayed values; None without any, or without an order.
+
+        It follows pictures at rest: in motion, the last one stays while the buffer does.
+        """
         displayed, lens = self.displayed, self.viewport.lens
         if displayed is None or displayed.shown.plain:
             return None
-        known = self._distribution
-        if known is None or known[0] is not displayed or known[1] != lens:
-            picture, name = displayed.shown.picture, displayed.buffer
-            values = picture.color if name is None else picture.aovs[name]
-            found = distribution(lens, name, values, self.engine.scene.exposure)
-            self._distribution = known = displayed, lens, found
-        return known[2]
+        if (known := self._distribution) is not None:
+            alike = known[1] == lens and known[0].buffer == displayed.buffer
+            if alike and (known[0] is displayed or not displayed.shown.refined):
+                return known[2]
+        picture, name = displayed.shown.picture, displayed.buffer
+        values = picture.color if name is None else picture.aovs[name]
+        found = distribution(lens, name, values, self.engine.scene.exposure)
+        self._distribution = displayed, lens, found
+        return found
 
     @property
     def settings(self) -> Settings:

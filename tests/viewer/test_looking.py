@@ -190,3 +190,18 @@ def test_exposure_and_curve_by_keys(ui: Ui) -> None:
     assert ui.viewport.lens.curve == "filmic"
     do["flip curve"].act()
     assert ui.viewport.lens.curve == "srgb"
+
+
+def test_pictures_in_motion_are_not_counted(ui: Ui, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes milliseconds of the interface's thread; the histogram at rest stays."""
+    show(ui)
+    counted = ui.distribution
+    assert ui.displayed is not None
+    moving = replace(ui.displayed.shown, frames=0)
+    assert not moving.refined
+    ui.displayed = replace(ui.displayed, shown=moving)
+    monkeypatch.setattr("iprt.viewer.ui_state.distribution", lambda *_: pytest.fail("counted"))
+    assert ui.distribution is counted
+    monkeypatch.undo()
+    ui.displayed = replace(ui.displayed, shown=replace(moving, frames=moving.request.frames))
+    assert ui.distribution is not counted

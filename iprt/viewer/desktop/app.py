@@ -22,7 +22,7 @@ from iprt.viewer.windows import Start, Windows
 PANEL_WIDTH = 360.0
 """Width of the panel on the right, in units of 1/96 inch like all drawing."""
 TAB_PADDING = 0.6
-"""Space beside the name of a tab, as a fraction of that of buttons."""
+"""Space beside the name of a tab, as a fraction of the frame of buttons."""
 SETTLING = 2
 """Frames until windows have adapted to the size of new texts."""
 BUSY_S, IDLE_S = 0.01, 0.1

@@ -64,7 +64,7 @@ def picture_at_rest(engine: Engine, request: Request, timeout_s: float) -> Shown
     while True:
         wait_ready(engine, until_s)
         wait_until(engine, lambda: not engine.loading, until_s, "the picture")
-        # A client of its own: its picture does not begin with what has been shown before.
+        # A client of its own: its picture does not begin with earlier frames.
         with closing(engine.client(request)) as client:
             shown = _refined(engine, client, until_s)
         if engine.ready and not engine.loading:
