@@ -40,6 +40,7 @@ LEVELS = {
 VERBS = {
     "doctor": "iprt.commands.doctor:doctor",
     "render": "iprt.commands.render:render",
+    "join": "iprt.commands.join:join",
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
     "bench-video": "iprt.commands.bench_video:bench_video",

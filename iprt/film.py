@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Self
 
@@ -88,6 +88,7 @@ class Film:
         indices: Sequence[int],
         *,
         warm_up: int = 0,
+        wanted: Container[int] | None = None,
         aovs: Iterable[str] = (),
         progress: Callable[[int], None] | None = None,
         goal: Goal | None = None,
@@ -101,11 +102,13 @@ class Film:
         indices : sequence of int
             Numbers of frames of the video.
         warm_up : int
-            Frames rendered before the first without being yielded, to build its history: the
-            preceding ones, in the step of `indices`. Before the start of the video, its first frame
-            is repeated for `START_STEPS` view frames at most. State with a longer memory (the
-            background that moving things hide) is built from a few frames before those, which are
-            not rendered.
+            Frames rendered before the first, to build its history: the preceding ones, in the step
+            of `indices`. Before the start of the video, its first frame is repeated for
+            `START_STEPS` view frames at most. State with a longer memory (the background that
+            moving things hide) is built from a few frames before those, which are not rendered.
+        wanted : container of int or None
+            Numbers of the frames to yield, some of which may precede `indices`. Rendering ends
+            with the last of them. None: `indices`.
         aovs : names from `iprt.aovs.AOVS`
         progress : callable or None
             Called with the number of finished view frames of a frame after each.
@@ -130,30 +133,34 @@ class Film:
         first = self.scene.frame_indices[0]
         before = warm_up_indices(indices, warm_up, first)
         remembered = memory_indices(before, first) if self.scene.source.static_camera else []
-        # How many times `accumulate` each frame is rendered.
+        # How many times `accumulate` each frame is rendered, and whether it is yielded.
         most = max(START_STEPS // self.accumulate, 1)
-        shown = [(index, 0) for index in remembered]
-        shown += [(index, min(times, most)) for index, times in Counter(before).items()]
-        shown += [(index, 1) for index in indices]
-        chosen = [index for index, _ in shown]
-        unseen = len(chosen) - len(indices)
-        several = len(set(chosen)) > 1
+        wanted = indices if wanted is None else wanted
+        shown = [(index, 0, False) for index in remembered]
+        shown += [
+            (index, min(times, most), index in wanted and index not in indices)
+            for index, times in Counter(before).items()
+        ]
+        shown += [(index, 1, index in wanted) for index in indices]
+        several = len(self.scene.frame_indices) > 1 and len(shown) > 1
+        while shown and not shown[-1][-1]:
+            shown.pop()
+        chosen = [index for index, _, _ in shown]
         drift = self.settings.drift and several
         with self.scene.stream(chosen, strict=self.strict, drift=drift) as frames:
             _ = self.scene.objects  # are read while the first frame is prepared
-            for number, ((index, times), frame) in enumerate(zip(shown, frames, strict=True)):
+            for (index, times, yielded), frame in zip(shown, frames, strict=True):
                 renderer = self._showing(frame, index, several=several)
                 del frame
                 if not times:
                     continue
-                wanted = number >= unseen
-                layers = aovs if wanted else ()
+                layers = aovs if yielded else ()
                 if goal is None:
                     picture = renderer.render(times * self.accumulate, layers, progress)
                 else:
                     picture = converged(renderer, goal, layers, progress)
                 self.device.finish()  # reads events: hours of them would fill the memory
-                if wanted:
+                if yielded:
                     yield index, picture
                 del picture
 

@@ -11,7 +11,7 @@ from iprt.film import view_at
 from iprt.geometry.camera import View
 from iprt.output.encode import CodecName, frame_rate, require_codec, require_even
 from iprt.output.frames import is_pattern, is_video, numbered
-from iprt.output.movie import DESCRIPTION, parts_of
+from iprt.output.parts import PLAN, parts_of
 from iprt.output.picture import check_output
 from iprt.scene.scene import Scene
 from iprt.scene.scene_view import SceneView
@@ -80,7 +80,7 @@ def check_frames(
     if aovs:
         raise FormatError(f"{output}: video holds no layers; write numbered .exr files for --aov")
     require_writable(output)
-    require_writable(parts_of(output) / DESCRIPTION)
+    require_writable(parts_of(output) / PLAN)
     shown = view_at(scene, view, frames[0])
     require_even(shown.width, shown.height)
     require_codec(codec)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from dataclasses import is_dataclass
 from typing import Annotated, Any, get_type_hints
 
 import tyro
@@ -21,6 +22,8 @@ METAVARS = {
     "accumulate": "N",
     "animation": "NAME",
     "aov": "LAYER",
+    "chunk": "N",
+    "chunks": "N-N,...",
     "color_layer": "LAYER",
     "depth_layer": "LAYER",
     "depth_scale": "METRES",
@@ -57,12 +60,25 @@ def explained(function: Callable[..., int | None]) -> Callable[..., int | None]:
 
     tyro would keep the docstring's line breaks, and show a default of None.
     """
-    function.__doc__ = unwrapped(inspect.getdoc(function) or "")
-    function.__annotations__ = {
-        name: Annotated[kind, plain_default(_metavar(name, kind))] if name != "return" else kind
-        for name, kind in get_type_hints(function, include_extras=True).items()
-    }
+    _explain(function)
+    for kind in get_type_hints(function).values():
+        if is_dataclass(kind) and isinstance(kind, type) and kind not in _EXPLAINED:
+            _EXPLAINED.add(kind)
+            _explain(kind)
     return function
+
+
+_EXPLAINED: set[type] = set()
+"""Classes of flags that are prepared; verbs share them."""
+
+
+def _explain(owner: Any) -> None:
+    """Prepare the docstring and the annotations of a function or a dataclass."""
+    owner.__doc__ = unwrapped(inspect.getdoc(owner) or "")
+    owner.__annotations__ = {
+        name: Annotated[kind, plain_default(_metavar(name, kind))] if name != "return" else kind
+        for name, kind in get_type_hints(owner, include_extras=True).items()
+    }
 
 
 def _metavar(name: str, kind: Any) -> str | None:
@@ -82,7 +98,7 @@ def unwrapped(text: str) -> str:
     lines: list[str] = []
     prose, indent = True, ""
     for line in text.splitlines():
-        prose = prose and line != "Parameters"
+        prose = prose and line not in ("Parameters", "Attributes")
         words = line.strip()
         follows = bool(lines and lines[-1] and words) and line.startswith(indent)
         if follows and (prose or (indent and lines[-1].startswith(indent))):

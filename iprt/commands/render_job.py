@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from iprt.commands.progress import ProgressKind
 from iprt.convergence import Goal
@@ -10,6 +11,7 @@ from iprt.device.compute import ComputeDevice
 from iprt.device.profile import SAMPLED_S
 from iprt.film import Film, view_at
 from iprt.geometry.camera import View
+from iprt.output.encode import CodecName
 from iprt.output.metadata import picture_metadata
 from iprt.scene.scene import Scene
 from iprt.scene.scene_view import SceneView
@@ -23,6 +25,9 @@ class RenderJob:
     Attributes
     ----------
     scene : Scene
+    output : Path
+    frames : range
+        Numbers of the video's frames; a still picture has the first.
     view : SceneView or View
     objects : tuple of str or None
         None: all.
@@ -32,6 +37,11 @@ class RenderJob:
     converged : float or None
         Noise at which a still picture is finished, see `Goal`.
     aovs : tuple of str
+    codec : {"h264", "hevc"}
+    audio : bool
+        Keep the sound of the source video in a video file.
+    chunk : int
+        Frames of a chunk of a video.
     strict : bool
     device : str or None
         See `choose_device`.
@@ -44,12 +54,17 @@ class RenderJob:
     """
 
     scene: Scene
+    output: Path
+    frames: range
     view: SceneView | View
     objects: tuple[str, ...] | None
     settings: Settings
     accumulate: int
     converged: float | None
     aovs: tuple[str, ...]
+    codec: CodecName
+    audio: bool
+    chunk: int
     strict: bool
     device: str | None
     frame_limit: float

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 
 from iprt.commands.progress import progress_bar
 from iprt.commands.render_job import RenderJob
@@ -14,28 +14,32 @@ from iprt.files.lock import locked
 from iprt.files.message_text import counted
 from iprt.files.termination import at_termination
 from iprt.film import Film, view_at
-from iprt.output.encode import CodecName, frame_rate
-from iprt.output.frames import FrameOutput, PictureSequence, is_pattern
-from iprt.output.movie import Movie
+from iprt.output.chunks import Chunks, warm_up
+from iprt.output.encode import frame_rate
+from iprt.output.film_output import FilmOutput
+from iprt.output.film_plan import FilmPlan
+from iprt.output.frames import Metadata, is_pattern
 from iprt.output.sound import Sound
-from iprt.output.spatial_media import equirect_boxes, is_spherical
+from iprt.output.spatial_media import is_spherical
 from iprt.scene.scene_files import fingerprint
 
 LOG = logging.getLogger("iprt.render")
 
-WARM_UP, WARM_UP_STEPS = 8, 16
-"""Least numbers of video frames and of view frames rendered before the first frame of a run, as its
-history. After these, the frame differs from one of an uninterrupted run by noise alone."""
 GOES_ON = "the same command continues from there"
 
 
 def render_video(
-    job: RenderJob, output: Path, frames: range, codec: CodecName, *, audio: bool
+    job: RenderJob, plan: FilmPlan, numbers: Sequence[int] | None = None
 ) -> tuple[ComputeDevice, Film] | None:
     """Render the missing frames of a video.
 
-    With `audio`, a video file keeps the sound of the source video. Finished frames are kept after
-    an error or a signal, with a note of their number.
+    Finished frames are kept after an error or a signal, with a note of their number.
+
+    Parameters
+    ----------
+    numbers : sequence of int or None
+        Render these chunks, while other processes may render others, and leave the film unfinished.
+        None: render all, and finish it.
 
     Returns
     -------
@@ -51,28 +55,39 @@ def render_video(
 
     def attempt() -> tuple[ComputeDevice, Film]:
         compute = ComputeDevice(handle, job.frame_limit)
+        _warn_of_another(target, compute.name)
         with job.film(compute) as film:
-            _render(film, target, frames, job)
+            _render(film, target, plan.chunks, job)
         return compute, film
 
-    with locked(output.parent):
-        target = _opened(job, output, frames, codec, audio)
+    whole, output = numbers is None, job.output
+    with locked(output.parent, shared=not whole):
+        target = FilmOutput(
+            output,
+            plan,
+            plan.chunks.numbers if numbers is None else numbers,
+            _expected(job, plan),
+        )
+        if whole:
+            target.clean()
 
         def kept() -> str | None:
             if not target.done:
                 return None
-            return f"{target.done} of {counted(len(frames), 'frame')} finished; {GOES_ON}"
+            return f"{target.done} of {counted(target.total, 'frame')} finished; {GOES_ON}"
 
+        result = None
         try:
-            if not target.missing():
+            if not target.complete:
+                handle = choose_device(job.device)
+                if target.done:
+                    LOG.info(
+                        "%s: continuing after %d of %d frames", output, target.done, target.total
+                    )
+                with at_termination(kept):
+                    result = with_second_try(attempt, lambda: target.done)
+            if whole:
                 target.finish()
-                return None
-            handle = choose_device(job.device)
-            if target.done:
-                LOG.info("%s: continuing after %d of %d frames", output, target.done, len(frames))
-            with at_termination(kept):
-                result = with_second_try(attempt, lambda: target.done)
-            target.finish()
         except Exception as error:
             if note := kept():
                 error.add_note(note)
@@ -80,67 +95,80 @@ def render_video(
     return result
 
 
-def warm_up(accumulate: int) -> int:
-    """Return the video frames to render before a run, with `accumulate` view frames each."""
-    return max(WARM_UP, -(-WARM_UP_STEPS // accumulate))
-
-
-def _render(film: Film, target: FrameOutput, frames: range, job: RenderJob) -> None:
+def _render(film: Film, target: FilmOutput, chunks: Chunks, job: RenderJob) -> None:
+    """Render the missing frames of each chunk, and those of its fades that both sides have."""
     with progress_bar(
-        "rendering", len(frames), done=target.done, remaining=True, kind=job.progress
+        "rendering", target.total, done=target.done, remaining=True, kind=job.progress
     ) as progress:
-        for run in runs(target.missing(), frames):
-            for index, picture in film.frames(
-                run,
-                warm_up=warm_up(job.accumulate),
-                aovs=job.aovs,
-                progress=lambda _: progress(target.done),
-            ):
-                target.write(index, picture, film.device.name)
-                progress(target.done)
+        for number in target.numbers:
+            if missing := target.missing(number):
+                for index, picture in film.frames(
+                    chunks.frames_of(number),
+                    warm_up=chunks.warm_up,
+                    wanted=missing,
+                    aovs=job.aovs,
+                    progress=lambda _: progress(target.done),
+                ):
+                    target.write(number, index, picture, film.device.name)
+                    progress(target.done)
+            target.fade(number)
 
 
-def runs(missing: Sequence[int], frames: range) -> Iterator[range]:
-    """Yield the runs of consecutive missing frames in `frames`, in order."""
-    positions = [frames.index(index) for index in missing]
-    start = 0
-    for place, position in enumerate(positions):
-        if place + 1 == len(positions) or positions[place + 1] != position + 1:
-            yield frames[positions[start] : position + 1]
-            start = place + 1
-
-
-def _opened(
-    job: RenderJob, output: Path, frames: range, codec: CodecName, audio: bool
-) -> FrameOutput:
-    """Open the output, with the frames that an earlier render of the same job has finished."""
-    scene = job.scene
-    files = {"iprt:files": fingerprint(scene)}
-    if is_pattern(output):
-        layers = {"iprt:layers": json.dumps(sorted(job.aovs))}
-
-        def describe(index: int) -> dict[str, str]:
-            return {**job.metadata(index, ""), **files, **layers, "iprt:frame": str(index)}
-
-        return PictureSequence(output, frames, describe, scene.exposure)
-    around = view_at(scene, job.view, frames[0]).projection == "equirect"
-    if around and not is_spherical(output):
+def _warn_of_another(target: FilmOutput, device: str) -> None:
+    """Warn if another device has rendered parts of the film."""
+    if (other := target.parts.other_device(device)) is not None:
         LOG.warning(
-            "%s: only .mp4 and .mov can mark this as a panorama for players; it will look flat",
-            output,
+            "earlier frames are by %s, these by %s: they may differ in their last bits",
+            other,
+            device,
         )
-    description = job.metadata(frames[0], "")
-    del description["iprt:device"]  # parts may come from several devices
-    span = {"iprt:span": f"{frames[0]}:{frames[-1]}:{frames.step}", "iprt:codec": codec}
-    rate = frame_rate(scene.source.fps, frames.step)
-    shown = scene.source.moment(frames[0]) if audio else None
-    return Movie(
-        output,
-        frames,
-        {**description, **files, **span},
-        codec=codec,
-        rate=rate,
-        exposure=scene.exposure,
-        additions=equirect_boxes() if around and is_spherical(output) else None,
-        sound=None if shown is None else Sound(*shown, len(frames) / rate),
-    )
+
+
+def film_plan(job: RenderJob) -> FilmPlan:
+    """Return the plan of a film of the job.
+
+    Raises
+    ------
+    IprtError
+        The chunk is too short, or no container stores the frame rate.
+    """
+    output, frames = job.output, job.frames
+    scene = job.scene
+    chunks = Chunks(scene.frame_indices, frames, job.chunk, warm_up(job.accumulate))
+    cut = {"frames": job.chunk, "warm_up": chunks.warm_up, "step": frames.step}
+    identity = {
+        **job.metadata(scene.frame_indices[0], ""),
+        "iprt:files": fingerprint(scene),
+        "iprt:chunk": json.dumps(cut),
+    }
+    del identity["iprt:device"]  # parts may come from several devices
+    around = view_at(scene, job.view, frames[0]).projection == "equirect"
+    sound = None
+    if is_pattern(output):
+        identity["iprt:layers"] = json.dumps(sorted(job.aovs))
+        rate = Fraction(1)
+    else:
+        identity["iprt:span"] = f"{frames[0]}:{frames[-1]}:{frames.step}"
+        identity["iprt:codec"] = job.codec
+        rate = frame_rate(scene.source.fps, frames.step)
+        if job.audio and (shown := scene.source.moment(frames[0])) is not None:
+            sound = Sound(*shown, len(frames) / rate)
+        if around and not is_spherical(output):
+            LOG.warning(
+                "%s: only .mp4 and .mov can mark this as a panorama for players; it will look flat",
+                output,
+            )
+    spherical = around and is_spherical(output)
+    return FilmPlan(identity, chunks, scene.exposure, job.codec, rate, spherical, sound)
+
+
+def _expected(job: RenderJob, plan: FilmPlan) -> Callable[[int], Metadata] | None:
+    """Return a function of the metadata of numbered pictures; None for a video file."""
+    if not is_pattern(job.output):
+        return None
+
+    def expected(index: int) -> Metadata:
+        shown = {"iprt:view": job.metadata(index, "")["iprt:view"], "iprt:frame": str(index)}
+        return {**plan.identity, **shown}
+
+    return expected

@@ -1,8 +1,9 @@
-"""A lock that allows one render at a time into a folder, and one viewer to an autosave.
+"""A lock that allows one film at a time into a folder, and one viewer to an autosave.
 
 Two renders into one folder would mix their pictures, and overwrite equal names. A render therefore
-locks its output folder, and a second one is refused at once. The operating system's file lock
-decides. It ends with the process that holds it. The text in the lock file only names the holder.
+locks its output folder, and a second one is refused at once. Renders of chunks of a film share the
+lock. The operating system's file lock decides. It ends with the process that holds it. The text in
+the lock file only names the holder.
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 
 
 @contextmanager
-def locked(folder: Path, taken: str = RENDERS) -> Iterator[None]:
+def locked(folder: Path, taken: str = RENDERS, *, shared: bool = False) -> Iterator[None]:
     """Lock `folder`, which is created if missing, during the block.
 
-    Afterwards the lock file is removed, and so are created folders that are still empty. `taken`
-    tells what another process does that holds the folder, and the advice.
+    Afterwards the last holder removes the lock file, and created folders that are still empty.
+    `taken` tells what another process does that holds the folder, and the advice. A `shared` lock
+    excludes only others that are not.
 
     Raises
     ------
@@ -40,14 +42,15 @@ def locked(folder: Path, taken: str = RENDERS) -> Iterator[None]:
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = _acquire(folder, folder / NAME, taken)
+        handle = _acquire(folder, folder / NAME, taken, shared)
     except OSError as error:
         raise FormatError(f"{folder}: cannot be locked: {error.strerror}") from error
 
     def release() -> None:
-        # Delete before unlocking: the next render creates a file of its own.
         with suppress(OSError):  # the folder may have been removed
-            (folder / NAME).unlink()
+            # Delete before unlocking: the next render creates a file of its own.
+            if not shared or _alone(handle):
+                (folder / NAME).unlink()
         os.close(handle)
         with suppress(OSError):  # not empty
             for path in made:
@@ -60,14 +63,14 @@ def locked(folder: Path, taken: str = RENDERS) -> Iterator[None]:
             release()
 
 
-def _acquire(folder: Path, path: Path, taken: str) -> int:
+def _acquire(folder: Path, path: Path, taken: str, shared: bool) -> int:
     """Open and lock the lock file; return its descriptor."""
     while True:
         if path.is_symlink() or (path.exists() and not path.is_file()):
             raise FormatError(f"{path}: is not a file; delete it")
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             holder = os.pread(handle, 200, 0).decode(errors="replace") or "another process"
             os.close(handle)
@@ -81,6 +84,15 @@ def _acquire(folder: Path, path: Path, taken: str) -> int:
             os.pwrite(handle, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
             return handle
         os.close(handle)  # the previous holder removed it between opening and locking
+
+
+def _alone(handle: int) -> bool:
+    """Return whether no other process shares the lock."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _is_at(path: Path, handle: int) -> bool:

@@ -47,7 +47,9 @@ class Codec:
         Bits of a sample.
     options : mapping of str to str
         Options of the encoder: constant quality without visible loss; headers independent of the
-        pictures, and no references out of a piece, so that pieces can be joined.
+        pictures, and no references out of a piece, so that pieces can be joined. The number of
+        threads is fixed, and x264 takes the same algorithms everywhere (`cpu-independent`), so
+        that every machine writes the same bytes.
     tag : str or None
         Format tag in MP4 and QuickTime files, where players expect another name than FFmpeg's.
     """
@@ -59,18 +61,20 @@ class Codec:
     tag: str | None = None
 
 
+X264 = "stitchable=1:open-gop=0:threads=4:cpu-independent=1"
+X265 = "log-level=error:open-gop=0:frame-threads=2"
 CODECS: Mapping[CodecName, Codec] = {
     "h264": Codec(
         "libx264",
         "yuv420p",
         8,
-        {"crf": "18", "preset": "medium", "x264-params": "stitchable=1:open-gop=0"},
+        {"crf": "18", "preset": "medium", "x264-params": X264},
     ),
     "hevc": Codec(
         "libx265",
         "yuv420p10le",
         10,
-        {"crf": "20", "preset": "medium", "x265-params": "log-level=error:open-gop=0"},
+        {"crf": "20", "preset": "medium", "x265-params": X265},
         tag="hvc1",
     ),
 }

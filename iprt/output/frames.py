@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,43 +26,31 @@ Metadata = Mapping[str, str]
 
 
 class FrameOutput(ABC):
-    """Video as files, of which some frames may exist already.
+    """Frames of a video as files. A frame is written once, by any of several processes."""
 
-    Parameters
-    ----------
-    frames : range
-        Numbers of all frames.
-    missing : iterable of int
-        Numbers of frames still to render, in order.
-    """
+    @abstractmethod
+    def has(self, index: int) -> bool:
+        """Return whether a frame is written.
 
-    def __init__(self, frames: range, missing: Iterable[int]) -> None:
-        self.frames = frames
-        self._missing = list(missing)
+        Raises
+        ------
+        FormatError
+            Something else is in its place.
+        """
 
-    @property
-    def done(self) -> int:
-        """Number of finished frames."""
-        return len(self.frames) - len(self._missing)
-
-    def missing(self) -> Sequence[int]:
-        """Numbers of the frames still to render, in order."""
-        return tuple(self._missing)
-
-    def write(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Keep a frame rendered by the device of that name.
+    @abstractmethod
+    def write(self, index: int, picture: RenderedFrame, metadata: Metadata) -> None:
+        """Keep a frame durably.
 
         Raises
         ------
         FormatError
             It cannot be written.
         """
-        self._keep(index, picture, device)
-        self._missing.remove(index)
 
     @abstractmethod
-    def _keep(self, index: int, picture: RenderedFrame, device: str) -> None:
-        """Write a frame durably."""
+    def clean(self) -> None:
+        """Remove what killed processes left. No other process may write meanwhile."""
 
     @abstractmethod
     def finish(self) -> None:
@@ -99,50 +87,23 @@ def numbered(pattern: Path, index: int) -> Path:
 
 
 class PictureSequence(FrameOutput):
-    """Frames as separate files. Their folder must be locked.
+    """Frames as separate files.
 
     Parameters
     ----------
-    frames : range
-        Numbers of the frames.
-    describe : callable
-        Returns metadata of a frame, by its number.
+    pattern : Path
+    expected : callable
+        Returns metadata that a frame must have, by its number.
     exposure : float
         For display-referred formats.
-
-    Raises
-    ------
-    FormatError
-        A file exists that this render has not written.
     """
 
-    def __init__(
-        self,
-        pattern: Path,
-        frames: range,
-        describe: Callable[[int], Metadata],
-        exposure: float,
-    ) -> None:
+    def __init__(self, pattern: Path, expected: Callable[[int], Metadata], exposure: float) -> None:
         self.pattern = pattern
-        self._describe, self._exposure = describe, exposure
-        for path in pattern.parent.iterdir():
-            if LEFT_BEHIND.fullmatch(path.name):
-                path.unlink()
-        super().__init__(frames, (index for index in frames if not self._is_there(index)))
+        self._expected, self._exposure = expected, exposure
 
-    def _keep(self, index: int, picture: RenderedFrame, device: str) -> None:
-        write_picture(
-            numbered(self.pattern, index),
-            picture.color,
-            aovs=picture.aovs,
-            exposure=self._exposure,
-            metadata={**self._describe(index), "iprt:device": device},
-        )
-
-    def finish(self) -> None:
-        """Do nothing: every frame is complete by itself."""
-
-    def _is_there(self, index: int) -> bool:
+    def has(self, index: int) -> bool:
+        """Return whether a frame's file is there, and of this render."""
         path = numbered(self.pattern, index)
         if not path.exists():
             return False
@@ -151,13 +112,33 @@ class PictureSequence(FrameOutput):
             raise FormatError(
                 f"{path}: is damaged or not by iprt; delete it, or name another output"
             )
-        differs = difference(found, self._describe(index))
+        expected = self._expected(index)
+        differs = difference({key: found[key] for key in expected if key in found}, expected)
         if differs is not None:
             raise FormatError(
                 f"{path}: is a frame of another render: {differs}; delete all its frames, or name "
                 "another output"
             )
         return True
+
+    def write(self, index: int, picture: RenderedFrame, metadata: Metadata) -> None:
+        """Write a frame's file, with its metadata in the header."""
+        write_picture(
+            numbered(self.pattern, index),
+            picture.color,
+            aovs=picture.aovs,
+            exposure=self._exposure,
+            metadata=metadata,
+        )
+
+    def clean(self) -> None:
+        """Remove temporary files."""
+        for path in self.pattern.parent.iterdir():
+            if LEFT_BEHIND.fullmatch(path.name):
+                path.unlink()
+
+    def finish(self) -> None:
+        """Do nothing: every frame is complete by itself."""
 
 
 def read_metadata(path: Path) -> Metadata | None:

@@ -11,6 +11,7 @@ from iprt import __version__
 from iprt.geometry.camera import View
 
 NAMES = {
+    "chunk.frames": "--chunk",
     "files": "the scene's files",
     "frames": "--accumulate",
     "layers": "--aov",

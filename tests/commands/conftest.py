@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from iprt.commands.render import render
+from iprt.commands.render_flags import RenderFlags
 from iprt.commands.render_job import RenderJob
 from iprt.convergence import Goal
 from iprt.device.profile import Profile
@@ -47,12 +48,15 @@ class FakeFilm:
         indices: Sequence[int],
         *,
         warm_up: int = 0,
+        wanted: Container[int] | None = None,
         aovs: tuple[str, ...] = (),
         progress: Callable[[int], None],
         goal: Goal | None = None,
     ) -> Iterator[tuple[int, RenderedFrame]]:
-        self.calls.append((list(indices), warm_up, aovs, self.accumulate, self.settings))
-        for index in indices:
+        before = range(indices[0] - warm_up, indices[0])
+        shown = [i for i in (*before, *indices) if wanted is None or i in wanted]
+        self.calls.append((shown, warm_up, aovs, self.accumulate, self.settings))
+        for index in shown:
             if self.ends.get(index):
                 raise self.ends[index].pop(0)
             for _ in range(self.accumulate):
@@ -74,7 +78,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
-    """`iprt render` with a fake device and film."""
+    """`iprt render` with a fake device and film; keywords are flags."""
     monkeypatch.setattr(FakeFilm, "calls", [], raising=False)
     monkeypatch.setattr(FakeFilm, "ends", {}, raising=False)
 
@@ -92,4 +96,11 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
     monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
     monkeypatch.setattr("iprt.commands.render_video.ComputeDevice", compute)
     monkeypatch.setattr(RenderJob, "film", film)
-    return lambda *args, **kwargs: render(folder, *args, **kwargs)
+
+    def run(**kwargs: Any) -> int:
+        own = {
+            name: kwargs.pop(name) for name in ("chunks", "profile", "progress") if name in kwargs
+        }
+        return render(folder, flags=RenderFlags(**kwargs), **own)
+
+    return run

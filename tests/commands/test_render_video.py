@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from iprt.commands.render_video import WARM_UP, runs, warm_up
+from iprt.commands.join import join
 from iprt.commands.setting_flags import SettingFlags
-from iprt.errors import DeviceLostError, FormatError
+from iprt.errors import DeviceLostError, FormatError, IprtError
 from iprt.files.lock import locked
+from iprt.output.chunks import WARM_UP
 from iprt.output.spatial_media import XML_ID
 from iprt.scene.scene import Scene
 from iprt.scene.scene_files import fingerprint
@@ -139,15 +140,60 @@ def test_nothing_to_do_says_so(
         assert {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.*")} == before
 
 
-def test_gaps_are_filled_each_after_a_warm_up(command: Command, tmp_path: Path) -> None:
+def test_gaps_are_filled_by_rendering_their_chunk_anew(command: Command, tmp_path: Path) -> None:
     command(output=tmp_path / "%d.png")
     for index in (1, 2, 4):
         (tmp_path / f"{index}.png").unlink()
     FakeFilm.calls.clear()
     command(output=tmp_path / "%d.png")
-    assert [(call[0], call[1]) for call in FakeFilm.calls] == [([1, 2], WARM_UP), ([4], WARM_UP)]
-    assert [warm_up(each) for each in (1, 2, 3, 4, 64)] == [16, 8, 8, 8, 8]
-    assert list(runs([0, 4, 6], range(0, 8, 2))) == [range(0, 2, 2), range(4, 8, 2)]
+    assert [(call[0], call[1]) for call in FakeFilm.calls] == [([1, 2, 4], WARM_UP)]
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "%d.exr"])
+def test_chunks_apart_are_joined(
+    name: str, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames 0 to 5 in chunks of 3: the first fades into the second over two frames."""
+    monkeypatch.setattr("iprt.output.chunks.WARM_UP", 2)
+    flags = {"accumulate": 16, "chunk": 3}
+    command(output=tmp_path / "whole" / name, **flags)
+    path = tmp_path / "out" / name
+    FakeFilm.calls.clear()
+    assert command(output=path, chunks="1", **flags) == 0
+    assert rendered() == [1, 2, 3, 4, 5], "with its warm-up"
+    assert not path.exists()
+    with pytest.raises(IprtError) as caught:
+        join(path)
+    assert str(caught.value) == (
+        f"{path}: 1 chunk of 2 missing: 0 (frames 0 to 2); render with --chunks 0"
+    )
+    command(output=path, chunks="0-1", **flags)
+    assert rendered() == [1, 2, 3, 4, 5, 0, 1, 2]
+    assert join(path) == 0
+    assert contents(path.parent) == contents(tmp_path / "whole")
+    with pytest.raises(IprtError, match=r"has no folder .*; render its chunks first"):
+        join(path)
+
+
+def test_chunks_of_other_lengths_are_not_mixed(command: Command, tmp_path: Path) -> None:
+    command(output=tmp_path / "%d.png", chunk=8, frames="0:3")
+    with pytest.raises(FormatError, match="--chunk was 8 then and is 9 now"):
+        command(output=tmp_path / "%d.png", chunk=9)
+
+
+def test_join_names_a_sound_that_is_not_there(
+    command: Command, folder: Path, tmp_path: Path
+) -> None:
+    source = write_sounding(folder / "color.ts", clicks=(0.05, 0.15, 0.25), seconds=0.4)
+    manifest = folder / "scene.toml"
+    text = manifest.read_text().replace("color.%04d.exr", "color.ts").replace("fps = 24.0\n", "")
+    manifest.write_text(text)
+    command(output=tmp_path / "a.mp4", chunks="0")
+    shutil.move(source, tmp_path / "elsewhere.ts")
+    with pytest.raises(IprtError, match=r"color\.ts: the film's sound is not there; join where"):
+        join(tmp_path / "a.mp4")
+    assert join(tmp_path / "a.mp4", no_audio=True) == 0
+    assert sound_codecs(tmp_path / "a.mp4") == []
 
 
 def test_other_settings_or_scenes_are_not_mixed_in(
@@ -242,6 +288,9 @@ BAD: dict[str, tuple[list[str], str]] = {
     "the video": (["-o", "OUT/room/color.%04d.exr"], "color.0000.exr: belongs to the scene"),
     "a folder": (["-o", "OUT/folder.mp4"], "folder.mp4: is a folder; name a file in it"),
     "below a file": (["-o", "OUT/room/cube.obj/a.mp4"], "cube.obj is a file, not a folder"),
+    "chunk": (["-o", "OUT/a.mp4", "--chunk", "4"], "--chunk 4: expected at least 8, the frames"),
+    "no chunk": (["-o", "OUT/a.mp4", "--chunks", "1"], "there is no chunk 1; the film has 0 to 0"),
+    "still": (["-o", "OUT/a.png", "--chunks", "0"], "--chunks: has no effect on"),
     "codec": (["-o", "OUT/a.mp4", "--codec", "h264", "--size", "32", "16"], "has no libx264"),
 }
 

@@ -32,22 +32,23 @@ def metadata(index: int = 0, **changed: Any) -> dict[str, str]:
     return {**picture_metadata(**{**given, **changed}), "iprt:frame": str(index)}
 
 
-def sequence(folder: Path, frames: range = range(4), name: str = "%02d.png") -> PictureSequence:
-    return PictureSequence(folder / name, frames, metadata, 1.0)
+def sequence(folder: Path, name: str = "%02d.png") -> PictureSequence:
+    return PictureSequence(folder / name, metadata, 1.0)
+
+
+def write(folder: Path, index: int, name: str = "%02d.png") -> Path:
+    """Write a frame, and return its file."""
+    told = {**metadata(index), "iprt:device": "a device"}
+    sequence(folder, name).write(index, PICTURE, told)
+    return numbered(folder / name, index)
 
 
 @pytest.mark.parametrize("name", ["a%02d.png", "%d.exr"])
-def test_what_is_there_is_kept(name: str, tmp_path: Path) -> None:
-    first = sequence(tmp_path, range(3, 9, 2), name)
-    assert first.missing() == (3, 5, 7)
-    first.write(3, PICTURE, "a device")
-    first.write(7, PICTURE, "a device")
-    assert first.missing() == (5,)
-    files = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    assert set(files) == {numbered(tmp_path / name, 3), numbered(tmp_path / name, 7)}
-    again = sequence(tmp_path, range(3, 9), name)
-    assert (again.missing(), again.done) == ((4, 5, 6, 8), 2), "of another range"
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == files
+def test_what_is_there_is_found(name: str, tmp_path: Path) -> None:
+    files = {write(tmp_path, index, name) for index in (3, 7)}
+    assert set(tmp_path.iterdir()) == files
+    target = sequence(tmp_path, name)
+    assert [index for index in range(9) if target.has(index)] == [3, 7]
     told = read_metadata(numbered(tmp_path / name, 7))
     assert told == {**metadata(7), "iprt:device": "a device"}
 
@@ -66,9 +67,9 @@ def test_what_is_there_is_kept(name: str, tmp_path: Path) -> None:
 def test_pictures_made_otherwise_are_not_mixed_in(
     changed: dict[str, Any], message: str, tmp_path: Path
 ) -> None:
-    sequence(tmp_path).write(0, PICTURE, "a device")
+    write(tmp_path, 0)
     with pytest.raises(FormatError) as caught:
-        PictureSequence(tmp_path / "%02d.png", range(4), lambda i: metadata(i, **changed), 1.0)
+        PictureSequence(tmp_path / "%02d.png", lambda i: metadata(i, **changed), 1.0).has(0)
     assert str(caught.value) == (
         f"{tmp_path}/00.png: is a frame of another render: {message}; delete all its frames, or "
         "name another output"
@@ -83,26 +84,25 @@ def test_devices_may_differ() -> None:
 @pytest.mark.parametrize("name", ["%02d.png", "%02d.exr"])
 @pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
 def test_what_is_not_whole_is_named(kept: float, name: str, tmp_path: Path) -> None:
-    sequence(tmp_path, name=name).write(1, PICTURE, "a device")
-    path = numbered(tmp_path / name, 1)
+    path = write(tmp_path, 1, name)
     data = path.read_bytes()
     path.write_bytes(data[: int(kept * len(data))])
     with pytest.raises(FormatError, match=f"{path.name}: is damaged or not by iprt"):
-        sequence(tmp_path, name=name)
+        sequence(tmp_path, name).has(1)
 
 
 @pytest.mark.parametrize("name", ["%02d.png", "%02d.exr"])
 def test_pictures_of_others_are_not_overwritten(name: str, tmp_path: Path) -> None:
     write_picture(numbered(tmp_path / name, 2), PICTURE.color, metadata={"Software": "other"})
     with pytest.raises(FormatError, match="not by iprt; delete it, or name another output"):
-        sequence(tmp_path, name=name)
+        sequence(tmp_path, name).has(2)
 
 
 def test_what_a_killed_render_left_is_removed(tmp_path: Path) -> None:
     left = tmp_path / f".{'0a' * 16}.tmp"
     left.write_bytes(b"half")
     (tmp_path / ".mine.tmp").write_bytes(b"mine")
-    sequence(tmp_path)
+    sequence(tmp_path).clean()
     assert [path.name for path in tmp_path.iterdir()] == [".mine.tmp"]
 
 

@@ -125,3 +125,18 @@ def test_what_is_no_lock_is_neither_followed_nor_emptied(kind: str, tmp_path: Pa
         pytest.fail("it is held")
     assert (tmp_path / "mine").read_text() == "a text"
     assert (tmp_path / NAME).exists()
+
+
+def test_chunks_share_a_folder_and_exclude_a_whole_film(tmp_path: Path) -> None:
+    def refused() -> None:
+        with pytest.raises(FormatError, match="renders into this folder"), locked(tmp_path):
+            pytest.fail("chunks of a film are rendered")
+
+    with locked(tmp_path, shared=True):
+        with locked(tmp_path, shared=True):
+            refused()
+        assert (tmp_path / NAME).exists(), "one still holds it"
+        refused()
+    assert list(tmp_path.iterdir()) == []
+    with locked(tmp_path), pytest.raises(FormatError), locked(tmp_path, shared=True):
+        pytest.fail("a film is joined")

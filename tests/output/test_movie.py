@@ -6,44 +6,18 @@ import json
 import os
 import subprocess
 import sys
-from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
 import av
-import numpy as np
 import pytest
 
 from iprt.errors import FormatError
 from iprt.output.encode import join_pieces
-from iprt.output.movie import SUFFIX, Movie
-from iprt.renderer import RenderedFrame
-from tests.output.test_frames import metadata
+from iprt.output.parts import PLAN, SUFFIX
+from tests.output.films import FRAMES, contents, opened, picture, plan, render, whole
 
 ROOT = Path(__file__).parents[2]
-FRAMES = range(10, 24, 2)
-RATE = Fraction(3, 2)
-"""Pieces of 2 seconds are 3 pictures long."""
-
-
-def picture(index: int) -> RenderedFrame:
-    y, x = np.mgrid[0:16, 0:32]
-    color = np.stack([x / 32.0, y / 16.0, np.full(x.shape, 0.04 * index)], axis=-1)
-    return RenderedFrame(color.astype(np.float32), {})
-
-
-def movie(path: Path, frames: range = FRAMES, **changed: str) -> Movie:
-    description = {**metadata(), **changed}
-    return Movie(path, frames, description, codec="h264", rate=RATE, exposure=1.0)
-
-
-def grown(path: Path) -> Path:
-    """A whole file."""
-    target = movie(path)
-    for index in target.missing():
-        target.write(index, picture(index), "a device")
-    target.finish()
-    return path
 
 
 def names(folder: Path) -> set[str]:
@@ -52,14 +26,14 @@ def names(folder: Path) -> set[str]:
 
 def test_parts_are_pieces_and_the_pictures_of_the_next(tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
-    target = movie(path)
+    target = opened(path)
     for index in FRAMES:
-        target.write(index, picture(index), "a device")
+        target.write(0, index, picture(index), "a device")
         # A piece is encoded once its three pictures are there.
         position = FRAMES.index(index)
         waiting = 0 if index == FRAMES[-1] else (position + 1) % 3
-        assert len(list(target.parts.glob("*.npy"))) == waiting
-    assert target.parts == tmp_path / "a.mp4.parts"
+        assert len(list(target.parts.path.glob("*.npy"))) == waiting
+    assert target.parts.path == tmp_path / "a.mp4.parts"
     assert not path.exists()
     target.finish()
     assert names(tmp_path) == {"a.mp4"}
@@ -76,45 +50,48 @@ def written(path: Path) -> tuple[int, ...]:
 
 
 def test_a_finished_file_is_left_alone(tmp_path: Path) -> None:
-    path = grown(tmp_path / "a.mp4")
+    path = whole(tmp_path / "a.mp4")
     before = written(path)
-    target = movie(path)
-    assert (target.finished, target.missing(), target.done) == (True, (), len(FRAMES))
+    target = opened(path)
+    assert (target.complete, target.missing(0), target.done) == (True, (), len(FRAMES))
     target.finish()
     assert written(path) == before
     assert names(tmp_path) == {"a.mp4"}
 
 
 def test_a_file_of_other_settings_is_replaced_when_the_new_one_is_whole(tmp_path: Path) -> None:
-    path = grown(tmp_path / "a.mp4")
+    path = whole(tmp_path / "a.mp4")
     before = path.read_bytes()
-    target = movie(path, **{"iprt:seed": "7"})
-    assert len(target.missing()) == len(FRAMES)
+    target = opened(path, plan(**{"iprt:seed": "7"}))
+    assert len(target.missing(0)) == len(FRAMES)
     for index in FRAMES:
         assert path.read_bytes() == before
-        target.write(index, picture(index), "a device")
+        target.write(0, index, picture(index), "a device")
     target.finish()
     assert path.read_bytes() != before
 
 
 def test_parts_of_another_video_are_not_mixed_in(tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
-    movie(path).write(10, picture(10), "a device")
+    opened(path).write(0, 10, picture(10), "a device")
     with pytest.raises(FormatError) as caught:
-        movie(path, **{"iprt:seed": "7"})
+        opened(path, plan(**{"iprt:seed": "7"}))
     assert str(caught.value) == (
         f"{path}.parts: holds finished frames of another render: seed was 0 then and is 7 now; "
         "delete this folder to start again, or name another output"
     )
-    (tmp_path / "a.mp4.parts" / "job.json").unlink()
+    (tmp_path / "a.mp4.parts" / PLAN).unlink()
     with pytest.raises(FormatError, match=r"a\.mp4\.parts: was not made by iprt"):
-        movie(path)
+        opened(path)
+    (tmp_path / "a.mp4.parts" / PLAN).write_text("{}")
+    with pytest.raises(FormatError, match=r"film\.json: cannot be read; delete the folder"):
+        opened(path)
 
 
 def test_what_a_killed_render_left_is_removed(tmp_path: Path) -> None:
-    left = movie(tmp_path / "a.mp4").parts / f".{'0a' * 16}.tmp"
+    left = opened(tmp_path / "a.mp4").parts.path / f".{'0a' * 16}.tmp"
     left.write_bytes(b"half")
-    movie(tmp_path / "a.mp4")
+    opened(tmp_path / "a.mp4").clean()
     assert not left.exists()
 
 
@@ -122,11 +99,11 @@ def test_links_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "a.mp4").symlink_to(tmp_path / "there" / "b.mp4")
     with pytest.raises(FormatError, match=r"a\.mp4: is a symbolic link"):
-        grown(tmp_path / "a.mp4")
+        whole(tmp_path / "a.mp4")
     assert (tmp_path / "a.mp4").is_symlink()
     (tmp_path / "c.mp4.parts").symlink_to(tmp_path / "there")
     with pytest.raises(FormatError, match=r"c\.mp4\.parts: is a symbolic link"):
-        movie(tmp_path / "c.mp4")
+        opened(tmp_path / "c.mp4")
     assert names(tmp_path / "there") == set()
 
 
@@ -135,27 +112,26 @@ def test_a_full_disk_keeps_what_is_finished(
     call: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.mp4"
-    target = movie(path)
-    target.write(10, picture(10), "a device")
+    target = opened(path)
+    target.write(0, 10, picture(10), "a device")
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, call, full)
     with pytest.raises(FormatError, match="No space left"):
-        target.write(12, picture(12), "a device")
+        target.write(0, 12, picture(12), "a device")
     monkeypatch.undo()
-    assert names(target.parts) == {"job.json", "0000000.npy"}
-    assert movie(path).missing() == tuple(FRAMES[1:])
+    assert names(target.parts.path) == {PLAN, "0000000.npy"}
+    assert opened(path).missing(0) == tuple(FRAMES[1:])
 
 
 def test_a_full_disk_at_the_end_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.mp4"
-    target = movie(path)
-    for index in FRAMES:
-        target.write(index, picture(index), "a device")
+    target = opened(path)
+    render(target)
 
     def full(file: Path, *_: object, **__: object) -> None:
         join_pieces(file, *_, **__)
@@ -165,10 +141,10 @@ def test_a_full_disk_at_the_end_loses_nothing(
     with pytest.raises(FormatError, match="No space left"):
         target.finish()
     monkeypatch.undo()
-    again = movie(path)
-    assert again.missing() == ()
+    again = opened(path)
+    assert again.complete
     again.finish()
-    assert path.read_bytes() == grown(tmp_path / "b.mp4").read_bytes()
+    assert path.read_bytes() == whole(tmp_path / "b.mp4").read_bytes()
 
 
 # Killed at any moment ----------------------------------------------------------------------------
@@ -176,21 +152,21 @@ def test_a_full_disk_at_the_end_loses_nothing(
 KILLED = """
 import json, os, signal, sys
 from pathlib import Path
-from tests.output import test_movie as tests
-from tests.output.test_frames import sequence
+from tests.output import films
 
-folder, kind = Path(sys.argv[1]), sys.argv[2]
+folder, kind, chunk = Path(sys.argv[1]), sys.argv[2], int(sys.argv[4])
 
 def render(path, log):
-    if kind == "movie":
-        target = tests.movie(path)
-    else:
-        path.mkdir(exist_ok=True)
-        target = sequence(path, tests.FRAMES, kind)
-    for index in target.missing():
-        target.write(index, tests.picture(index), "a device")
+    path = path if kind == "movie" else path / kind
+    target = films.opened(path, films.plan(chunk=chunk, warm_up=2))
+    target.clean()
+    write = target.write
+    def logged(number, index, *rest):
+        write(number, index, *rest)
         with log.open("a") as file:
-            file.write(f"{index} ")
+            file.write(f"{number}:{index} ")
+    target.write = logged
+    films.render(target)
     target.finish()
 
 calls = {"moments": 0, "last": None}
@@ -229,11 +205,16 @@ print(json.dumps([moments, ends]))
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("kind", "every"), [("movie", 3), ("%d.png", 2), ("%d.exr", 5)])
-def test_a_render_killed_at_any_moment_goes_on(kind: str, every: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "every", "chunk"),
+    [("movie", 3, 120), ("movie", 4, 3), ("%d.png", 2, 120), ("%d.exr", 5, 3)],
+)
+def test_a_render_killed_at_any_moment_goes_on(
+    kind: str, every: int, chunk: int, tmp_path: Path
+) -> None:
     """The file is the same to the byte, and no finished frame was rendered again."""
     done = subprocess.run(
-        [sys.executable, "-c", KILLED, tmp_path, kind, str(every)],
+        [sys.executable, "-c", KILLED, tmp_path, kind, str(every), str(chunk)],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -246,16 +227,11 @@ def test_a_render_killed_at_any_moment_goes_on(kind: str, every: int, tmp_path: 
     assert all(killed for killed, _ in ends)
     for _, rendered in ends:
         again = len(rendered) - len(set(rendered))
-        assert set(rendered) <= {str(index) for index in FRAMES}
+        assert {int(each.split(":")[1]) for each in rendered} <= set(FRAMES)
         assert again == 0
         assert len(rendered) >= len(FRAMES) - 1, "one may be written and not logged"
-    whole = contents(tmp_path / "whole.mp4")
-    assert len(whole) == (1 if kind == "movie" else len(FRAMES))
+    expected = contents(tmp_path / "whole.mp4")
+    assert len(expected) == (1 if kind == "movie" else len(FRAMES))
     for last in range(1, moments + 1, every):
-        assert contents(tmp_path / f"{last}.mp4") == whole, last
-    assert not list(tmp_path.glob(f"*{SUFFIX}"))
-
-
-def contents(path: Path) -> dict[str, bytes]:
-    files = sorted(path.iterdir()) if path.is_dir() else [path]
-    return {"" if each == path else each.name: each.read_bytes() for each in files}
+        assert contents(tmp_path / f"{last}.mp4") == expected, last
+    assert not list(tmp_path.rglob(f"*{SUFFIX}"))

@@ -15,10 +15,10 @@ import pytest
 from iprt.errors import FormatError
 from iprt.output import sound as module
 from iprt.output.encode import FORMATS, encode_piece, join_pieces
-from iprt.output.movie import Movie
+from iprt.output.film_output import FilmOutput
 from iprt.output.sound import Sound
 from iprt.renderer import RenderedFrame
-from tests.output.test_frames import metadata
+from tests.output.films import opened, plan
 from tests.sounding import (
     CLICKS,
     FPS,
@@ -271,19 +271,19 @@ def test_a_full_disk_does_not_cost_the_sound(
 # Films that grow ---------------------------------------------------------------------------------
 
 
-def grown(path: Path, source: Path | None, stop: int | None = None) -> Movie:
+def grown(path: Path, source: Path | None, stop: int | None = None) -> FilmOutput:
     """Write a film of the cut, or its part from a render stopped after `stop` frames."""
     sound = (
         None if source is None else Sound(source, Fraction(CUT[0], FPS), Fraction(len(CUT), FPS))
     )
-    rate = Fraction(FPS)
-    movie = Movie(path, CUT, metadata(), codec="h264", rate=rate, exposure=1.0, sound=sound)
-    for index in movie.missing()[:stop]:
+    given = plan(CUT, there=range(CUT.stop), rate=Fraction(FPS), sound=sound)
+    film = opened(path, given)
+    for index in film.missing(0)[:stop]:
         color = np.full((HEIGHT, WIDTH, 3), flash_luma(index / FPS) / 255.0, np.float32)
-        movie.write(index, RenderedFrame(color, {}), "a device")
-    if not movie.missing():
-        movie.finish()
-    return movie
+        film.write(0, index, RenderedFrame(color, {}), "a device")
+    if film.complete:
+        film.finish()
+    return film
 
 
 def test_a_film_that_was_stopped_has_all_its_sound_once(
@@ -295,7 +295,7 @@ def test_a_film_that_was_stopped_has_all_its_sound_once(
     for frames in (9, 1):
         stopped = grown(path, source, frames)
         assert not path.exists()
-        for piece in stopped.parts.glob("*.mp4"):
+        for piece in stopped.parts.path.glob("*.mp4"):
             assert sound_codecs(piece) == []
     grown(path, source)
     require_together(path, 2)
@@ -307,8 +307,8 @@ def test_a_finished_film_is_another_without_its_sound(tmp_path: Path) -> None:
     source = write_sounding(tmp_path / "source.mp4")
     path = tmp_path / "film.mp4"
     grown(path, source)
-    assert grown(path, source, 0).finished
-    assert not grown(path, None, 0).finished
+    assert grown(path, source, 0).complete
+    assert not grown(path, None, 0).complete
     grown(path, None)
     assert sound_codecs(path) == []
 
