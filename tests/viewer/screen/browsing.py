@@ -27,14 +27,22 @@ FLAGS = [
 SIZE = (600, 240)
 """Width and height of the browser's window: a picture of 260 x 240 pixels beside the panels."""
 
-TEXTURE = """() => {
-    const image = __viserMutable.backgroundMaterial.uniforms.colorMap.value.image;
+PICTURE = """() => {
+    const nodes = window.__viserMutable?.nodeRefFromName ?? {};
+    const names = Object.keys(nodes).filter((name) => name.startsWith("/pictures/"));
+    const newest = Math.max(...names.map((name) => +name.slice("/pictures/".length)));
+    let map = null;
+    nodes[`/pictures/${newest}`]?.traverse((node) => (map ??= node.material?.map ?? null));
+    return map?.image;
+}"""
+TEXTURE = f"""() => {{
+    const image = ({PICTURE})();
     const canvas = new OffscreenCanvas(image.width, image.height);
     const context = canvas.getContext("2d");
     context.drawImage(image, 0, 0);
     return [image.width, image.height, Array.from(context.getImageData(0, 0, image.width,
         image.height).data)];
-}"""
+}}"""
 FORWARD = """() => {
     const { camera, nodePoseData } = __viserMutable;
     const [w, x, y, z] = nodePoseData[""].wxyz;
@@ -81,10 +89,15 @@ class Visitor:
     def load(self) -> None:
         self.page.goto(self.url)
         self.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        self.page.wait_for_function("window.iprt?.picture()")
+        self.decoded()
+
+    def decoded(self) -> None:
+        """Wait until the browser has decoded the newest picture that came."""
+        self.page.wait_for_function(f"({PICTURE})()")
 
     def texture(self) -> NDArray[np.uint8]:
         """(H, W, 3): the picture as the browser has decoded it."""
+        self.decoded()
         width, height, data = self.page.evaluate(TEXTURE)
         return np.array(data, np.uint8).reshape(height, width, 4)[..., :3]
 
