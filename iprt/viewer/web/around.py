@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iprt.geometry.camera import View
-from iprt.viewer.plain_video import PlainFrame
+from iprt.geometry.equirect import equirect_texel
 from iprt.viewer.surroundings import Surroundings
+from iprt.viewer.web.camera import quaternion
 from iprt.viewer.web.picture_plane import AROUND_M, add_picture
 
 NAME = "/around"
@@ -26,6 +29,7 @@ class Around:
 
     def __init__(self, client: Any) -> None:
         self._client = client
+        self._axes = client.scene.add_frame(NAME, show_axes=False)  # of the panorama
         self._faces: dict[str, Any] = {}
         self._shown: Surroundings | None = None
 
@@ -33,16 +37,27 @@ class Around:
         """Send the video, unless there is none yet or the browser has it."""
         if surroundings is None or surroundings is self._shown:
             return
-        self._shown = surroundings
-        panorama = PlainFrame(surroundings.pixels.astype(np.float32), 0, surroundings.pose)
+        self._shown, pose = surroundings, surroundings.pose
+        height, width = surroundings.pixels.shape[:2]
+        texels = surroundings.pixels.reshape(height * width, 3)
         with self._client.atomic():
-            for name, view in cube_views(surroundings.pixels.shape[1] // 4).items():
-                pixels = np.rint(panorama.seen(view)).astype(np.uint8)
+            self._axes.wxyz = quaternion(np.eye(3) if pose is None else pose[:3, :3])
+            for name, view in cube_views(max(width // 4, 1)).items():
+                pixels = texels.take(_places(view, width, height), axis=0)
                 if name in self._faces:
                     self._faces[name].image = pixels
                 else:
-                    scene = self._client.scene
-                    self._faces[name] = add_picture(scene, f"{NAME}/{name}", pixels, view, AROUND_M)
+                    path = f"{NAME}/{name}"
+                    self._faces[name] = add_picture(
+                        self._client.scene, path, pixels, view, AROUND_M
+                    )
+
+
+@lru_cache(maxsize=6)
+def _places(view: View, width: int, height: int) -> NDArray[np.intp]:
+    """Return the flat index (H, W) of the nearest texel of a panorama to each pixel of a view."""
+    rows, columns = equirect_texel(view.directions(), width, height)
+    return rows * width + columns
 
 
 def cube_views(size: int) -> dict[str, View]:

@@ -19,7 +19,9 @@ REST_S = 1.0
 """Seconds without a new picture after which an unrefined one is sent without loss."""
 ANSWER_S = 20.0
 """Longest wait for a browser to confirm a picture."""
-NAME = "/pictures"
+NAME, NAMES = "/pictures", 4
+"""Scene nodes of the pictures, in turn: a name returns when its last picture is gone. Ever new
+names would pile up in viser's page."""
 BEHIND = 1.05
 """Factor by which a picture moves away when a newer one is sent, so that it ends behind that."""
 DECODED_S = 0.5
@@ -83,7 +85,7 @@ class PictureSender:
         with self._client.atomic():
             for picture in self._pictures:
                 picture.scale *= BEHIND
-            name = f"{NAME}/{self._number}"
+            name = f"{NAME}/{self._number % NAMES}"
             scene = self._client.scene
             newest = add_picture(scene, name, pixels, view, PICTURE_M, lossless=lossless)
             self._pictures.append(newest)

@@ -28,13 +28,17 @@ SIZE = (600, 240)
 """Width and height of the browser's window: a picture of 260 x 240 pixels beside the panels."""
 
 PICTURE = """() => {
-    const nodes = window.__viserMutable?.nodeRefFromName ?? {};
-    const names = Object.keys(nodes).filter((name) => name.startsWith("/pictures/"));
-    const newest = Math.max(...names.map((name) => +name.slice("/pictures/".length)));
+    const found = Object.entries(window.__viserSceneTree?.getState() ?? {}).filter(([name, node]) =>
+        name.startsWith("/pictures/") && node.message.props.fov);
+    const distance = ([, { message: { props } }]) =>
+        props.scale / Math.cbrt(props.aspect * Math.tan(props.fov / 2) ** 2);
+    const [newest] = found.sort((a, b) => distance(a) - distance(b))[0] ?? [];
     let map = null;
-    nodes[`/pictures/${newest}`]?.traverse((node) => (map ??= node.material?.map ?? null));
+    const node = __viserMutable.nodeRefFromName[newest];
+    node?.traverse((part) => (map ??= part.material?.map ?? null));
     return map?.image;
 }"""
+"""The newest picture that came, once it is decoded."""
 TEXTURE = f"""() => {{
     const image = ({PICTURE})();
     const canvas = new OffscreenCanvas(image.width, image.height);
@@ -93,7 +97,7 @@ class Visitor:
 
     def decoded(self) -> None:
         """Wait until the browser has decoded the newest picture that came."""
-        self.page.wait_for_function(f"({PICTURE})()")
+        self.page.wait_for_function(f"window.__viserMutable && ({PICTURE})()")
 
     def texture(self) -> NDArray[np.uint8]:
         """(H, W, 3): the picture as the browser has decoded it."""
