@@ -39,6 +39,7 @@ PICTURE = """() => {
     return map?.image;
 }"""
 """The newest picture that came, once it is decoded."""
+DECODED = f"window.__viserMutable && ({PICTURE})()"
 TEXTURE = f"""() => {{
     const image = ({PICTURE})();
     const canvas = new OffscreenCanvas(image.width, image.height);
@@ -97,7 +98,7 @@ class Visitor:
 
     def decoded(self) -> None:
         """Wait until the browser has decoded the newest picture that came."""
-        self.page.wait_for_function(f"window.__viserMutable && ({PICTURE})()")
+        self.page.wait_for_function(DECODED)
 
     def texture(self) -> NDArray[np.uint8]:
         """(H, W, 3): the picture as the browser has decoded it."""

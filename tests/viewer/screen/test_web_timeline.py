@@ -101,7 +101,7 @@ def test_a_view_that_plays_can_be_left(place: Place) -> None:
     place.engine.set_loop(True)
     place.engine.play()
     around = browser._around._shown
-    until(lambda: browser.viewport.view.yaw_deg > 5.0, "it does not follow")
+    until(lambda: browser.viewport.view.yaw_deg > 2.0, "it does not follow")
     until(lambda: browser.viewport.frame == 0, "it does not begin again")
     assert browser.viewport.name == "ahead", "it is left by itself"
     assert browser._around._shown is around, "the video around is sent without need"
