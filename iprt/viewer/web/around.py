@@ -49,7 +49,7 @@ class Around:
                 else:
                     path = f"{NAME}/{name}"
                     self._faces[name] = add_picture(
-                        self._client.scene, path, pixels, view, AROUND_M
+                        self._client.scene, path, pixels, view, 1.0, AROUND_M
                     )
 
 

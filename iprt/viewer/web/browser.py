@@ -220,12 +220,13 @@ class Browser(BrowserState):
 
     def _show(self) -> bool:
         """Send the newest picture; return True if there was one."""
-        viewport = self.viewport
+        viewport, camera = self.viewport, self._camera
         displayed = viewport.poll()
         self._lead()
-        if displayed is None or self._closed:
+        if displayed is None or camera is None or self._closed:
             return False
-        sent = self._sender.follow(displayed, viewport.view, viewport.lens.split)
+        size = max(camera.width, 1), max(camera.height, 1)
+        sent = self._sender.follow(displayed, size, viewport.lens.split)
         self.displayed, self.lossless = displayed, self._sender.lossless
         turned = time.monotonic() < self._turned_s + TURNED_S
         if not sent and (turned or not self.engine.playback.playing):

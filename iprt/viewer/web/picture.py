@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from iprt.geometry.camera import View
 from iprt.output.display import Bytes
 from iprt.viewer.displayed_frame import DisplayedFrame
 from iprt.viewer.web.divider import Divider
@@ -55,14 +54,14 @@ class PictureSender:
         self._sent_s = 0.0
         self.lossless = False
 
-    def follow(self, displayed: DisplayedFrame, window: View, split: float) -> bool:
+    def follow(self, displayed: DisplayedFrame, size: tuple[int, int], split: float) -> bool:
         """Send a new picture, or a lossless version of the last; return True if sent.
 
         Parameters
         ----------
         displayed : DisplayedFrame
-        window : View
-            View of the window.
+        size : (int, int)
+            Width and height of the browser's canvas in pixels.
         split : float
             Position of a division as a fraction of the width, from the left.
         """
@@ -74,22 +73,25 @@ class PictureSender:
             if time.monotonic() - self._sent_s > DECODED_S:
                 self._keep(1)
             return False
-        self._send(displayed, window, split, lossless=lossless)
+        self._send(displayed, size, split, lossless=lossless)
         return True
 
     def _send(
-        self, displayed: DisplayedFrame, window: View, split: float, *, lossless: bool
+        self, displayed: DisplayedFrame, size: tuple[int, int], split: float, *, lossless: bool
     ) -> None:
         view, self._number = displayed.shown.request.view, self._number + 1
-        pixels = letterboxed(displayed.pixels, window.width / window.height)
+        pixels, aspect = displayed.pixels, size[0] / size[1]
+        if view.projection == "perspective":  # a whole panorama is stretched over the canvas
+            pixels = letterboxed(pixels, aspect)
+            aspect = pixels.shape[1] / pixels.shape[0]
         with self._client.atomic():
             for picture in self._pictures:
                 picture.scale *= BEHIND
             name = f"{NAME}/{self._number % NAMES}"
             scene = self._client.scene
-            newest = add_picture(scene, name, pixels, view, PICTURE_M, lossless=lossless)
+            newest = add_picture(scene, name, pixels, view, aspect, PICTURE_M, lossless=lossless)
             self._pictures.append(newest)
-            self._divider.follow(view, window.height, split, displayed.sides)
+            self._divider.follow(view, size[1], split, displayed.sides)
         self._client.flush()
         # Messages are ordered, so the answer confirms the picture. Suspended or closed tabs never
         # answer.

@@ -25,7 +25,14 @@ FAR_M = 10_000.0
 
 
 def add_picture(
-    scene: Any, name: str, pixels: Bytes, view: View, distance_m: float, *, lossless: bool = False
+    scene: Any,
+    name: str,
+    pixels: Bytes,
+    view: View,
+    aspect: float,
+    distance_m: float,
+    *,
+    lossless: bool = False,
 ) -> Any:
     """Add a picture to a scene; the browser draws it as soon as it is decoded.
 
@@ -34,8 +41,10 @@ def add_picture(
     scene : viser.SceneApi
     name : str
     pixels : (H, W, 3) uint8
-        Its height spans the view's vertical field of view.
     view : View
+        Its vertical field of view is the picture's height.
+    aspect : float
+        Width relative to the height.
     distance_m : float
         Distance of the picture's plane from the capture centre, in metres.
     lossless : bool
@@ -45,7 +54,7 @@ def add_picture(
     -------
     viser.CameraFrustumHandle
     """
-    aspect, fov = pixels.shape[1] / pixels.shape[0], float(np.deg2rad(view.fov_y_deg))
+    fov = float(np.deg2rad(view.fov_y_deg))
     # viser's scale is the cube root of a frustum's volume.
     volume = aspect * np.tan(0.5 * fov) ** 2 / 3.0
     return scene.add_camera_frustum(
