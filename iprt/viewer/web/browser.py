@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from iprt.errors import IprtError
-from iprt.geometry.camera import View
 from iprt.viewer.engine import Engine
 from iprt.viewer.viewport import Viewport
+from iprt.viewer.web.around import Around
 from iprt.viewer.web.browser_state import BrowserState
-from iprt.viewer.web.camera import look_of, position_of
+from iprt.viewer.web.camera import look_of
 from iprt.viewer.web.divider import Divider
 from iprt.viewer.web.gizmo import ObjectGizmo, SunGizmo
+from iprt.viewer.web.leader import Leader, same
 from iprt.viewer.web.motion_path import MotionPath
 from iprt.viewer.web.panels import Panels
 from iprt.viewer.web.picture import PictureSender
@@ -29,10 +30,8 @@ POLL_S, REST_POLL_S = 0.008, 0.05
 """Polling intervals in seconds for a picture: while one is expected, and otherwise."""
 PANELS_S = 0.1
 """Interval in seconds between updates of the panels."""
-SETTLE_S, AGAIN_S = 20.0, 0.5
-"""Longest time until a browser looks where it is sent, and the time after which that is sent again:
-what arrives while the page is still being made is lost."""
-SAME_DEG = 1e-4
+TURNED_S = 1.0
+"""Time after a turn in which the video around is kept up to date while it plays."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +68,9 @@ class Browser(BrowserState):
         self._camera: Camera | None = None
         self._followed: Camera | None = None
         self._defects: set[str] = set()
-        self._directed: View | None = None
-        self._looked = start.view  # the view that the browser's camera has, or is sent
-        self._directed_s = self._again_s = 0.0
+        self._leader = Leader(client, start.view)
+        self._name: str | None = None  # of the view that the camera was led to
+        self._turned_s = -TURNED_S
         self._camera_came(client.camera)
         self._thread = threading.Thread(
             target=self._run, name=f"iprt browser {client.client_id}", daemon=True
@@ -102,8 +101,10 @@ class Browser(BrowserState):
         wxyz = tuple(float(value) for value in camera.wxyz)
         if not np.isfinite([*wxyz, camera.fov]).all():
             return
-        self._camera = Camera(wxyz, camera.fov, camera.image_width, camera.image_height)
-        self._wake.set()
+        came = Camera(wxyz, camera.fov, camera.image_width, camera.image_height)
+        if came != self._camera:
+            self._camera = came
+            self._wake.set()
 
     # The window's thread calls these ----------------------------------------------------------
 
@@ -117,23 +118,10 @@ class Browser(BrowserState):
 
     def _lead(self) -> None:
         """Turn the browser's camera if its view was chosen, typed or turned by keyframes."""
-        view = self.viewport.view
-        if not _same(view, self._looked):
-            self._direct(view)
-
-    def _direct(self, view: View) -> None:
-        """Turn the browser's camera to a view."""
-        self._directed = self._looked = view
-        self._directed_s = time.monotonic()
-        self._send_camera(view)
-
-    def _send_camera(self, view: View) -> None:
-        self._again_s = time.monotonic() + AGAIN_S
-        camera = self.client.camera
-        with self.client.atomic():
-            camera.fov = float(np.deg2rad(view.fov_y_deg))
-            camera.position = position_of(view)
-            camera.look_at = np.zeros(3)
+        view, name = self.viewport.view, self.viewport.name
+        if not same(view, self._leader.view):
+            self._leader.lead(view, moving=name is not None and name == self._name)
+        self._name = name
 
     def _clicked(self, x: float, y: float, *, more: bool) -> None:
         """Select the object at a window position, and read the pixel's values."""
@@ -163,9 +151,10 @@ class Browser(BrowserState):
     def _serve(self) -> None:
         if self._closed:
             return
-        self._direct(self.viewport.view)
+        self._leader.lead(self.viewport.view)
         divider = Divider(self.client, self._divide)
-        self._sender, panels = PictureSender(self.client, divider), Panels(self)
+        self._sender, self._around = PictureSender(self.client, divider), Around(self.client)
+        panels = Panels(self)
         self.gizmos = ObjectGizmo(self), SunGizmo(self), MotionPath(self)
         self._listen()
         due_s = 0.0
@@ -221,35 +210,25 @@ class Browser(BrowserState):
         viewport = self.viewport
         viewport.resize(camera.width, camera.height)
         view = look_of(viewport.view, np.array(camera.wxyz), camera.fov)
-        if self._directed is not None:
-            # Ignore the camera until the message has arrived.
-            now = time.monotonic()
-            if not _same(view, self._directed) and now < self._directed_s + SETTLE_S:
-                if now > self._again_s:
-                    self._send_camera(self._directed)
-                return
-            self._directed = None
-        self._followed = camera
-        if not _same(view, viewport.view):
-            viewport.look(view)
-        self._looked = viewport.view
+        if self._leader.heard(view):
+            if not same(view, viewport.view):
+                viewport.look(view)
+                self._turned_s = time.monotonic()
+            self._leader.view = viewport.view
+        if not self._leader.waits:
+            self._followed = camera
 
     def _show(self) -> bool:
         """Send the newest picture; return True if there was one."""
-        viewport = self.viewport
+        viewport, camera = self.viewport, self._camera
         displayed = viewport.poll()
         self._lead()
-        if displayed is None or self._closed:
+        if displayed is None or camera is None or self._closed:
             return False
-        sent = self._sender.follow(
-            displayed, viewport.surroundings, viewport.view.height, viewport.lens.split
-        )
+        size = max(camera.width, 1), max(camera.height, 1)
+        sent = self._sender.follow(displayed, size, viewport.lens.split)
         self.displayed, self.lossless = displayed, self._sender.lossless
+        turned = time.monotonic() < self._turned_s + TURNED_S
+        if not sent and (turned or not self.engine.playback.playing):
+            self._around.show(viewport.surroundings)
         return sent
-
-
-def _same(a: View, b: View) -> bool:
-    """Return True if two cameras look alike, up to rounding."""
-    apart = abs((a.yaw_deg - b.yaw_deg + 180.0) % 360.0 - 180.0)
-    fov = abs(a.fov_y_deg - b.fov_y_deg)
-    return max(apart, abs(a.pitch_deg - b.pitch_deg), fov) < SAME_DEG

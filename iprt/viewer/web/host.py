@@ -16,6 +16,7 @@ from iprt.files.termination import at_termination
 from iprt.viewer.engine import Engine
 from iprt.viewer.web.browser import Browser
 from iprt.viewer.web.camera import position_of
+from iprt.viewer.web.picture_plane import FAR_M
 from iprt.viewer.web.server import Viser, require_free, write_site
 from iprt.viewer.windows import Start, Windows
 
@@ -82,7 +83,7 @@ class Host(Windows):
         self._start = replace(start, view=view)
         camera = self._viser.initial_camera
         camera.position, camera.look_at = position_of(view), np.zeros(3)
-        camera.fov = float(np.deg2rad(view.fov_y_deg))
+        camera.fov, camera.far = float(np.deg2rad(view.fov_y_deg)), FAR_M
 
     @property
     def states(self) -> tuple[Browser, ...]:

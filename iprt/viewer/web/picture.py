@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections import deque
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from iprt.geometry.camera import View
+from iprt.output.display import Bytes
 from iprt.viewer.displayed_frame import DisplayedFrame
-from iprt.viewer.surroundings import Surroundings
-from iprt.viewer.web.camera import camera_of, quaternion
 from iprt.viewer.web.divider import Divider
+from iprt.viewer.web.picture_plane import PICTURE_M, add_picture
 
-QUALITY = 88
-"""Quality of JPEG pictures, out of 100."""
 REST_S = 1.0
 """Seconds without a new picture after which an unrefined one is sent without loss."""
 ANSWER_S = 20.0
 """Longest wait for a browser to confirm a picture."""
-PICTURE, AROUND = "/picture", "/around"
-"""Scene nodes with the picture's pose, and with the video around it, for `page.js`."""
+NAME, NAMES = "/pictures", 4
+"""Scene nodes of the pictures, in turn: a name returns when its last picture is gone. Ever new
+names would pile up in viser's page."""
+BEHIND = 1.05
+"""Factor by which a picture moves away when a newer one is sent, so that it ends behind that."""
+DECODED_S = 0.5
+"""Time after the confirmation of a picture in which the one before stays: the browser may still be
+decoding the new one."""
 
 
 class PictureSender:
@@ -45,29 +48,20 @@ class PictureSender:
 
     def __init__(self, client: Any, divider: Divider) -> None:
         self._client, self._divider = client, divider
-        self._pose = client.scene.add_frame(PICTURE, show_axes=False)
-        self._around: Any = None
-        self._surroundings: Surroundings | None = None
+        self._pictures: deque[Any] = deque()  # the newest is the last
+        self._number = 0
         self._sent: DisplayedFrame | None = None
         self._sent_s = 0.0
         self.lossless = False
 
-    def follow(
-        self,
-        displayed: DisplayedFrame,
-        surroundings: Surroundings | None,
-        height_px: int,
-        split: float,
-    ) -> bool:
+    def follow(self, displayed: DisplayedFrame, size: tuple[int, int], split: float) -> bool:
         """Send a new picture, or a lossless version of the last; return True if sent.
 
         Parameters
         ----------
         displayed : DisplayedFrame
-        surroundings : Surroundings or None
-            Shown where a turned picture ends.
-        height_px : int
-            Height of the window.
+        size : (int, int)
+            Width and height of the browser's canvas in pixels.
         split : float
             Position of a division as a fraction of the width, from the left.
         """
@@ -76,44 +70,46 @@ class PictureSender:
         elif not self.lossless and time.monotonic() - self._sent_s > REST_S:
             lossless = True
         else:
+            if time.monotonic() - self._sent_s > DECODED_S:
+                self._keep(1)
             return False
-        if surroundings is not None:
-            self._surround(surroundings, displayed.shown.request.view)
-        self._send(displayed, height_px, split, lossless=lossless)
+        self._send(displayed, size, split, lossless=lossless)
         return True
 
-    def _surround(self, surroundings: Surroundings, view: View) -> None:
-        turn = quaternion(surroundings.axes(view))
-        if self._around is not None and surroundings is not self._surroundings:
-            self._around.image = surroundings.pixels
-        elif self._around is None:
-            self._around = self._client.scene.add_image(
-                AROUND,
-                surroundings.pixels,
-                1.0,
-                1.0,
-                format="jpeg",
-                jpeg_quality=QUALITY,
-                visible=False,
-            )
-        self._around.wxyz, self._surroundings = turn, surroundings
-
     def _send(
-        self, displayed: DisplayedFrame, height_px: int, split: float, *, lossless: bool
+        self, displayed: DisplayedFrame, size: tuple[int, int], split: float, *, lossless: bool
     ) -> None:
-        view = displayed.shown.request.view
-        high = float(np.tan(0.5 * np.deg2rad(view.fov_y_deg)))
-        extent: NDArray[np.float64] = np.array([high * view.width / view.height, high, 1.0])
+        view, self._number = displayed.shown.request.view, self._number + 1
+        pixels, aspect = displayed.pixels, size[0] / size[1]
+        if view.projection == "perspective":  # a whole panorama is stretched over the canvas
+            pixels = letterboxed(pixels, aspect)
+            aspect = pixels.shape[1] / pixels.shape[0]
         with self._client.atomic():
-            self._pose.wxyz = quaternion(camera_of(view))
-            self._pose.position = extent
-            self._divider.follow(view, height_px, split, displayed.sides)
-            self._client.scene.set_background_image(
-                displayed.pixels, format="png" if lossless else "jpeg", jpeg_quality=QUALITY
-            )
+            for picture in self._pictures:
+                picture.scale *= BEHIND
+            name = f"{NAME}/{self._number % NAMES}"
+            scene = self._client.scene
+            newest = add_picture(scene, name, pixels, view, aspect, PICTURE_M, lossless=lossless)
+            self._pictures.append(newest)
+            self._divider.follow(view, size[1], split, displayed.sides)
         self._client.flush()
         # Messages are ordered, so the answer confirms the picture. Suspended or closed tabs never
         # answer.
         with contextlib.suppress(TimeoutError, RuntimeError):
             self._client.local_storage.get_item("iprt", timeout=ANSWER_S)
+        self._keep(2)
         self._sent, self._sent_s, self.lossless = displayed, time.monotonic(), lossless
+
+    def _keep(self, newest: int) -> None:
+        """Remove all but the newest pictures."""
+        while len(self._pictures) > newest:
+            self._pictures.popleft().remove()
+
+
+def letterboxed(pixels: Bytes, aspect: float) -> Bytes:
+    """Return a picture with black columns to this aspect ratio, if it is narrower by pixels."""
+    height, width = pixels.shape[:2]
+    beside = int(0.5 * (height * aspect - width))
+    if beside < 1:
+        return pixels
+    return np.pad(pixels, ((0, 0), (beside + 1, beside + 1), (0, 0)))

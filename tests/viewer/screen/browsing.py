@@ -27,14 +27,27 @@ FLAGS = [
 SIZE = (600, 240)
 """Width and height of the browser's window: a picture of 260 x 240 pixels beside the panels."""
 
-TEXTURE = """() => {
-    const image = __viserMutable.backgroundMaterial.uniforms.colorMap.value.image;
+PICTURE = """() => {
+    const found = Object.entries(window.__viserSceneTree?.getState() ?? {}).filter(([name, node]) =>
+        name.startsWith("/pictures/") && node.message.props.fov);
+    const distance = ([, { message: { props } }]) =>
+        props.scale / Math.cbrt(props.aspect * Math.tan(props.fov / 2) ** 2);
+    const [newest] = found.sort((a, b) => distance(a) - distance(b))[0] ?? [];
+    let map = null;
+    const node = __viserMutable.nodeRefFromName[newest];
+    node?.traverse((part) => (map ??= part.material?.map ?? null));
+    return map?.image;
+}"""
+"""The newest picture that came, once it is decoded."""
+DECODED = f"window.__viserMutable && ({PICTURE})()"
+TEXTURE = f"""() => {{
+    const image = ({PICTURE})();
     const canvas = new OffscreenCanvas(image.width, image.height);
     const context = canvas.getContext("2d");
     context.drawImage(image, 0, 0);
     return [image.width, image.height, Array.from(context.getImageData(0, 0, image.width,
         image.height).data)];
-}"""
+}}"""
 FORWARD = """() => {
     const { camera, nodePoseData } = __viserMutable;
     const [w, x, y, z] = nodePoseData[""].wxyz;
@@ -81,10 +94,15 @@ class Visitor:
     def load(self) -> None:
         self.page.goto(self.url)
         self.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        self.page.wait_for_function("window.iprt?.picture()")
+        self.decoded()
+
+    def decoded(self) -> None:
+        """Wait until the browser has decoded the newest picture that came."""
+        self.page.wait_for_function(DECODED)
 
     def texture(self) -> NDArray[np.uint8]:
         """(H, W, 3): the picture as the browser has decoded it."""
+        self.decoded()
         width, height, data = self.page.evaluate(TEXTURE)
         return np.array(data, np.uint8).reshape(height, width, 4)[..., :3]
 

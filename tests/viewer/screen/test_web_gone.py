@@ -41,14 +41,11 @@ def test_a_server_that_stops_and_starts_again(place: Place) -> None:
         )
         # viser's page comes by itself; it must be loaded anew, for its scripts may be old.
         visitor.page.wait_for_function("!window.mark", timeout=1000 * DEADLINE_S)
-        until(lambda: len(second.browsers) == 1 and _shows(visitor), "no picture comes")
+        until(lambda: len(second.browsers) == 1, "it does not come back")
+        visitor.decoded()
         at_rest(visitor, second.browsers[0])
     alert(visitor)
     visitor.page.close()
-
-
-def _shows(visitor: Visitor) -> bool:
-    return bool(visitor.page.evaluate("!!window.iprt?.picture()"))
 
 
 def test_a_network_that_fails_for_a_while(place: Place) -> None:

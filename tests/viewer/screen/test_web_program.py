@@ -21,7 +21,7 @@ from iprt.viewer.viewport import Viewport
 from iprt.viewer.web.host import Host
 from tests.clips import write_clip
 from tests.conftest import DEVICE
-from tests.viewer.screen.browsing import Visitor, browsing, until
+from tests.viewer.screen.browsing import DECODED, Visitor, browsing, until
 from tests.viewer.screen.web import FRAMES, at_rest
 from tests.viewer.turns import SETTINGS
 from tests.waiting import DEADLINE_S, run_python
@@ -84,7 +84,7 @@ def test_a_notebook_shows_it_in_a_frame(viewer: Viewer, tmp_path: Path) -> None:
         page.goto(notebook.as_uri())
         until(lambda: page.frames[-1].url.startswith(viewer.url), "there is no frame")
         frame = page.frames[-1]
-        frame.wait_for_function("window.iprt?.picture()", timeout=1000 * DEADLINE_S)
+        frame.wait_for_function(DECODED, timeout=1000 * DEADLINE_S)
         text = page.locator("p").inner_text()
         port = viewer._host.port
         assert f"ssh -L {port}:localhost:{port} {socket.gethostname()}" in text

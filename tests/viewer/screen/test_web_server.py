@@ -91,7 +91,7 @@ def test_the_page_has_our_scripts_and_knows_its_run(served: Queue[int]) -> None:
         assert "<title>iprt</title>" in page
         assert f'const IPRT_RUN = "{run}";' in page
         assert "iprt-gone" in page  # alive.js
-        assert "turnPictures" in page  # page.js
+        assert "AGAIN_MS" in page  # page.js
         assert get(one, "alive") == run != get(other, "alive")
 
 

@@ -64,7 +64,8 @@ def test_keys_of_an_object(place: Place) -> None:
     visitor.page.wait_for_function(f"!{PATH}")
 
 
-def test_the_camera_follows_the_keys_of_a_view(place: Place) -> None:
+def turning(place: Place) -> tuple[Visitor, Browser]:
+    """Before a view that keys turn to the right."""
     visitor, browser = visit(place)
     for frame, yaw in ((0, 0.0), (3, 30.0)):
         seek(place, visitor, browser, frame)
@@ -73,6 +74,11 @@ def test_the_camera_follows_the_keys_of_a_view(place: Place) -> None:
         at_rest(visitor, browser)
         button(visitor, "Set key").click()
         until(lambda: browser.viewport.name == "ahead", "the key is not set")
+    return visitor, browser
+
+
+def test_the_camera_follows_the_keys_of_a_view(place: Place) -> None:
+    visitor, browser = turning(place)
     entry = place.engine.views["ahead"]
     assert entry.motion is not None
     for frame in (0, 2, 3):
@@ -86,3 +92,22 @@ def test_the_camera_follows_the_keys_of_a_view(place: Place) -> None:
     reset(place)
     browser.viewport.save()
     until(lambda: not place.engine.unsaved, "not restored")
+
+
+def test_a_view_that_plays_can_be_left(place: Place) -> None:
+    """The camera follows the keys until its user turns it, and then stays."""
+    visitor, browser = turning(place)
+    seek(place, visitor, browser, 0)
+    place.engine.set_loop(True)
+    place.engine.play()
+    around = browser._around._shown
+    until(lambda: browser.viewport.view.yaw_deg > 2.0, "it does not follow")
+    until(lambda: browser.viewport.frame == 0, "it does not begin again")
+    assert browser.viewport.name == "ahead", "it is left by itself"
+    assert browser._around._shown is around, "the video around is sent without need"
+    visitor.drag((100.0, 300.0), (150.0, 0.0), steps=15)
+    until(lambda: browser.viewport.name is None, "it is not left")
+    place.engine.pause()
+    place.engine.set_loop(False)
+    assert at_rest(visitor, browser).yaw_deg < -2.0
+    reset(place)
