@@ -145,14 +145,18 @@ class BufferDevice:
         self.buffers[name] = array.nbytes
         return array
 
-    def discard(self, array: cla.Array) -> None:
-        """Give back the memory of a buffer from `zeros`, on a CPU; its values are lost.
-
-        No enqueued work may use them.
-        """
+    def discard(self, *arrays: cla.Array) -> None:
+        """Wait, and give back the memory of buffers from `zeros`, on a CPU: their values end."""
+        self.wait()
+        lost = {id(array) for array in arrays}
         for known, host in self._shared:
-            if known() is array:
+            if id(known()) in lost:
                 self._memory.discard(host)
+
+    @property
+    def hosted(self) -> int:
+        """Bytes of the buffers in the host's memory: on a CPU, of all large ones."""
+        return sum(host.nbytes for array, host in self._shared if array() is not None)
 
     @contextmanager
     def _holding(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> Iterator[None]:

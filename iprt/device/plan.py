@@ -104,7 +104,7 @@ class PlanDevice(ComputeDevice):
         """Record a buffer."""
         return self.empty(name, shape, dtype)
 
-    def discard(self, array: Any) -> None:
+    def discard(self, *arrays: Any) -> None:
         """Do nothing."""
 
     def share(self, name: str, values: NDArray[Any]) -> PlannedBuffer:

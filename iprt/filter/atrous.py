@@ -75,6 +75,10 @@ class Atrous:
         )
         self._levels = [self._level(level, defines) for level in range(settings.levels)]
 
+    def free(self, signal: int) -> cla.Array | None:
+        """Return float32 planes that the first level may read but does not write, if there are."""
+        return None if self._half else self._scratch[1][0][signal]
+
     @property
     def name(self) -> str:
         """Name of its pass."""

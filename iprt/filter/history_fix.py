@@ -24,12 +24,17 @@ class HistoryFix:
         signal: Signal,
         settings: AtrousSettings,
         enough: float,
+        out: cla.Array | None = None,
     ) -> None:
-        """Create the kernel, which leaves histories of at least `enough` samples unchanged."""
+        """Create the kernel, which leaves histories of at least `enough` samples unchanged.
+
+        `out`: planes of the signal to fill; None: new ones.
+        """
         self._guide = guide = signal.guide
         layout = guide.layout
         planes = signal_planes(signal.kind)
-        self._signal = device.zeros(f"{signal.name} fixed", layout.shape(planes))
+        shape = layout.shape(planes)
+        self._signal = device.zeros(f"{signal.name} fixed", shape) if out is None else out
         self._variance = device.zeros(f"{signal.name} fixed variance", layout.shape(1))
         defines = signal_defines([signal])
         self._fix = device.kernel("filter/neighbours.cl", "fix_history", defines).fixed(

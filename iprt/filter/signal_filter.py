@@ -82,10 +82,10 @@ class SignalFilter:
         fixed = enough > 0.0 and settings.atrous.levels > 0 and not published
         self._fixes = [
             # Reflections differ too much between distant pixels.
-            HistoryFix(device, signal, settings.atrous, enough)
+            HistoryFix(device, signal, settings.atrous, enough, self._atrous.free(i))
             if fixed and signal.kind != "specular"
             else None
-            for signal in signals
+            for i, signal in enumerate(signals)
         ]
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import pyopencl.array as cla
@@ -241,6 +242,10 @@ class Temporal:
         before = self._unsettled
         self._unsettled = SETTLE_FRAMES if changed else max(before - 1, 0)
         if not self._unsettled:
+            if before:  # the next change begins the fast history anew
+                fast = (self._fast, self._fast_before)
+                planes = (of for one in fast for of in (one.signals, one.certainties))
+                self._device.discard(*chain.from_iterable(planes))
             return False
         again = bool(before) and self._fast_stale and self._fast_frames >= FAST_FRAMES
         if not before or again:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import gc
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 from iprt.convergence import Convergence
@@ -72,6 +70,8 @@ class AccumulatingRenderer:
         Worlds shared with the device's other pictures.
     expect : callable
         Called before compilation with the expected number of compilations.
+    make_room : callable
+        Called with the bytes of its buffers, and of the worlds, before they are created.
 
     Raises
     ------
@@ -86,9 +86,12 @@ class AccumulatingRenderer:
         view: View,
         worlds: Worlds,
         expect: Callable[[int], object],
+        make_room: Callable[[int], object],
     ) -> None:
         given = (device, stage.frame, stage.instances, view, stage.settings)
-        self._kernels = require_memory(*given, stage.footage).kernels
+        plan = require_memory(*given, stage.footage)
+        make_room(plan.bytes)
+        self._kernels = plan.kernels
         expect(device.to_compile(self._kernels))
         self._renderer = Renderer(*given, footage=stage.footage, worlds=worlds)
         self._version = self._renderer.real_world.version
@@ -104,7 +107,7 @@ class AccumulatingRenderer:
         """Release the device's buffers; it is unusable afterwards."""
         self._renderer.close()
         del self._renderer
-        _return_freed_memory()
+        gc.collect()
 
     def serves(self, device: ComputeDevice, stage: Stage, view: View) -> bool:
         """Return True if it can show a stage in a view without other kernels or buffers."""
@@ -120,6 +123,11 @@ class AccumulatingRenderer:
         except SceneError:
             return False
         return True
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels of the picture."""
+        return self._renderer.view.width * self._renderer.view.height
 
     def follow(self, stage: Stage, view: View) -> None:
         """Update the renderer to a stage and a view, for which `serves` must hold."""
@@ -170,14 +178,3 @@ def _same_kind(now: Frame, then: Frame) -> bool:
     """Return True if a renderer of one frame can load the other."""
     size = (now.width, now.height) == (then.width, then.height)
     return size and (now.pose is None) == (then.pose is None)
-
-
-def _return_freed_memory() -> None:
-    """Return freed memory to the operating system, where the C library is glibc.
-
-    It keeps freed buffers of a few megabytes, more of them with every new picture size. The buffers
-    of CPU devices are among them.
-    """
-    gc.collect()
-    with suppress(AttributeError, OSError, TypeError):
-        ctypes.CDLL(None).malloc_trim(0)

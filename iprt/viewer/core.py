@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -28,7 +28,8 @@ from iprt.viewer.picture_job import PictureJob
 from iprt.viewer.plain_video import PlainVideo
 from iprt.viewer.scene_files import POLL_S, SceneFiles
 from iprt.viewer.scene_light import SceneLight
-from iprt.viewer.session import AbandonedError, Session
+from iprt.viewer.session import AbandonedError
+from iprt.viewer.sessions import Sessions
 from iprt.viewer.shared_state import NumberedRequest, SharedState
 from iprt.viewer.staging import Staging
 from iprt.viewer.state import Doing, Status
@@ -77,7 +78,6 @@ class Core:
     ) -> None:
         self._shared, self._make_device, self._clock = shared, device, clock
         self._device: ComputeDevice | None = None
-        self._worlds = Worlds()
         self._lost = False  # the device was lost since the last picture
         self._compiling = Compiling(self._report_compiling)
         self._problems: dict[str, str] = {}
@@ -93,10 +93,8 @@ class Core:
         self.light = SceneLight(self.jobs, self._problems, clock)
         self.plain = PlainVideo(shared, self.jobs, scene)
         self._staging = Staging(self.files, self.light, self.video)
-        self._sessions: dict[int, Session] = {}
+        self._sessions = Sessions(self._compiling, Worlds())
         self._failed: dict[int, tuple[Stage, NumberedRequest]] = {}
-        self._turns: dict[int, int] = {}
-        self._turn = 0
         self._surfaces: tuple[Frame, RealSurfaces] | None = None
 
     def close(self) -> None:
@@ -123,7 +121,8 @@ class Core:
             self._problems.pop(f"client {client}", None)
             self._failed.pop(client, None)
         stage = self._staging.follow(wanted, shown=self._all_see_the_frame(wanted.requests))
-        chosen = None if stage is None else self._most_urgent(stage, wanted.requests)
+        asked = wanted.requests
+        chosen = None if stage is None else self._sessions.most_urgent(stage, asked, self._failed)
         if stage is not None:
             self.plain.follow(stage.frame)
         else:
@@ -144,27 +143,9 @@ class Core:
         due = self.video.next_due_s
         return POLL_S if due is None else min(max(due - self._clock(), 0.0), POLL_S)
 
-    def _most_urgent(self, stage: Stage, requests: Mapping[int, NumberedRequest]) -> int | None:
-        """Return the client to render for, or None.
-
-        Clients waiting for a change come before clients whose picture can be refined. Among equals,
-        the client who has waited longest comes first.
-        """
-        ranked = []
-        for client, asked in requests.items():
-            if self._failed.get(client) == (stage, asked):
-                continue
-            session = self._sessions.setdefault(client, Session(self._compiling, self._worlds))
-            behind = session.behind(stage, asked.number)
-            if behind or session.unrefined(asked.request):
-                ranked.append((not behind, self._turns.get(client, 0), client))
-        return min(ranked)[-1] if ranked else None
-
     def _render(self, work: PictureJob) -> None:
         client, stage, asked = work.client, work.stage, work.asked
-        self._turn += 1
-        self._turns[client] = self._turn
-        session = self._sessions[client]
+        session = self._sessions.begin(client)
         problem = f"client {client}"
         self._under_way = work
         try:

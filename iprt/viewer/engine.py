@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Self
 
 from iprt.device.compute import ComputeDevice
+from iprt.device.host_memory import return_freed_memory
 from iprt.footage.sun import Sun
 from iprt.footage.video.video_table import VideoTable
 from iprt.geometry.keyframes import ObjectKeyframe, ViewKeyframe
@@ -79,6 +80,7 @@ class Engine:
         tradeoff: Tradeoff | None = None,
         render_device: str | None = None,
     ) -> None:
+        return_freed_memory()
         self.renders = RenderQueue(render_device)
         self.tradeoff = tradeoff or shipped()
         self._clock, self._scene = clock, scene

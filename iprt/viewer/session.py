@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,14 +95,23 @@ class Session:
         Counter of pending compilations.
     worlds : Worlds
         Worlds of the device, shared by all sessions.
+    make_room : callable
+        Called before a renderer is made, with the device, the number of pixels, and the bytes that
+        the renderer needs. It may `shed` renderers.
     """
 
-    def __init__(self, compiling: Compiling, worlds: Worlds) -> None:
-        self._compiling, self._worlds = compiling, worlds
+    def __init__(
+        self,
+        compiling: Compiling,
+        worlds: Worlds,
+        make_room: Callable[[ComputeDevice, int, int], object],
+    ) -> None:
+        self._compiling, self._worlds, self._make_room = compiling, worlds, make_room
         self._renderers: list[AccumulatingRenderer] = []  # most recently used first
         self._changing: AccumulatingRenderer | None = None  # the renderer of the frame under way
         self._shown_stage: Stage | None = None
         self._shown_number: int | None = None
+        self._last: Shown | None = None
         self._steps = 0
 
     def behind(self, stage: Stage, number: int) -> bool:
@@ -114,14 +125,25 @@ class Session:
 
     def unrefined(self, request: Request) -> bool:
         """Return True if the picture may still gain from another view frame."""
-        return not self._renderers or self._renderers[0].rested < request.frames
+        return self._last is None or self._last.frames < request.frames
 
     def close(self) -> None:
         """Release the renderers; the next `render` creates new ones."""
-        for renderer in self._renderers:
-            renderer.close()
-        self._renderers.clear()
-        self._shown_stage = self._shown_number = None
+        while self.shed():
+            pass
+        self._shown_stage = self._shown_number = self._last = None
+
+    def shed(self, like: int | None = None) -> bool:
+        """Close the renderer that was used longest ago; return False if there is none.
+
+        The last picture stays. `like`: only a renderer of about as many pixels, half to twice.
+        """
+        for renderer in reversed(self._renderers):
+            if like is None or like <= 2 * renderer.pixels <= 4 * like:
+                self._renderers.remove(renderer)
+                renderer.close()
+                return True
+        return False
 
     def render(self, device: ComputeDevice, stage: Stage, number: int, request: Request) -> Shown:
         """Render a view frame of the current request, accumulated on valid earlier ones.
@@ -136,7 +158,11 @@ class Session:
         begin = time.perf_counter()
         known = self._renderers[0] if self._renderers else None
         self._changing = None
-        request = request.at(stage.time_s)
+        request, last = request.at(stage.time_s), self._last
+        same = stage is self._shown_stage and last is not None and request == last.request
+        if same and last is not None and last.refined and not self._renderers:
+            self._shown_number = number  # its renderer was shed
+            return replace(last, number=max(stage.number, number))
         try:
             renderer = self._renderer(device, stage, request)
             # A request for other buffers alone needs no rendering.
@@ -154,7 +180,7 @@ class Session:
         self._compiling.finish()
         self._steps += steps
         self._shown_stage, self._shown_number = stage, number
-        return Shown(
+        self._last = Shown(
             max(stage.number, number),
             self._steps,
             request,
@@ -169,6 +195,7 @@ class Session:
             device.name,
             compiled,
         )
+        return self._last
 
     def _drop_changing(self) -> None:
         """Close the renderer of an abandoned frame, whose histories are half updated."""
@@ -193,10 +220,16 @@ class Session:
             found.follow(stage, view)
             return found
         # Keep only renderers that differ in size and settings, as only those may be needed again.
-        for old in kept[KEPT - 1 :]:
-            old.close()
-        del kept[KEPT - 1 :]
-        made = AccumulatingRenderer(device, stage, view, self._worlds, self._compiling.expect)
+        while len(kept) >= KEPT:
+            self.shed()
+        made = AccumulatingRenderer(
+            device,
+            stage,
+            view,
+            self._worlds,
+            self._compiling.expect,
+            partial(self._make_room, device, view.width * view.height),
+        )
         kept.insert(0, made)
         self._changing = made
         return made

@@ -211,7 +211,6 @@ class Surfaces:
 
     def release(self) -> None:
         """Wait, and give back the memory of `inverse`, which the next `load` fills again."""
-        self._device.wait()
         self._device.discard(self.inverse)
         self._inverted = False
 
