@@ -46,6 +46,15 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def identity(path: Path) -> tuple[int, int] | None:
+    """Return numbers that tell a file from all others, links followed; None if there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
+
 def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
     """Read a whole file of at most `most` bytes.
 

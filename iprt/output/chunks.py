@@ -1,9 +1,9 @@
 """Chunks of a film: where it is cut, so that any machine can render any part.
 
 A chunk begins with a warm-up, which builds the histories of its first frame. It renders the last
-frames of the chunk before. The film fades over them from one chunk to the next, so that no history
-ends at a seam. A frame depends on its chunk and, in a fade, on the next one's warm-up. It does not
-depend on the range of frames that is rendered, nor on who renders it.
+frames of the chunk before. Over the second half of them, the film fades from one chunk to the next,
+so that no history ends at a seam. A frame depends on its chunk and, in a fade, on the next one's
+warm-up. It does not depend on the range of frames that is rendered, nor on who renders it.
 """
 
 from __future__ import annotations
@@ -69,16 +69,21 @@ class Chunks:
     def tail(self, chunk: int) -> range:
         """Return the last frames of a chunk, which fade into the next; empty for the last one."""
         end = (chunk + 1) * self.length
-        return self._frames(end - self.warm_up, end if end in self._there else 0)
+        return self._frames(end - self._fade, end if end in self._there else 0)
 
     def lead(self, chunk: int) -> range:
-        """Return the frames of a chunk's warm-up that the previous chunk shows, too."""
+        """Return the frames of a chunk's warm-up over which the previous chunk fades into it."""
         return self.tail(chunk - 1)
 
     def share(self, index: int) -> float:
         """Return the next chunk's share in a frame of a fade, above 0 and below 1."""
-        place = self._position(index) % self.length - (self.length - self.warm_up)
-        return (place + 1) / (self.warm_up + 1)
+        place = self._position(index) % self.length - (self.length - self._fade)
+        return (place + 1) / (self._fade + 1)
+
+    @property
+    def _fade(self) -> int:
+        """Frames of a fade. In the first half of a warm-up, histories are still too short."""
+        return max(self.warm_up // 2, 1)
 
     @cached_property
     def _there(self) -> range:

@@ -29,6 +29,10 @@ class FilmOutput:
     Attributes
     ----------
     parts : Parts
+    total : int
+        Number of the film's frames in the chunks.
+    done : int
+        Number of these frames that are rendered; some may wait for the other side of a fade.
 
     Raises
     ------
@@ -50,6 +54,9 @@ class FilmOutput:
         self._seams = Seams(self.parts.path, half=output.suffix.lower() != ".exr")
         # Frames in the way of a film are found before the folder of parts is created.
         self._missing = {number: self._absent(number) for number in numbers}
+        self.total = sum(len(self._own(number)) for number in numbers)
+        waiting = sum(i in self._own(n) for n, missing in self._missing.items() for i in missing)
+        self.done = self.total - waiting
         if not self.complete or self.parts.path.exists():
             self.parts.open(plan)
 
@@ -62,20 +69,6 @@ class FilmOutput:
     def complete(self) -> bool:
         """True if no frame of the chunks is missing."""
         return not any(self._missing.values())
-
-    @property
-    def total(self) -> int:
-        """Number of the film's frames in the chunks."""
-        return sum(len(self._own(number)) for number in self.numbers)
-
-    @property
-    def done(self) -> int:
-        """Number of these frames that are rendered, or wait for the other side of a fade."""
-        return self.total - sum(
-            index in self._chunks.frames_of(number)
-            for number, missing in self._missing.items()
-            for index in missing
-        )
 
     def missing(self, number: int) -> Sequence[int]:
         """Return the frames to render of a chunk and its warm-up, in order."""
@@ -96,6 +89,7 @@ class FilmOutput:
         else:
             self._seams.keep(side, index, picture, metadata)
         self._missing[number].remove(index)
+        self.done += index in self._own(number)
 
     def fade(self, number: int) -> None:
         """Write the frames of the fades into and out of a chunk, where both sides are there.
@@ -108,8 +102,6 @@ class FilmOutput:
             A side is damaged, or a frame cannot be written.
         """
         for index in (*self._chunks.lead(number), *self._chunks.tail(number)):
-            if index not in self._plan.frames:
-                continue
             blended = self._seams.blended(index, self._chunks.share(index))
             if blended is not None:
                 self._target.write(index, *blended)
@@ -133,14 +125,14 @@ class FilmOutput:
         self._target.finish()
         self.parts.remove()
 
-    def _own(self, number: int) -> list[int]:
+    def _own(self, number: int) -> range:
         """Return the film's frames in a chunk."""
-        return [index for index in self._chunks.frames_of(number) if index in self._plan.frames]
+        return _common(self._chunks.frames_of(number), self._plan.frames)
 
     def _absent(self, number: int) -> list[int]:
         """Return the frames to render of a chunk and its warm-up."""
-        lead = [index for index in self._chunks.lead(number) if index in self._plan.frames]
-        return [index for index in lead + self._own(number) if not self._has(number, index)]
+        lead = _common(self._chunks.lead(number), self._plan.frames)
+        return [i for i in (*lead, *self._own(number)) if not self._has(number, i)]
 
     def _has(self, number: int, index: int) -> bool:
         side = self._side(number, index)
@@ -152,3 +144,8 @@ class FilmOutput:
         if index in self._chunks.lead(number):
             return "lead"
         return "tail" if index in self._chunks.tail(number) else None
+
+
+def _common(frames: range, shown: range) -> range:
+    """Return the frames of a chunk that a film shows; both have the same step and phase."""
+    return range(max(frames.start, shown.start), min(frames.stop, shown[-1] + 1), shown.step)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from iprt.errors import SceneError
-from iprt.files.safe_reading import anywhere, is_file, require_inside
+from iprt.files.safe_reading import anywhere, identity, is_file, require_inside
 from iprt.files.toml_tables import problems_error
 from iprt.footage.daylight import Daylight
 from iprt.footage.found_sun.patches import SunPatches
@@ -339,9 +339,12 @@ class Scene:
         SceneError
             One of `paths` is the manifest, or a file that it names.
         """
-        ours = {file.resolve() for file in input_files(self)}
-        for path in paths:
-            if path.resolve() in ours:
+        # Compared by identity: links of a long video's files take too long to resolve.
+        # By identity: the links of an hour's frames would take long to resolve.
+        there = [(path, found) for path in paths if (found := identity(path)) is not None]
+        ours = {identity(file) for file in input_files(self)} if there else set()
+        for path, found in there:
+            if found in ours:
                 raise SceneError(
                     f"{path}: belongs to the scene and is not overwritten; name another"
                 )

@@ -92,7 +92,8 @@ def command(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]
         return FakeFilm(device, job.settings, view, job.accumulate)
 
     monkeypatch.setattr("iprt.device.choose.choose_device", lambda spec: spec)
-    import_module("iprt.device.counting")  # derives from the class, which is replaced here
+    for name in ("iprt.device.counting", "iprt.commands.render_video"):
+        import_module(name)  # classes derive from the one that is replaced here
     monkeypatch.setattr("iprt.device.compute.ComputeDevice", compute)
     monkeypatch.setattr("iprt.commands.render_video.ComputeDevice", compute)
     monkeypatch.setattr(RenderJob, "film", film)

@@ -153,14 +153,14 @@ def test_gaps_are_filled_by_rendering_their_chunk_anew(command: Command, tmp_pat
 def test_chunks_apart_are_joined(
     name: str, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Frames 0 to 5 in chunks of 3: the first fades into the second over two frames."""
+    """Frames 0 to 5 in chunks of 3: the first fades into the second over frame 2."""
     monkeypatch.setattr("iprt.output.chunks.WARM_UP", 2)
     flags = {"accumulate": 16, "chunk": 3}
     command(output=tmp_path / "whole" / name, **flags)
     path = tmp_path / "out" / name
     FakeFilm.calls.clear()
     assert command(output=path, chunks="1", **flags) == 0
-    assert rendered() == [1, 2, 3, 4, 5], "with its warm-up"
+    assert rendered() == [2, 3, 4, 5], "with its warm-up"
     assert not path.exists()
     with pytest.raises(IprtError) as caught:
         join(path)
@@ -168,7 +168,7 @@ def test_chunks_apart_are_joined(
         f"{path}: 1 chunk of 2 missing: 0 (frames 0 to 2); render with --chunks 0"
     )
     command(output=path, chunks="0-1", **flags)
-    assert rendered() == [1, 2, 3, 4, 5, 0, 1, 2]
+    assert rendered() == [2, 3, 4, 5, 0, 1, 2]
     assert join(path) == 0
     assert contents(path.parent) == contents(tmp_path / "whole")
     with pytest.raises(IprtError, match=r"has no folder .*; render its chunks first"):

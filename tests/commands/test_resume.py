@@ -65,7 +65,7 @@ def test_a_killed_render_goes_on_as_if_nothing_had_happened(
         "FilmOutput.write = stopping\n"
         f"cli.command({words(clip, out / '%02d.exr')!r})"
     )
-    reached = out / "%02d.exr.parts" / f"{KILLED_AT - 1:07d}.tail.npz"
+    reached = out / f"{KILLED_AT - 1:02d}.exr"
     with child_of(code) as child:
         until(lambda: reached.exists() or child.poll() is not None)
         child.kill()
