@@ -225,6 +225,7 @@ def _submission(
     from iprt.commands.render_video import _expected, film_plan
     from iprt.commands.render_words import SETTINGS, render_words, write_settings
     from iprt.farm.submission import Submission, iprt
+    from iprt.files.lock import locked
     from iprt.output.film_output import FilmOutput
     from iprt.output.parts import parts_of
 
@@ -232,11 +233,12 @@ def _submission(
     words = render_words(scene, flags, parts_of(output) / SETTINGS)
     require_words((*words, iprt()))
     plan = film_plan(job)
-    target = FilmOutput(output, plan, plan.chunks.numbers, _expected(job, plan))
-    missing = tuple(number for number in target.numbers if target.missing(number))
-    if not missing:
-        raise IprtError(f"{job.output}: no frame is missing; `iprt join` makes the film")
-    write_settings(job)
+    with locked(output.parent, shared=True):
+        target = FilmOutput(output, plan, plan.chunks.numbers, _expected(job, plan))
+        missing = tuple(number for number in target.numbers if target.missing(number))
+        if not missing:
+            raise IprtError(f"{job.output}: no frame is missing; iprt join makes the film of them")
+        write_settings(job)
     return Submission(
         output=output,
         words=words,

@@ -13,9 +13,12 @@ import pytest
 from iprt import cli
 from iprt.farm.slurm import script
 from iprt.farm.submission import Submission
+from iprt.files.lock import NAME, locked
+from iprt.output.film_output import FilmOutput
 from tests.conftest import DEVICE
 from tests.farm.conftest import Program
 from tests.farm.slurm import Slurm
+from tests.scene.files import snapshot
 
 SMALL = ("--chunk", "8", "--size", "24", "16", "--method", "ibl", "--accumulate", "2")
 NAMES = ["plain", "two words", "it's", 'a "b" $HOME `c`', "ключ é 日本", "-x;y&z|#\\", "%j %a"]
@@ -140,22 +143,19 @@ def test_shellcheck_has_nothing_to_say(name: str, tmp_path: Path) -> None:
 
 
 def test_finished_chunks_are_left_out(
-    clip: Path, program: Program, tmp_path: Path, printed: Callable[..., str]
+    clip: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    printed: Callable[..., str],
+    fails: Callable[..., str],
 ) -> None:
-    """Numbered pictures, of which those of the second chunk that no fade touches are there."""
-    from iprt.output.film_output import FilmOutput
-
-    pattern = tmp_path / "out" / "f.%03d.exr"
-    order = ("farm", "slurm", clip, "-o", pattern, *SMALL)
+    order = ("farm", "slurm", clip, "-o", tmp_path / "out" / "f.%03d.exr", *SMALL)
     assert "    0 1 2\n" in printed(*order)
-    has = FilmOutput._has
-    try:
-        FilmOutput._has = lambda self, number, index: number == 1 or has(self, number, index)  # type: ignore[method-assign]
-        assert "    0 2\n" in printed(*order)
-        FilmOutput._has = lambda *_: True  # type: ignore[method-assign]
-        assert cli.main([str(word) for word in order]) == 2
-    finally:
-        FilmOutput._has = has  # type: ignore[method-assign]
+    missing = FilmOutput.missing
+    monkeypatch.setattr(FilmOutput, "missing", lambda self, n: missing(self, n) if n != 1 else ())
+    assert "    0 2\n" in printed(*order)
+    monkeypatch.setattr(FilmOutput, "missing", lambda *_: ())
+    assert "no frame is missing" in fails(*order)
 
 
 @pytest.mark.parametrize(
@@ -178,6 +178,25 @@ def test_bad_input_is_told_before_anything_is_written(
     given = [word.replace("OUT", str(tmp_path / "out")) for word in words]
     assert told.replace("OUT", str(tmp_path / "out")) in fails("farm", "slurm", clip, *given)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_one_process_renders_into_is_not_given_away(
+    clip: Path, tmp_path: Path, fails: Callable[..., str]
+) -> None:
+    with locked(tmp_path / "out"):
+        line = fails("farm", "slurm", clip, "-o", tmp_path / "out" / "a.mp4", *SMALL)
+        assert "renders into this folder" in line
+        assert [path.name for path in (tmp_path / "out").iterdir()] == [NAME]
+
+
+def test_parts_of_another_film_are_kept(
+    clip: Path, tmp_path: Path, printed: Callable[..., str], fails: Callable[..., str]
+) -> None:
+    order = ("farm", "slurm", clip, "-o", tmp_path / "out" / "a.mp4", *SMALL)
+    printed(*order)
+    before = snapshot(tmp_path / "out")
+    assert "another render: seed was" in fails(*order, "--seed", "7")
+    assert snapshot(tmp_path / "out") == before
 
 
 @pytest.mark.thorough
