@@ -84,7 +84,7 @@ def test_failures_are_tried_once_more(
     template: Callable[..., Path],
 ) -> None:
     program.ends_with(*codes)
-    file = template(clip, "-o", tmp_path / "out" / "a.mp4", *SMALL, "--minutes", "0.01")
+    file = template(clip, "-o", tmp_path / "out" / "a.mp4", *SMALL, "--minutes", "0.001")
     done = openjd("run", file, "-p", f"Scene={clip}", "-p", f"Folder={tmp_path / 'out'}")
     assert (done.returncode, len(program.calls)) == (code, calls), done.stdout
     told = f"openjd_fail: iprt failed with exit code {codes[calls - 1]}" if code else "status: fail"
