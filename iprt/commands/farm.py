@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,7 +60,7 @@ def openjd(
     from iprt.farm.openjd import require_words, template
 
     film = _submission(scene, flags, gpus, minutes, seconds_per_frame, require_words)
-    print(template(film), end="")
+    _write(template(film).encode())
     return 0
 
 
@@ -105,7 +107,7 @@ def slurm(
     if at_once is not None and at_once < 1:
         raise IprtError(f"--at-once {at_once}: expected a number above 0")
     film = _submission(scene, flags, gpus, minutes, seconds_per_frame, require_words)
-    print(script(film, at_once), end="")
+    _write(os.fsencode(script(film, at_once)))
     return 0
 
 
@@ -196,6 +198,12 @@ def _cost(job: RenderJob, warm_up: int, frame_s: float) -> FilmCost:
         chunk_bytes=fade_bytes(pixels, warm_up, FULL if exr else HALF, layers),
         join_s=0.0 if separate else JOIN_S * len(job.frames),
     )
+
+
+def _write(text: bytes) -> None:
+    """Write to stdout: a shell needs the names' own bytes, and YAML is UTF-8 everywhere."""
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text)
 
 
 def _counts(text: str) -> list[int]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -110,6 +112,18 @@ def test_failures_are_tried_elsewhere_twice(
     run_script(script(film(range(1))), slurm)
     assert [words[0] for words in program.calls] == ["render"] * renders + ["join"]
     assert slurm.ran[renders - 1].code == codes[renders - 1]
+
+
+@pytest.mark.parametrize("kind", ["slurm", "openjd"])
+def test_names_keep_their_bytes_whatever_stdout_is(kind: str, clip: Path, tmp_path: Path) -> None:
+    words = ("-m", "iprt", "farm", kind, str(clip), "-o", str(tmp_path / "ключ é" / "a.mp4"))
+    done = subprocess.run(
+        [sys.executable, *words],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=True,
+    )
+    assert f"{tmp_path}/ключ é".encode() in done.stdout
 
 
 def test_a_script_from_a_pipe_submits_nothing(program: Program, tmp_path: Path) -> None:
