@@ -41,6 +41,9 @@ VERBS = {
     "doctor": "iprt.commands.doctor:doctor",
     "render": "iprt.commands.render:render",
     "join": "iprt.commands.join:join",
+    "farm openjd": "iprt.commands.farm:openjd",
+    "farm slurm": "iprt.commands.farm:slurm",
+    "farm plan": "iprt.commands.farm:plan",
     "compare": "iprt.commands.compare:compare",
     "bench": "iprt.commands.bench:bench",
     "bench-video": "iprt.commands.bench_video:bench_video",
@@ -76,6 +79,7 @@ VERBS = {
 """Words after `iprt` -> function. It returns the exit code, or None for 0."""
 
 GROUPS = {
+    "farm": "Render films on farms and clusters.",
     "remote": "Control a running viewer.",
     "scene": "Inspect, check and edit scenes.",
 }

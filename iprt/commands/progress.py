@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 from iprt.files.progress_line import ProgressLine
 from iprt.files.termination import at_termination
 
-ProgressKind = Literal["bar", "lines"]
+ProgressKind = Literal["bar", "lines", "openjd"]
 
 CLEAR = b"\r\x1b[K\x1b[?25h"
 """Escape sequence that removes an unfinished bar: it clears the line and shows the cursor."""
@@ -46,9 +46,22 @@ def progress_bar(
         Frames that were finished before.
     remaining : bool
         Show the remaining time and the seconds per frame, too.
-    kind : {"bar", "lines"}
-        `lines` writes a `ProgressLine` to stderr for each advance instead, in any case.
+    kind : {"bar", "lines", "openjd"}
+        In place of a bar, in any case: `lines` writes a `ProgressLine` to stderr for each advance,
+        `openjd` a percentage to stdout in the form of Open Job Description.
     """
+    if kind == "openjd":
+        last = -1
+
+        def tell(done: int, note: str = "") -> None:
+            nonlocal last
+            if done != last:
+                print(f"openjd_progress: {100.0 * done / frames:.1f}", flush=True)
+            last = done
+
+        tell(done)
+        yield tell
+        return
     if kind == "lines":
 
         def write(done: int, note: str = "") -> None:

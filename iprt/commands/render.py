@@ -49,8 +49,8 @@ def render(
     profile
         JSON file to write the time of every pass to; a table is printed, too.
     progress
-        How to tell the progress: by a bar, if stderr is a terminal; or by lines on stderr, one for
-        each finished frame, for programs that run iprt.
+        How to tell the progress: by a bar, if stderr is a terminal; by lines on stderr, one for
+        each finished frame, for programs that run iprt; or by lines for farms (openjd).
 
     Returns
     -------

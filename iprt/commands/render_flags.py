@@ -170,7 +170,7 @@ class RenderFlags:
             Scene folder.
         profile : Path or None
             See `iprt render`.
-        progress : {"bar", "lines"}
+        progress : {"bar", "lines", "openjd"}
             See `progress_bar`.
 
         Raises

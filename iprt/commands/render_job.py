@@ -49,7 +49,7 @@ class RenderJob:
         Longest time of a frame, seconds.
     profiled : bool
         Record all frames in the device's profile; otherwise only a few, at no noticeable cost.
-    progress : {"bar", "lines"}
+    progress : {"bar", "lines", "openjd"}
         See `progress_bar`.
     """
 

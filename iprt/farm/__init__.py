@@ -1,0 +1,1 @@
+"""Rendering of films on many machines."""
