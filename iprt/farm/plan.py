@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from iprt.farm.model import Farm, FilmCost, best_forecast, forecast
+from iprt.output.chunks import fade
 from iprt.output.grid import Grid
 
 CHUNKS = (8, 16, 24, 32, 48, 60, 90, 120, 180, 240, 360, 480, 600, 900, 1200, 1800, 3600)
@@ -17,9 +18,6 @@ JOIN_S = 0.001
 COLUMNS = ("workers", "chunk", "time", "limited by", "best chunk", "time", "limited by")
 FULL, HALF = 4, 2
 """Bytes of a value in the sides of a fade: for EXR files, and otherwise."""
-SIDES_WRITTEN, SIDES_READ = 2, 3
-"""Sides of each frame of a fade that pass through the storage: a chunk that ends first looks at its
-own in vain."""
 
 
 def grid(film: FilmCost, farm: Farm, workers: Sequence[int], chunk: int) -> Grid:
@@ -51,7 +49,7 @@ def movie_bytes(pixels: int, bits: int) -> float:
 
 
 def fade_bytes(pixels: int, warm_up: int, value: int, layers: int = 1) -> float:
-    """Return the bytes of a fade that pass through the storage, at most.
+    """Return the bytes of a fade that pass through the storage.
 
     Parameters
     ----------
@@ -60,7 +58,8 @@ def fade_bytes(pixels: int, warm_up: int, value: int, layers: int = 1) -> float:
     layers : int
         Pictures of a frame: its colors and auxiliary layers.
     """
-    return (SIDES_WRITTEN + SIDES_READ) * warm_up * 3 * value * layers * pixels
+    passes = 4  # two sides are written, and read
+    return passes * fade(warm_up) * 3 * value * layers * pixels
 
 
 def duration(seconds: float) -> str:

@@ -82,8 +82,7 @@ class Chunks:
 
     @property
     def _fade(self) -> int:
-        """Frames of a fade. In the first half of a warm-up, histories are still too short."""
-        return max(self.warm_up // 2, 1)
+        return fade(self.warm_up)
 
     @cached_property
     def _there(self) -> range:
@@ -113,6 +112,11 @@ class Chunks:
 def warm_up(accumulate: int) -> int:
     """Return the frames of a warm-up, with `accumulate` view frames for each frame of the video."""
     return max(WARM_UP, -(-WARM_UP_STEPS // accumulate))
+
+
+def fade(warm_up: int) -> int:
+    """Return the frames of a fade: in the first half of a warm-up, histories are too short."""
+    return max(warm_up // 2, 1)
 
 
 def chunk_numbers(text: str, there: range) -> tuple[int, ...]:

@@ -67,8 +67,10 @@ class Seams:
         FormatError
             A side is damaged.
         """
+        if not (self.has("tail", index) and self.has("lead", index)):
+            return None
         tail, lead = self._load("tail", index), self._load("lead", index)
-        if tail is None or lead is None:
+        if tail is None or lead is None:  # another process has blended it meanwhile
             return None
         metadata = json.loads(str(tail.pop("metadata")))
         layers = {name: _mean(tail[name], lead[name], share) for name in tail}

@@ -40,7 +40,7 @@ def test_bytes_are_counted_as_files_have_them() -> None:
     color = clip_color(0, 64)
     assert movie_bytes(64 * 32, 8) == 2 * planes(color, 1.0, "h264").nbytes
     assert movie_bytes(64 * 32, 10) == 2 * planes(color, 1.0, "hevc").nbytes
-    assert fade_bytes(64 * 32, 8, HALF) == 5 * 8 * color.astype("f2").nbytes
+    assert fade_bytes(64 * 32, 8, HALF) == 4 * 4 * color.astype("f2").nbytes
 
 
 @pytest.mark.parametrize(
