@@ -230,7 +230,7 @@ def _submission(
     _require_film(flags)
     job = flags.job(scene)
 
-    from iprt.commands.render_video import _expected, film_plan
+    from iprt.commands.render_video import expected_metadata, film_plan
     from iprt.commands.render_words import SETTINGS, render_words, write_settings
     from iprt.farm.submission import Submission, iprt
     from iprt.files.lock import locked
@@ -242,7 +242,7 @@ def _submission(
     require_words((*words, iprt()))
     plan = film_plan(job)
     with locked(output.parent, shared=True):
-        target = FilmOutput(output, plan, plan.chunks.numbers, _expected(job, plan))
+        target = FilmOutput(output, plan, plan.chunks.numbers, expected_metadata(job, plan))
         missing = tuple(number for number in target.numbers if target.missing(number))
         if not missing:
             raise IprtError(f"{job.output}: no frame is missing; iprt join makes the film of them")

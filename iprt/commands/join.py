@@ -13,6 +13,7 @@ from iprt.errors import IprtError
 
 if TYPE_CHECKING:
     from iprt.output.film_output import FilmOutput
+    from iprt.output.film_plan import FilmPlan
 
 LOG = logging.getLogger("iprt.render")
 MOST_NAMED = 8
@@ -36,8 +37,6 @@ def join(output: tyro.conf.Positional[Path], /, *, no_audio: bool = False) -> in
     int
         Exit status 0.
     """
-    from iprt.files.lock import locked
-    from iprt.output.film_output import FilmOutput
     from iprt.output.parts import Parts
 
     parts = Parts(output)
@@ -53,14 +52,42 @@ def join(output: tyro.conf.Positional[Path], /, *, no_audio: bool = False) -> in
         raise IprtError(
             f"{plan.sound.path}: the film's sound is not there; join where it is, or add --no-audio"
         )
+    join_chunks(output, plan)
+    print(output)
+    return 0
+
+
+def join_chunks(output: Path, plan: FilmPlan) -> None:
+    """Make a film of its chunks.
+
+    Raises
+    ------
+    IprtError
+        Chunks are missing, a part is damaged, or the film cannot be written.
+    """
+    from iprt.files.lock import locked
+
     with locked(output.parent):
-        target = FilmOutput(output, plan, plan.chunks.numbers)
+        target = whole_film(output, plan)
         if not target.complete:
             raise IprtError(f"{output}: {_incomplete(target)}")
         target.clean()
         target.finish()
-    print(output)
-    return 0
+
+
+def whole_film(output: Path, plan: FilmPlan) -> FilmOutput:
+    """Return all chunks of a film.
+
+    Raises
+    ------
+    FormatError
+        Parts of a different film exist, or frames of one are in the way.
+    """
+    from iprt.output.film_output import FilmOutput
+
+    # Each frame of a moving view has its own.
+    common = {key: text for key, text in plan.identity.items() if key != "iprt:view"}
+    return FilmOutput(output, plan, plan.chunks.numbers, lambda _: common)
 
 
 def _incomplete(target: FilmOutput) -> str:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from iprt.renderer import RenderedFrame
 
 LOG = logging.getLogger("iprt.render")
+FINISHED = "%s: is finished already; delete it to render it again"
 
 
 def render(
@@ -29,6 +30,7 @@ def render(
     *,
     flags: Flags,
     chunks: str | None = None,
+    cluster: str | None = None,
     profile: Path | None = None,
     progress: ProgressKind = "bar",
 ) -> int:
@@ -57,8 +59,14 @@ def render(
     int
         Exit status 0.
     """
+    from iprt.commands.standard_streams import reporting
+
     if chunks is not None:
         flags.require_video("--chunks")
+    if cluster is not None:
+        flags.require_video("--cluster")
+        if profile is not None:
+            raise IprtError(f"--profile {profile}: has no effect with --cluster")
     job = flags.job(scene, profile=profile, progress=progress)
     written = job.output
     if flags.video:
@@ -69,6 +77,14 @@ def render(
         plan = film_plan(job)
         numbers = None if chunks is None else chunk_numbers(chunks, plan.chunks.numbers)
         written = job.output if numbers is None else parts_of(job.output)
+        if cluster is not None:
+            from iprt.commands.render_cluster import render_on_cluster
+
+            if not render_on_cluster(job, plan, flags, cluster, numbers):
+                LOG.info(FINISHED, written)
+            with reporting(f"{written} has been written nevertheless"):
+                print(written)
+            return 0
         rendered = render_video(job, plan, numbers)
     else:
         rendered = _render_still(job)
@@ -142,7 +158,7 @@ def _report(
 
     with reporting(f"{output} has been written nevertheless"):
         if rendered is None:
-            LOG.info("%s: is finished already; delete it to render it again", output)
+            LOG.info(FINISHED, output)
             if profile is not None:
                 raise IprtError(f"--profile {profile}: is not written, as nothing was rendered")
         elif profile is not None or LOG.isEnabledFor(logging.DEBUG):

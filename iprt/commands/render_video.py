@@ -66,7 +66,7 @@ def render_video(
             output,
             plan,
             plan.chunks.numbers if numbers is None else numbers,
-            _expected(job, plan),
+            expected_metadata(job, plan),
         )
         if whole:
             target.clean()
@@ -162,7 +162,7 @@ def film_plan(job: RenderJob) -> FilmPlan:
     return FilmPlan(identity, chunks, scene.exposure, job.codec, rate, spherical, sound)
 
 
-def _expected(job: RenderJob, plan: FilmPlan) -> Callable[[int], Metadata] | None:
+def expected_metadata(job: RenderJob, plan: FilmPlan) -> Callable[[int], Metadata] | None:
     """Return a function of the metadata of numbered pictures; None for a video file."""
     if not is_pattern(job.output):
         return None

@@ -1,0 +1,1 @@
+"""Films rendered on many machines."""
