@@ -33,9 +33,9 @@ from iprt.scene.placement import bounds
 from iprt.scene.scene import Scene
 
 OBJECTS = "objects.toml"
-KEPT = 8
-"""Number of the newest copies that are kept: pasted objects need their files until they are
-saved."""
+KEPT, KEPT_NS = 8, 7 * 24 * 3600 * 10**9
+"""Number of the newest copies, and age of further ones in nanoseconds, that are kept: pasted
+objects need their files until they are saved."""
 
 
 class _Copied(Table):
@@ -112,7 +112,8 @@ def copy_objects(
     except OSError as error:
         raise FormatError(f"{folder}: cannot be written ({error.strerror})") from error
     for old in _copies(folder)[:-KEPT]:
-        shutil.rmtree(old, ignore_errors=True)
+        if int(old.name) < time.time_ns() - KEPT_NS:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def _files(

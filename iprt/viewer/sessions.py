@@ -68,8 +68,8 @@ class Sessions(dict[int, Session]):
         """Close renderers until one of `needed` bytes fits, if the device is a CPU.
 
         The renderers that other clients used longest ago go first, unless a client waits for a
-        change: moving pictures in turn would lose their histories. Of the session's own ones, those
-        of about the same size go first: those of another size are for motion, or for rest.
+        change: moving pictures in turn would lose their histories. The session's own ones go if
+        they have about the same size: those of another size are for motion, or for rest.
         """
         *others, own = self
         self._crowded = False
@@ -80,5 +80,5 @@ class Sessions(dict[int, Session]):
         for client in others:
             while client not in self._behind and full() and self[client].shed():
                 self._crowded = True
-        while full() and (self[own].shed(pixels) or self[own].shed()):
+        while full() and self[own].shed(pixels):
             pass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from PIL import Image
 
 from iprt.device.compute import ComputeDevice
 from iprt.errors import FormatError, SceneError
-from iprt.scene.clipboard import KEPT, OBJECTS, copied_objects, copy_objects
+from iprt.scene.clipboard import KEPT, KEPT_NS, OBJECTS, copied_objects, copy_objects
 from iprt.scene.light_tables import PointTable
 from iprt.scene.manifest import manifest_text
 from iprt.scene.object_edits import ObjectEdit, flat
@@ -143,7 +144,13 @@ def test_an_empty_or_damaged_clipboard_is_said(source: Scene, clipboard: Path) -
         copied_objects(clipboard, 1.0)
 
 
-def test_only_the_newest_copies_are_kept(source: Scene, clipboard: Path) -> None:
+def test_copies_are_kept_while_unsaved_objects_may_need_them(
+    source: Scene, clipboard: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for _ in range(KEPT + 2):
         copy_all(source, clipboard)
+    assert len(list(clipboard.iterdir())) == KEPT + 2, "of this week"
+    later = time.time_ns() + KEPT_NS
+    monkeypatch.setattr(time, "time_ns", lambda: later)
+    copy_all(source, clipboard)
     assert len(list(clipboard.iterdir())) == KEPT
