@@ -35,7 +35,7 @@ def cluster_progress(total: int, done: int, kind: ProgressKind) -> Iterator[Show
     total : int
         Frames of the film.
     done : int
-        Those that were finished before.
+        Frames that were finished before.
     kind : {"bar", "lines"}
         See `progress_bar`.
     """

@@ -174,7 +174,7 @@ def plan(
 
 
 def _cost(job: RenderJob, warm_up: int, frame_s: float) -> FilmCost:
-    """Return what a film costs a farm."""
+    """Return the cost of a film for a farm."""
     from iprt.farm.model import FilmCost
     from iprt.farm.plan import FULL, HALF, JOIN_S, fade_bytes, movie_bytes
     from iprt.film import view_at
@@ -222,7 +222,7 @@ def _submission(
     frame_s: float | None,
     require_words: Callable[[Iterable[str]], None],
 ) -> Submission:
-    """Check everything and write the settings; return what a scheduler needs."""
+    """Check everything and write the settings; return the submission to a scheduler."""
     _require_positive("--minutes", minutes)
     _require_positive("--seconds-per-frame", frame_s)
     if gpus is not None and gpus < 0:

@@ -95,7 +95,7 @@ def _join(job: RenderJob, plan: FilmPlan) -> None:
     until = time.monotonic() + SETTLE_S
     while not whole_film(job.output, plan).complete:
         if time.monotonic() > until:
-            break  # the error names what is missing
+            break  # the error names the missing chunks
         time.sleep(1.0)
     join_chunks(job.output, plan)
 

@@ -23,7 +23,7 @@ def main() -> None:
 
 
 def _follow() -> None:
-    """End the process and those that it has started, once stdin is closed."""
+    """End the process and its children once stdin is closed."""
     while os.read(0, 4096):
         pass
     os.kill(os.getpid(), signal.SIGTERM)

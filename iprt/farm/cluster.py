@@ -22,7 +22,7 @@ CONNECT_S = 15.0
 """Longest wait for a scheduler."""
 MOST_LOCAL = 64
 HOST, QUIET = "127.0.0.1", "127.0.0.1:0"
-"""Address of the cluster of this machine, and that of its pages, on any free port."""
+"""Addresses of the cluster of this machine, and of its pages on any free port."""
 LOCAL = re.compile(r"local(?::(.*))?")
 CONFIG: dict[str, Any] = {
     "distributed.scheduler.work-stealing": False,

@@ -33,7 +33,7 @@ class Worker:
     future : Future or None
         The task that it has.
     heard : float or None
-        When it told of this chunk last; None if it has not begun.
+        Time of its last message about this chunk; None if it has not begun.
     frames : int
         Frames that it has rendered.
     since : float

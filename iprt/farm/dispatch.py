@@ -1,7 +1,7 @@
 """Chunks of a film given to the workers of a cluster, each until it is rendered.
 
 A worker has one chunk at a time, which is bound to it: the client knows who has what, and gives a
-chunk that failed to another worker. What is finished is decided by the files alone.
+chunk that failed to another worker. The files alone decide which chunks are finished.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class Dispatch:
                 path.unlink(missing_ok=True)
 
     def stop(self) -> None:
-        """Cancel what is under way: workers end its processes."""
+        """Cancel the chunks under way: workers end their processes."""
         futures = [w.future for w in self.workers.values() if w.future is not None]
         if futures and self._client.status == "running":
             with suppress(Exception):  # the scheduler may be gone

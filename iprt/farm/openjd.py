@@ -23,7 +23,7 @@ LONGEST_NAME, LONGEST_VALUE = 128, 1024
 TEMPLATE = """\
 # Renders {film}. A farm asks for the two folders; to run all on this machine:
 #     openjd run THIS_FILE -p {scene} -p {folder}
-# After an interruption, and for what failed, make a new template by the same `iprt farm openjd`:
+# After an interruption or a failure, make a new template by the same `iprt farm openjd`:
 # it names the chunks that are still missing.
 specificationVersion: jobtemplate-2023-09
 extensions: [TASK_CHUNKING]

@@ -1,4 +1,4 @@
-"""What workers must know of a film, and what they answer."""
+"""Orders to workers, and their answers."""
 
 from __future__ import annotations
 

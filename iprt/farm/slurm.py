@@ -22,7 +22,7 @@ SCRIPT = """\
 {options}
 # Renders {film} with SLURM:
 #     sh THIS_FILE [OPTIONS OF sbatch FOR ALL JOBS, such as --partition=NAME]
-# After an interruption, and for what failed, make a new script by the same `iprt farm slurm`: it
+# After an interruption or a failure, make a new script by the same `iprt farm slurm`: it
 # names the chunks that are still missing.
 #
 # All nodes must see these under the same paths:

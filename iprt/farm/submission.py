@@ -13,7 +13,7 @@ from iprt.errors import IprtError
 from iprt.files.message_text import printable
 
 TIME_LIMIT, LIMIT_START_S = 3.0, 600.0
-"""A task may take so many times its estimate, and this long to start."""
+"""Factor of a task's estimated time, and seconds for its start, that its limit allows."""
 
 UNPRINTABLE = ("Cc", "Cs", "Zl", "Zp")
 """Categories of line breaks, other control characters, and bytes of names that are not UTF-8."""

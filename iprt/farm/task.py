@@ -88,7 +88,7 @@ def render_chunk(order: Order, number: int) -> Outcome:
 def environment() -> dict[str, str]:
     """Return the environment of renders, without the numbers of threads that dask sets.
 
-    With them, fits might differ in their last bits from those of other processes.
+    With them, fits might differ in their last bits between processes.
     """
     import dask
 

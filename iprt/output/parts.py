@@ -86,7 +86,7 @@ class Parts:
             path.unlink()
 
     def remove(self) -> None:
-        """Remove the folder, the plan last: without it, nobody knows whose the parts are."""
+        """Remove the folder, the plan last: without it, parts belong to no film."""
         with suppress(OSError):
             for path in self.path.iterdir():
                 if path.name != PLAN:

@@ -1,4 +1,4 @@
-"""`iprt render` of a video: what is rendered, what is left, and what goes on from there."""
+"""Test `iprt render` of a video: rendered frames, left files, and continued renders."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Fails = Callable[..., str]
 
 
 def shown(path: Path) -> list[int]:
-    """Numbers of the frames in a video file, told by their green."""
+    """Return the numbers of the frames in a video file, encoded in their green."""
     with av.open(str(path)) as container:
         greens = [frame.to_ndarray(format="rgb24")[8, 16, 1] for frame in container.decode(video=0)]
     values = ((np.array(greens) / 255.0 + 0.055) / 1.055) ** 2.4

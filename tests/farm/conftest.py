@@ -1,4 +1,4 @@
-"""A clip, and a program in place of `iprt` that notes what it is told."""
+"""A clip, and a stand-in for `iprt` that records its arguments."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Program:
 
 @pytest.fixture
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Program:
-    """It takes the place of `iprt` in scripts and templates."""
+    """Put a stand-in for `iprt` into scripts and templates."""
     file, notes = tmp_path / "an iprt", tmp_path / "notes"
     file.write_text(PROGRAM.format(python=sys.executable, notes=str(notes)))
     file.chmod(0o755)
@@ -61,7 +61,7 @@ def clip(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def printed(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """What a verb prints."""
+    """Return a function that runs a verb and returns its output."""
 
     def run(*words: object) -> str:
         capsys.readouterr()

@@ -1,4 +1,4 @@
-"""Stand-in for SLURM: `sbatch` and `scontrol`, and a cluster that runs what is submitted."""
+"""Stand-in for SLURM: `sbatch` and `scontrol`, and a cluster that runs submitted jobs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Slurm:
     Attributes
     ----------
     kills : int
-        So many tasks are killed once at a random moment, as if their node had failed.
+        Number of tasks that are killed once at a random moment, as if their node had failed.
     """
 
     folder: Path
@@ -71,7 +71,7 @@ class Slurm:
         return {**os.environ, "PATH": f"{self.folder}:{os.environ['PATH']}"}
 
     def submit(self, script: Path, *words: str, shell: str = "sh") -> str:
-        """Run a script as a user does; what it prints."""
+        """Run a script as a user does; return its output."""
         return subprocess.run(
             [shell, script, *words],
             env=self.environment,
@@ -81,7 +81,7 @@ class Slurm:
         ).stdout
 
     def options(self, number: int) -> dict[str, str]:
-        """Options of a job by name; those of the command line win over the script's."""
+        """Return the options of a job by name; the command line overrides the script."""
         record = self._record(number)
         lines = re.findall(r"^#SBATCH (.*)$", record["text"], re.MULTILINE)
         words = [*(word for line in lines for word in shlex.split(line)), *record["options"]]

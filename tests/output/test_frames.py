@@ -1,4 +1,4 @@
-"""Numbered pictures: what is there is kept if it is the same, and nothing is mixed."""
+"""Numbered pictures: frames of the same render are kept, and others refused."""
 
 from __future__ import annotations
 

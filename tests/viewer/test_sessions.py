@@ -40,7 +40,7 @@ def test_pictures_that_do_not_fit_beside_each_other_are_refined_in_turn(
         shown = [driver.shown(client) for client in clients]
         assert all(one.refined for one in shown)
         kept = sum(len(driver.core._sessions[client]._renderers) for client in clients)
-        # The first picture of one, all of the other, and all of the first anew.
+        # The first picture of one, all of the other, and all of the first again.
         assert (kept, len(made)) == ((2, 2) if limit > 1 else (1, 3))
         # The same again needs no renderer, even if it is gone.
         for client, one in zip(clients, shown, strict=True):
@@ -66,7 +66,7 @@ def test_nothing_stays_of_closed_clients(scene: Scene, device: ComputeDevice) ->
 def test_a_window_of_about_the_same_size_takes_the_place_of_the_last(
     scene: Scene, device: ComputeDevice, made: list[Renderer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One of half the width is kept, as in motion."""
+    """A renderer of half the width is kept, as in motion."""
     if not device.is_cpu:
         pytest.skip("its buffers are not the process's memory")
     monkeypatch.setattr("iprt.viewer.sessions.MOST_BYTES", 1)
@@ -82,7 +82,7 @@ def test_a_window_of_about_the_same_size_takes_the_place_of_the_last(
 def test_histories_given_back_change_no_bit(
     scene: Scene, device: ComputeDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The fast ones, which the next change begins anew."""
+    """The next change restarts the fast histories."""
 
     def pictures() -> list[np.ndarray]:
         found = []

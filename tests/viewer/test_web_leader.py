@@ -1,4 +1,4 @@
-"""Turns by the user of a browser are told from its answers; pictures are letterboxed."""
+"""Distinction of a user's turns from a browser's answers, and letterboxed pictures."""
 
 from __future__ import annotations
 

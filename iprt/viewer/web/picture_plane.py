@@ -2,7 +2,7 @@
 
 They are the images of viser's camera frustums: the browser draws such an image from when it is
 decoded, at its own pose, in its exact colors, and turns it with the scene. From the capture centre,
-the distance of a picture is not seen; it only decides what is in front.
+the distance of a picture is invisible; it only orders pictures, gizmos and the video around.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def alone(clip: Path) -> dict[str, str]:
 
 @pytest.fixture
 def film(tmp_path: Path) -> Iterator[Path]:
-    """The path of a film; nobody renders it in the end."""
+    """Yield the path of a film, and wait afterwards until no process renders it."""
     yield tmp_path / "out" / "film.mp4"
     wait_ended(tmp_path / "out" / "film.mp4")
 

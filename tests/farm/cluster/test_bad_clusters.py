@@ -1,4 +1,4 @@
-"""Clusters that cannot render: one line before the first frame, and what to do."""
+"""Clusters that cannot render: one line of advice before the first frame."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_worker_that_cannot_render_tells_why(
 def test_a_cluster_none_of_whose_workers_can_render(
     render: Render, film: Path, tmp_path: Path
 ) -> None:
-    """Nothing is rendered; the worker and its problem are named."""
+    """Require that nothing is rendered, and that the worker and its problem are named."""
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     file = tmp_path / "scheduler.json"
     with scheduler(file), worker(file, "a", PYTHONPATH="", IPRT_DEVICE="abacus"):
@@ -116,7 +116,7 @@ def test_a_cluster_that_is_none(
 def test_files_that_are_seen_late_are_waited_for(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As on network file systems. Those that are never seen are rendered again, and named."""
+    """Delay files as network file systems do; files that never appear are rendered again."""
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     from iprt.farm.dispatch import Dispatch
 

@@ -1,4 +1,4 @@
-"""Films rendered by workers of dask: the same files, whoever renders, and what users are told."""
+"""Films rendered by workers of dask: the same files, whoever renders, and messages."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_bad_input_is_not_tried_again(render: Render, film: Path, tmp_path: Path
 def test_numbered_pictures_by_devices_that_differ(
     clip: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A worker without the tag is told about and renders nothing; devices that differ are, too."""
+    """A worker without the tag is named and renders nothing; different devices are named, too."""
     log, file, out = tmp_path / "log", tmp_path / "scheduler.json", tmp_path / "out"
     log.mkdir()
     with (

@@ -36,7 +36,7 @@ pytestmark = pytest.mark.cluster
 Render = Callable[..., tuple[int, list[str]]]
 SEEDS = [pytest.param(s, marks=[] if s < 2 else pytest.mark.thorough) for s in range(20)]
 SPREAD_S = 4.0
-"""Losses come at random moments of so many seconds after the first chunk has begun."""
+"""Range of seconds after the first chunk's start from which the moments of losses are drawn."""
 
 
 @contextmanager
@@ -119,7 +119,7 @@ def test_a_killed_scheduler(
 def test_a_killed_client(
     seed: int, render: Render, clip: Path, film: Path, alone: dict[str, str], cluster: Path
 ) -> None:
-    """The workers notice, and end what nobody waits for."""
+    """Workers notice the loss of their client, and end its renders."""
     dice = random.Random(seed)
     line = [sys.executable, "-m", "iprt", *words(clip, film, cluster)]
     with subprocess.Popen(line, env=environment(), cwd=ROOT, stderr=subprocess.DEVNULL) as client:
