@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,21 @@ def test_order_and_number_of_processes_change_no_byte(name: str, tmp_path: Path)
         assert target.complete
         target.finish()
         assert contents(path.parent) == expected
+
+
+@pytest.mark.thorough
+def test_a_thousand_tasks_of_one_chunk_each_change_no_byte(tmp_path: Path) -> None:
+    frames = range(2000)
+    long = plan(frames, there=frames, chunk=2, warm_up=2, rate=Fraction(24))
+    expected = contents(whole(tmp_path / "whole" / "a.mp4", long).parent)
+    path = tmp_path / "apart" / "a.mp4"
+    numbers = [*long.chunks.numbers]
+    assert len(numbers) == 1000
+    random.Random(0).shuffle(numbers)
+    for number in numbers:
+        render(opened(path, long, number))
+    opened(path, long).finish()
+    assert contents(path.parent) == expected
 
 
 @pytest.mark.parametrize("name", ["%d.exr", "%02d.png"])
