@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +61,11 @@ class Movie(FrameOutput):
     def write(self, index: int, picture: RenderedFrame, metadata: Metadata) -> None:
         """Keep a frame; encode a piece when its last frame arrives."""
         position = self._plan.frames.index(index)
-        with replacing(self._picture(position)) as temporary, temporary.open("wb") as file:
-            np.save(file, planes(picture.color, self._plan.exposure, self._plan.codec))
+        # NumPy itself does not notice when a disk is full at the end of a file.
+        stored = BytesIO()
+        np.save(stored, planes(picture.color, self._plan.exposure, self._plan.codec))
+        with replacing(self._picture(position)) as temporary:
+            temporary.write_bytes(stored.getbuffer())
         self._encode(position - position % self._length)
 
     def clean(self) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -341,10 +342,12 @@ class Scene:
         """
         # Compared by identity: links of a long video's files take too long to resolve.
         # By identity: the links of an hour's frames would take long to resolve.
-        there = [(path, found) for path in paths if (found := identity(path)) is not None]
+        real = cache(os.path.realpath)  # of a folder, which may not exist yet
+        found = {path: identity(Path(real(path.parent), path.name)) for path in paths}
+        there = {path: known for path, known in found.items() if known is not None}
         ours = {identity(file) for file in input_files(self)} if there else set()
-        for path, found in there:
-            if found in ours:
+        for path, known in there.items():
+            if known in ours:
                 raise SceneError(
                     f"{path}: belongs to the scene and is not overwritten; name another"
                 )

@@ -23,7 +23,7 @@ HANGING_S = 90
 """Seconds after which a test hangs."""
 UNCACHED = {"PYOPENCL_NO_CACHE": "1", "CUDA_CACHE_DISABLE": "1", "NEO_CACHE_PERSISTENT": "0"}
 """Drivers build programs anew."""
-MEASURED = ("properties", "speed", "frames", "model", "times", "builds")
+MEASURED = ("properties", "speed", "frames", "model", "times", "workers", "builds")
 TESTED = ("kernels", "filter", "view", "world")
 
 

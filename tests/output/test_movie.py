@@ -126,6 +126,30 @@ def test_a_full_disk_keeps_what_is_finished(
     assert opened(path).missing(0) == tuple(FRAMES[1:])
 
 
+FULL = """
+import resource, sys
+from pathlib import Path
+from iprt.errors import FormatError
+from tests.output import films
+
+target = films.opened(Path(sys.argv[1]))
+resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600))  # a picture has 768 bytes and a header
+try:
+    target.write(0, 10, films.picture(10), "a device")
+except FormatError as error:
+    print(error)
+"""
+
+
+def test_a_disk_that_is_full_within_a_picture_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, path], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert "0000000.npy: cannot be written: File too large" in done.stdout, done.stderr
+    assert opened(path).missing(0) == tuple(FRAMES)
+
+
 def test_a_full_disk_at_the_end_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

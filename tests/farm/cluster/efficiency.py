@@ -27,6 +27,7 @@ from iprt.farm.dispatch import Dispatch
 from iprt.farm.order import Order, Outcome
 from iprt.farm.task import environment
 from iprt.files.progress_line import ProgressLine
+from iprt.output.chunks import fade
 from tests.clips import write_clip
 from tests.farm.cluster.machines import STANDIN
 
@@ -154,12 +155,12 @@ def by_size(length: int = 120, piece: int = 48, warm_up: int = 8) -> dict[str, A
     """Bytes of intermediate files that each frame of a video file has written and read.
 
     Planes of 8 bits, 4:2:0, are written once and read once for their piece. A frame of a fade has
-    two sides of three 16-bit floats, written once and read once, in place of being rendered once.
+    two sides of three 16-bit floats, written once and read once.
     """
     found = {}
     for name, pixels in (("512x512", 512 * 512), ("3840x2160", 3840 * 2160)):
         planes = pixels * 3 // 2
-        sides = 2 * warm_up * pixels * 6 / length
+        sides = 2 * fade(warm_up) * pixels * 6 / length
         found[name] = {
             "planes": planes,
             "sides": round(sides),
@@ -168,9 +169,9 @@ def by_size(length: int = 120, piece: int = 48, warm_up: int = 8) -> dict[str, A
     return {"chunk": length, "warm_up": warm_up, "piece": piece, **found}
 
 
-def by_devices(folder: Path) -> dict[str, Any]:
+def by_devices(folder: Path, size: tuple[int, int] = (128, 96)) -> dict[str, Any]:
     """Wall seconds of a real film by one and by two workers on the same device."""
-    clip = write_clip(folder / "devices", 6 * CHUNK, size=(128, 96))
+    clip = write_clip(folder / "devices", 6 * CHUNK, size=size)
     seconds = {}
     for count in (1, 2):
         output = folder / f"devices-{count}" / "film.mp4"
@@ -178,7 +179,7 @@ def by_devices(folder: Path) -> dict[str, Any]:
         start = time.monotonic()
         render(clip, flags=flags, cluster=f"local:{count}")
         seconds[count] = round(time.monotonic() - start, 2)
-    return {"device": DEVICE, "cores": os.cpu_count(), "seconds": seconds}
+    return {"device": DEVICE, "size": size, "cores": os.cpu_count(), "seconds": seconds}
 
 
 PARTS = {"workers": by_workers, "tasks": by_tasks, "start": of_start, "devices": by_devices}

@@ -34,7 +34,7 @@ from tests.waiting import DEADLINE_S, until
 pytest.importorskip("distributed", reason="needs the extra `cluster`")
 pytestmark = pytest.mark.cluster
 Render = Callable[..., tuple[int, list[str]]]
-SEEDS = [pytest.param(s, marks=[] if s < 2 else pytest.mark.thorough) for s in range(20)]
+SEEDS = [pytest.param(s, marks=[] if s < 1 else pytest.mark.thorough) for s in range(20)]
 SPREAD_S = 4.0
 """Range of seconds after the first chunk's start from which the moments of losses are drawn."""
 
@@ -157,6 +157,7 @@ def test_a_render_ends_with_its_killed_worker(clip: Path, film: Path, tmp_path: 
         client.kill()
 
 
+@pytest.mark.thorough
 def test_a_render_that_hangs_is_ended_and_tried_elsewhere(
     render: Render,
     film: Path,
@@ -178,6 +179,7 @@ def test_a_render_that_hangs_is_ended_and_tried_elsewhere(
     assert digests(film.parent) == alone
 
 
+@pytest.mark.thorough
 def test_a_worker_that_hangs_loses_its_chunk(
     render: Render,
     film: Path,
@@ -206,6 +208,7 @@ def test_a_worker_that_hangs_loses_its_chunk(
     assert digests(film.parent) == alone
 
 
+@pytest.mark.thorough
 def test_a_slow_worker_gets_fewer_chunks(
     render: Render, film: Path, alone: dict[str, str], tmp_path: Path
 ) -> None:
@@ -242,6 +245,7 @@ def test_a_full_disk_of_one_worker(
     assert digests(film.parent) == alone
 
 
+@pytest.mark.thorough
 def test_clocks_that_differ_by_hours(
     render: Render, film: Path, alone: dict[str, str], tmp_path: Path
 ) -> None:
