@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Measure the flicker at seams of chunks: `python docs/seams.py SCENE VIEW WIDTH HEIGHT [N]`.
 
-For several warm-ups, a film is cut at several frames. The table tells the flicker of relit and of
-object pixels around the cuts, after motion compensation, over that of an uncut film in the same
-frames: with a fade over the warm-up, and without. It also tells how far the first picture after a
-warm-up differs from the uncut film's, in steps of an 8-bit display. N frames are accumulated.
+For several warm-ups, a film is cut at several frames. The table compares the flicker of relit and
+of object pixels around the cuts, after motion compensation, with an uncut film's in the same
+frames: with a fade over the second half of the warm-up, and without. It also tells how far the
+first picture after a warm-up differs from the uncut film's, in steps of an 8-bit display. N frames
+are accumulated.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def cluster_progress(total: int, done: int, kind: ProgressKind) -> Iterator[Show
 
 
 def left_s(frames: int, workers: Sequence[Worker]) -> float | None:
-    """Return the seconds that the workers need for so many frames; None if that is unknown."""
+    """Return the seconds that the workers need for a number of frames; None if unknown."""
     rate = sum(worker.rate or 0.0 for worker in workers if worker.works)
     return frames / rate if rate else None
 

@@ -43,7 +43,7 @@ def openjd(
     scene
         Scene folder.
     flags
-        What to render, and to which files.
+        The film, its settings, and its files.
     gpus
         GPUs of a worker that one task takes. Default: 1, or 0 with --device cpu.
     minutes
@@ -84,7 +84,7 @@ def slurm(
     scene
         Scene folder.
     flags
-        What to render, and to which files.
+        The film, its settings, and its files.
     gpus
         GPUs of a node that one task takes. Default: 1, or 0 with --device cpu.
     minutes
@@ -133,7 +133,7 @@ def plan(
     scene
         Scene folder.
     flags
-        What to render, and to which files.
+        The film, its settings, and its files.
     seconds_per_frame
         Time of a frame on a worker, with its encoding.
     workers

@@ -44,7 +44,7 @@ def render(
     scene
         Scene folder.
     flags
-        What to render, and to which files.
+        The picture or film, its settings, and its files.
     chunks
         Render only these chunks of a video, such as 3 or 0-7,12, while other processes or machines
         render others. `iprt join` makes the film of them.

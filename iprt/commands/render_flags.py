@@ -25,7 +25,7 @@ FRAME_LIMIT_S = 600.0
 
 @dataclass(frozen=True, kw_only=True)
 class RenderFlags:
-    """What to render, and to which files.
+    """Flags of a render: the picture or film, its settings, and its files.
 
     Attributes
     ----------

@@ -96,7 +96,7 @@ def render_video(
 
 
 def _render(film: Film, target: FilmOutput, chunks: Chunks, job: RenderJob) -> None:
-    """Render the missing frames of each chunk, and those of its fades that both sides have."""
+    """Render the missing frames of each chunk, and blend its fades where both sides are there."""
     with progress_bar(
         "rendering", target.total, done=target.done, remaining=True, kind=job.progress
     ) as progress:

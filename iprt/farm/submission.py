@@ -63,7 +63,7 @@ class Submission:
         return min(max(wanted, 1), len(self.numbers))
 
     def limit_s(self, chunks: int) -> float | None:
-        """Return the longest time that a task of so many chunks may take; None: unknown."""
+        """Return the time limit of a task with a number of chunks, in seconds; None: unknown."""
         if self.frame_s is None:
             return None
         return TIME_LIMIT * chunks * self.chunk * self.frame_s + LIMIT_START_S

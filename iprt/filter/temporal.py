@@ -242,7 +242,7 @@ class Temporal:
         before = self._unsettled
         self._unsettled = SETTLE_FRAMES if changed else max(before - 1, 0)
         if not self._unsettled:
-            if before:  # the next change begins the fast history anew
+            if before:  # the next change restarts the fast history
                 fast = (self._fast, self._fast_before)
                 planes = (of for one in fast for of in (one.signals, one.certainties))
                 self._device.discard(*chain.from_iterable(planes))

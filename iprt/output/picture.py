@@ -16,7 +16,7 @@ from iprt.output.display import Bytes, developed, require_radiance
 SUFFIXES = (".exr", ".png")
 _SCALAR_SUFFIX = {"depth": "Z", "coverage": "A"}
 _GEOMETRIC = ("normal", "position", "motion")
-_HALF_MAX = float(np.finfo(np.float16).max)
+HALF_MAX = float(np.finfo(np.float16).max)
 
 
 def check_output(path: Path, *, aovs: Sequence[str] = ()) -> None:
@@ -99,7 +99,7 @@ def write_exr(
     if color.ndim != 3 or color.shape[2] != 3 or color.size == 0:
         raise FormatError(f"color: expected an image of shape (H, W, 3), got {color.shape}")
     if half:
-        pixels: NDArray[Any] = np.clip(color, -_HALF_MAX, _HALF_MAX).astype(np.float16)
+        pixels: NDArray[Any] = np.clip(color, -HALF_MAX, HALF_MAX).astype(np.float16)
     else:
         pixels = color.astype(np.float32, copy=False)
     channels: dict[str, NDArray[Any]] = {"RGB": np.ascontiguousarray(pixels)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 from zipfile import BadZipFile
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 
 from iprt.errors import FormatError
 from iprt.files.atomic import replacing
+from iprt.output.picture import HALF_MAX
 from iprt.renderer import RenderedFrame
 
 Side = Literal["tail", "lead"]
 """The chunk that ends in a fade, or the one that begins in it."""
-HALF_MAX = float(np.finfo(np.float16).max)
 
 
 class Seams:
@@ -92,17 +91,15 @@ class Seams:
 
     def _load(self, side: Side, index: int) -> dict[str, NDArray[Any]] | None:
         path = self._file(side, index)
-        with suppress(FileNotFoundError):
-            try:
-                with np.load(path, allow_pickle=False) as stored:
-                    return dict(stored)
-            except FileNotFoundError:
-                raise
-            except (OSError, ValueError, EOFError, BadZipFile) as error:
-                raise FormatError(
-                    f"{path}: is damaged; delete it and run the same command again"
-                ) from error
-        return None
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                return dict(stored)
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, EOFError, BadZipFile) as error:
+            raise FormatError(
+                f"{path}: is damaged; delete it and run the same command again"
+            ) from error
 
 
 def _mean(tail: NDArray[Any], lead: NDArray[Any], share: float) -> NDArray[np.float32]:

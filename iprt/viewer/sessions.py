@@ -42,7 +42,7 @@ class Sessions(dict[int, Session]):
 
         Clients waiting for a change come before clients whose picture can be refined. Among equals,
         the client who has waited longest comes first. Pictures whose renderers do not fit beside
-        each other are refined one after another, as each would begin anew in every turn.
+        each other are refined one after another, as each would restart in every turn.
         """
         for client in requests.keys() - self.keys():
             self[client] = Session(self._compiling, self._worlds, self._make_room)
@@ -69,7 +69,7 @@ class Sessions(dict[int, Session]):
 
         The renderers that other clients used longest ago go first, unless a client waits for a
         change: moving pictures in turn would lose their histories. The session's own ones go if
-        they have about the same size: those of another size are for motion, or for rest.
+        they have about the same size: others are for motion, or for rest.
         """
         *others, own = self
         self._crowded = False
