@@ -11,7 +11,7 @@ import numpy as np
 from iprt.geometry.camera import View
 from iprt.viewer.web.camera import position_of
 
-SETTLE_S, AGAIN_S = 20.0, 0.5
+SETTLE_S, AGAIN_S = 60.0, 0.5
 """Longest time until a browser looks where it is sent, and the time after which that is sent again:
 what arrives while the page is still being made is lost."""
 SAME_DEG = 1e-4
